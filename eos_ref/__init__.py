@@ -1,0 +1,28 @@
+"""eos_ref: an independent reference for the fluids of LAMMPS' RHEO package.
+
+Written from the LAMMPS manual and the published papers, never from LAMMPS' source. Physics only: no LAMMPS, no
+files, no command line.
+
+>>> from eos_ref import EOS
+>>> water = EOS("tait/water", rho0=1000.0, cs=10.0)
+>>> float(water.pressure(1010.0))
+1030.4...
+"""
+
+from eos_ref.eos import EOS, STYLES, EOSTable, Interval
+from eos_ref.errors import InputError
+from eos_ref.fixes import FixRheo, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.ranges import type_range
+
+__all__ = [
+    "EOS",
+    "STYLES",
+    "EOSTable",
+    "FixRheo",
+    "InputError",
+    "Interval",
+    "parse_fix_rheo",
+    "parse_fix_rheo_pressure",
+    "resolve",
+    "type_range",
+]

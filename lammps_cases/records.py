@@ -1,0 +1,220 @@
+"""What a run leaves behind: the models of ``run.json`` and atomic writing.
+
+``run.json`` is the single source of every report; its JSON schema is published as ``lammps_cases/run.schema.json``.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA = "eos-ref/run/1"
+
+Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+# From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
+_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", ser_json_inf_nan="strings", populate_by_name=True)
+
+
+class DigitsLost(_Record):
+    """Decimal digits lost against the rigorous value, worst atom; None where it was not evaluated."""
+
+    lammps: float | None = None
+    reference: float | None = None
+
+
+class FieldRecord(_Record):
+    """Verdict on one per-atom field of a case."""
+
+    field: str
+    stage: str = Field(description="what is tested: input, eos")
+    verdict: Verdict
+    max_abs: float | None = Field(None, description="largest absolute difference over the atoms")
+    max_over_bound: float | None = Field(None, description="largest ratio of difference to bound")
+    bound: float | None = Field(None, description="bound at the worst atom")
+    derivation: str = Field("", description="how the bound was derived")
+    worst_id: int | None = Field(None, description="id of the worst atom")
+    worst_step: int | None = None
+    outside: int = Field(0, description="number of atoms outside the bound")
+    first_id: int | None = Field(None, description="lowest id outside the bound")
+    atom_type: int | None = Field(None, description="only atoms of this type (audit)")
+    digits_lost: DigitsLost = DigitsLost()
+    explained_by: str | None = Field(None, description="id of the ledger entry whose variant is inside the bound")
+
+
+class LawRecord(_Record):
+    """Equation of state of one atom type."""
+
+    type: int
+    style: str
+    rho0: float
+    cs: float
+    parameter: float | None = None
+    background: float = 0.0
+    mass: float | None = None
+
+
+class CheckRecord(_Record):
+    """One look of an audit: one type at one step."""
+
+    step: int
+    run: int = Field(description="number of the run command, from 1")
+    type: int
+    natoms: int
+    verdict: Verdict
+    max_abs: float
+    max_over_bound: float
+    worst_id: int
+
+
+class Seconds(_Record):
+    """Wall time spent on a case."""
+
+    lammps: float = 0.0
+    reference: float = 0.0
+    total: float = 0.0
+
+
+class CaseRecord(_Record):
+    """One case: what was compared and how it ended."""
+
+    case: str
+    tags: list[str] = []
+    about: str = ""
+    verdict: Verdict
+    natoms: int = 0
+    steps: int = 0
+    dimension: int | None = None
+    units: str | None = None
+    seconds: Seconds = Seconds()
+    fields: list[FieldRecord] = []
+    message: str = Field("", description="one line: the blame, the engine's error, or the reason")
+    expects: str = Field("", description="text of the refusal that the case expects; empty: none")
+    explained_by: str | None = Field(None, description="ledger entry that explains how the case ended")
+    laws: list[LawRecord] = []
+    seed: int | None = None
+    source: str = Field("", description="file that holds the scene")
+    reproduce: str = Field("", description="command that runs this case alone")
+    lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
+    warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
+    checks: list[CheckRecord] = Field([], description="every look of an audit")
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether this case leaves a run green (`explained` included)."""
+        if self.verdict == "refused":
+            return bool(self.expects)
+        return self.verdict in ("exact", "pass", "explained", "skipped")
+
+
+class EngineRecord(_Record):
+    """Which LAMMPS answered."""
+
+    name: str = "env"
+    version_string: str = ""
+    distribution: str = ""
+    library: str = ""
+    library_sha256: str = ""
+    git: str = ""
+    mpi: str = ""
+
+
+class RunRecord(_Record):
+    """A whole run."""
+
+    schema_: str = Field(SCHEMA, alias="schema")
+    engine: EngineRecord
+    reference: dict[str, str] = Field(description="versions of eos-ref, python, numpy, numba, python-flint")
+    machine: dict[str, str] = {}
+    date: str = ""
+    command: str = ""
+    strict: bool = False
+    cases: list[CaseRecord] = []
+    summary: dict[str, int] = {}
+    seconds: float = 0.0
+
+    def counted(self) -> RunRecord:
+        """Return self with the summary made from the cases."""
+        counts = Counter(case.verdict for case in self.cases)
+        self.summary = {verdict: counts[verdict] for verdict in VERDICTS if counts[verdict]}
+        return self
+
+    @property
+    def exit_code(self) -> int:
+        """0 all as expected, 1 something differs (or is explained, if strict), 3 the engine failed."""
+        verdicts = {case.verdict for case in self.cases if not case.as_expected}
+        if verdicts & {"refused", "crashed", "timeout", "error"}:
+            return 3
+        if "differs" in verdicts or (self.strict and any(c.verdict == "explained" for c in self.cases)):
+            return 1
+        return 0
+
+    def to_json(self) -> str:
+        """The document of run.json."""
+        return self.model_dump_json(by_alias=True, indent=1) + "\n"
+
+
+def worst(verdicts: list[Verdict]) -> Verdict:
+    """The worst of some verdicts; `skipped` if there is none."""
+    return max(verdicts, key=_SEVERITY.index, default="skipped")
+
+
+def write_atomically(path: Path, content: bytes | str) -> None:
+    """Write a file so that a reader, or a kill at any moment, sees the old content or the new one, never a part."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write per-atom arrays as an npz file, atomically and with the same bytes on every run."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **{name: np.asarray(arrays[name]) for name in sorted(arrays)})
+    write_atomically(path, buffer.getvalue())
+
+
+def read_run(directory: Path) -> RunRecord:
+    """Read the run.json of a report folder.
+
+    Raises
+    ------
+    InputError
+        No run.json there, or not one of this schema.
+    """
+    from pydantic import ValidationError
+
+    from eos_ref.errors import InputError
+
+    path = directory / "run.json"
+    try:
+        run = RunRecord.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError("run", f"cannot be read: {error.strerror}", where=str(path)) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or "document"
+        raise InputError(key, first["msg"], where=str(path)) from None
+    if run.schema_ != SCHEMA:
+        raise InputError("schema", f"must be {SCHEMA}", run.schema_, str(path))
+    return run

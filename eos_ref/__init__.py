@@ -1,12 +1,12 @@
 """eos_ref: an independent reference for the fluids of LAMMPS' RHEO package.
 
-Written from the LAMMPS manual and the published papers, never from LAMMPS' source. Physics only: no LAMMPS, no
-files, no command line.
+Written from the LAMMPS manual and the published papers, never from LAMMPS' source. Physics only: no LAMMPS,
+no files, no command line.
 
 >>> from eos_ref import EOS
 >>> water = EOS("tait/water", rho0=1000.0, cs=10.0)
->>> float(water.pressure(1010.0))
-1030.4...
+>>> print(f"{water.pressure(1010.0):.4f}")
+1030.5050
 """
 
 from eos_ref.eos import EOS, STYLES, EOSTable, Interval

@@ -6,6 +6,8 @@ multiply-adds), so that the loop over particles runs in vector registers and giv
 machine; the few ratios outside its range are counted and left to the caller.
 """
 
+# mypy: disable-error-code="untyped-decorator"
+
 from __future__ import annotations
 
 import hashlib
@@ -31,8 +33,10 @@ def _cache_directory() -> Path:
     return Path(platformdirs.user_cache_dir("eos-ref")) / "numba" / digest.hexdigest()[:16]
 
 
-numba.config.CACHE_DIR = str(_cache_directory())  # type: ignore[attr-defined]
+numba.config.CACHE_DIR = str(_cache_directory())
 _jit = numba.njit(cache=True, error_model="numpy")
+# LLVM does not inline a body as long as a power of its own accord, and a loop with a call in it stays scalar.
+_inline = numba.njit(error_model="numpy", forceinline=True)
 
 LINEAR, CUBIC, TAIT_WATER, TAIT_GENERAL, IDEAL_GAS = range(5)
 BLOCK = 2048  # particles handled at a time: all arrays of a block fit the first-level cache
@@ -83,7 +87,7 @@ _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9, _L10 = (1 / (2 * k + 1) for k in ra
 _E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1 / math.factorial(k) for k in range(2, 14))
 
 
-@numba.njit(error_model="numpy")
+@_inline
 def _log_ratio(a: float, b: float) -> float:
     """ln(a/b) for ratios within 2**-1000 to 2**1000, relative error below 2 eps.
 
@@ -100,10 +104,10 @@ def _log_ratio(a: float, b: float) -> float:
     high = _fma(_fma(_L10, z, _L9), zz, _fma(_L8, z, _L7))
     series = _fma(_fma(high, zz * zz, low), zz, _fma(_L2, z, _L1))
     t = s + s
-    return _fma(k, _LN2_HIGH, t + _fma(t * z, series, k * _LN2_LOW))
+    return _fma(k, _LN2_HIGH, t + _fma(t * z, series, k * _LN2_LOW))  # type: ignore[no-any-return]
 
 
-@numba.njit(error_model="numpy")
+@_inline
 def _expm1(y: float) -> float:
     """exp(y) - 1, relative error below 2 eps; infinite above 709.8, NaN stays NaN."""
     y = 710.0 if y > 710.0 else y
@@ -117,8 +121,9 @@ def _expm1(y: float) -> float:
     middle = _fma(_fma(_E9, r, _E8), rr, _fma(_E7, r, _E6))
     series = _fma(_fma(high, rr * rr, middle), rr * rr, low)
     q = _fma(rr, series, r)
-    half_scale = _from_bits((_bits(shifted) + _HALF) << _MANTISSA)  # 2**(n-1), so that n = 1024 does not overflow
-    return 2.0 * _fma(half_scale, q, half_scale - 0.5)
+    # 2**(n-1), so that n = 1024 does not overflow
+    half_scale = _from_bits((_bits(shifted) + _HALF) << _MANTISSA)
+    return 2.0 * _fma(half_scale, q, half_scale - 0.5)  # type: ignore[no-any-return]
 
 
 @overload(elementary.powm1)
@@ -152,9 +157,19 @@ for _name in ("asin", "asinh", "exp", "log1p", "sin", "sinh", "sqrt"):
     _register(_name)
 
 _linear, _cubic, _water, _general, _ideal = (
-    numba.njit(error_model="numpy")(law)
-    for law in (laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas)
+    _inline(law) for law in (laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas)
 )
+
+
+def power_range(rho0: float) -> tuple[float, float]:
+    """Least and greatest density for which the compiled powm1 holds; an empty interval for extreme rho0."""
+    if not 2.0**-1000 <= rho0 <= 2.0**1000:  # 1/rho0 would not be a normal number
+        return math.inf, -math.inf
+    # Neither end may be rounded to 0 or to infinity, where the ratio has no exponent.
+    return max(rho0 * 2.0**-1000, 2.0**-1074), min(rho0 * 2.0**1000, 2.0**1023)
+
+
+_power_range = _inline(power_range)
 
 
 @_jit
@@ -176,7 +191,7 @@ def _one_type(
     elif style == TAIT_GENERAL:
         for i in range(n):
             out_n[i] = _general(rho_n[i], rho0, cs, parameter) + background
-        low, high = rho0 * 2.0**-1000, rho0 * 2.0**1000
+        low, high = _power_range(rho0)
         for i in range(n):
             outside += not (rho_n[i] >= low and rho_n[i] <= high)
     else:
@@ -215,7 +230,14 @@ def pressure(
         for t in range(low - 1, high):
             target = out_n[start:stop] if low == high else scratch[: stop - start]
             outside += _one_type(
-                style_t[t], rho_n[start:stop], e_b, rho0_t[t], cs_t[t], parameter_t[t], background_t[t], target
+                style_t[t],
+                rho_n[start:stop],
+                e_b,
+                rho0_t[t],
+                cs_t[t],
+                parameter_t[t],
+                background_t[t],
+                target,
             )
             if low != high:
                 for i in range(start, stop):
@@ -232,7 +254,5 @@ def pressure_of_one_type(
     for start in range(0, rho_n.size, BLOCK):
         stop = min(start + BLOCK, rho_n.size)
         e_b = e_n[start:stop] if e_n.size else e_n
-        outside += _one_type(
-            style, rho_n[start:stop], e_b, rho0, cs, parameter, background, out_n[start:stop]
-        )
+        outside += _one_type(style, rho_n[start:stop], e_b, rho0, cs, parameter, background, out_n[start:stop])
     return outside

@@ -39,8 +39,8 @@ sqrt = _unary("sqrt", np.sqrt)
 def powm1(rho: Number, rho0: Number, gamma: Number) -> Number:
     r"""Power of a ratio, less one: :math:`(\rho/\rho_0)^\gamma - 1`, accurate where the two nearly cancel.
 
-    Evaluated as :math:`\mathrm{expm1}(\gamma \ln(\rho/\rho_0))`, the logarithm taken from the exact difference
-    :math:`\rho-\rho_0` near :math:`\rho_0`. A negative ratio has a value only for a whole ``gamma``.
+    Evaluated as :math:`\mathrm{expm1}(\gamma \ln(\rho/\rho_0))`, the logarithm taken from the exact
+    difference :math:`\rho-\rho_0` near :math:`\rho_0`. A negative ratio has a value only for whole ``gamma``.
 
     Parameters
     ----------
@@ -51,21 +51,23 @@ def powm1(rho: Number, rho0: Number, gamma: Number) -> Number:
     -------
     array, scalar or Arb ball
         Without dimension. NaN where the power is undefined. Relative error in float64 at most
-        4 eps (1 + \|gamma ln(rho/rho0)\|) for rho > 0.
+        4 eps (1 + \|gamma ln(rho/rho0)\|) for rho > 0; for rho < 0 relative to \|rho/rho0\|^gamma + 1.
     """
     if _is_ball(rho):
         return (rho / rho0) ** gamma - 1
     rho = np.asarray(rho)
     with np.errstate(all="ignore"):
-        d = (rho - rho0) / rho0
-        x = rho / rho0
-        log_x = np.where(np.abs(d) < 0.5, np.log1p(d), np.log(np.abs(x)))
-        # x = 1 with gamma infinite or x = 0 with gamma = 0 cannot occur: parameters are finite and not zero.
-        value = np.expm1(gamma * log_x)
+        a = np.abs(rho)
+        d = (a - rho0) / rho0
+        x = a / rho0
+        # A quotient that is subnormal, 0 or infinite has lost its digits: there subtract the logarithms.
+        normal = (x >= np.finfo(x.dtype).tiny) & (x <= np.finfo(x.dtype).max)
+        log_x = np.where(normal, np.log(x), np.log(a) - np.log(x.dtype.type(rho0)))
+        value = np.expm1(gamma * np.where(np.abs(d) < 0.5, np.log1p(d), log_x))
         if gamma == np.rint(gamma):
             odd = bool(gamma % 2)
-            return np.where(x < 0, -value - 2 if odd else value, value)[()]
-        return np.where(x < 0, np.nan, value)[()]
+            return np.where(rho < 0, -value - 2 if odd else value, value)[()]
+        return np.where(rho < 0, np.nan, value)[()]
 
 
 def root1p(y: Number, gamma: Number) -> Number:

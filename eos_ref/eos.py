@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
@@ -17,7 +17,7 @@ from eos_ref.errors import InputError
 
 Style = Literal["linear", "cubic", "tait/water", "tait/general", "ideal/gas"]
 STYLES: tuple[Style, ...] = get_args(Style)
-PARAMETER: dict[str, str] = {"cubic": "A3", "tait/general": "gamma", "ideal/gas": "gamma", "background": "P_b"}
+PARAMETER = {"cubic": "A3", "tait/general": "gamma", "ideal/gas": "gamma", "background": "P_b"}
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -41,15 +41,15 @@ class EOS:
     cs : float
         Speed of sound (velocity), > 0. Default 1. Not used by ideal/gas.
     parameter : float, optional
-        :math:`A_3` of cubic (1/density\ :sup:`2`), exponent gamma of tait/general (not 0) or heat capacity ratio gamma of
-        ideal/gas (> 1).
+        :math:`A_3` of cubic (1/density\ :sup:`2`), exponent gamma of tait/general (not 0) or heat capacity
+        ratio gamma of ideal/gas (> 1).
     background : float
         Background pressure :math:`P_b` (pressure), added to the law's value. Default 0.
 
     Raises
     ------
     InputError
-        A parameter is missing, superfluous, not finite or outside its domain.
+        A parameter is missing, superfluous, not a finite number or outside its domain.
 
     Source: LAMMPS manual, fix rheo/pressure and fix rheo (defaults).
     """
@@ -68,9 +68,10 @@ class EOS:
             raise InputError(self.style, "takes no argument", self.parameter)
         if name is not None and self.parameter is None:
             raise InputError(self.style, f"needs the argument {name}")
-        for what, value in (("rho0", self.rho0), ("cs", self.cs), ("background", self.background), (name, self.parameter)):
-            if value is not None and not math.isfinite(value):
-                raise InputError(str(what), "must be a finite number", value)
+        fields = {"rho0": "rho0", "cs": "cs", "background": "background"}
+        for field, what in (fields if name is None else fields | {"parameter": name}).items():
+            # Always plain floats: in whole numbers or float32, c*c would overflow or round early.
+            object.__setattr__(self, field, _finite(what, getattr(self, field)))
         for what, value in (("rho0", self.rho0), ("cs", self.cs)):
             if value <= 0:
                 raise InputError(what, "must be positive", value)
@@ -90,11 +91,12 @@ class EOS:
         return self.style == "ideal/gas"
 
     def evaluate(self, rho: Number, e: Number = None, convert: Any = None) -> Number:
-        """Pressure in the number type of ``rho``: arrays of any float type, or Arb balls.
+        """Pressure in the number type of ``rho``: numpy arrays and scalars of any float type, or Arb balls.
 
-        ``convert`` turns the parameters into that type (for Arb: ``flint.arb``).
+        ``convert`` turns the parameters into that type (for Arb: ``flint.arb``); numpy's types need none.
         """
-        of = convert or (lambda x: x)
+        # numpy rounds a Python float to float32 by itself; longdouble needs products of parameters in full.
+        of: Any = convert or (np.longdouble if getattr(rho, "dtype", None) == np.longdouble else float)
         rho0, cs, background = of(self.rho0), of(self.cs), of(self.background)
         match self.style:
             case "linear":
@@ -116,14 +118,19 @@ class EOS:
         ----------
         rho : array_like, any shape
             Density.
-        e : array_like, same shape, optional
+        e : array_like, same shape or scalar, optional
             Internal energy per unit mass; needed by ideal/gas.
 
         Returns
         -------
-        ndarray of float64, shape of ``rho``
-            Error at most 4 eps times the sum of the absolute terms, times 1 + \|gamma ln(rho/rho0)\| for the power laws.
-            NaN where the law is not defined.
+        ndarray of float64, shape of ``rho`` (a scalar for a scalar)
+            Error at most 4 eps (5 for cubic) times the sum of the absolute terms, times
+            1 + \|gamma ln(rho/rho0)\| for the power laws. NaN where the law is not defined.
+
+        Raises
+        ------
+        InputError
+            No energy for ideal/gas, or energies of another shape.
         """
         from eos_ref import compiled
 
@@ -139,16 +146,16 @@ class EOS:
             self.background,
             p_n.reshape(-1),
         )
-        return self._patched(p_n, rho_n) if outside else p_n
+        return (self._patched(p_n, rho_n) if outside else p_n)[()]
 
     def density(self, p: Number, e: Number = None) -> Number:
-        r"""Inverse: the density at which the pressure (background included) is ``p``; NaN where there is none.
+        r"""Inverse: density at which the pressure (background included) is ``p``; NaN where there is none.
 
-        For a cubic law with :math:`A_3 < 0` and for even powers, the root on the monotone branch through
-        :math:`\rho_0`.
+        For a cubic law with :math:`A_3 < 0` the root on the monotone branch through :math:`\rho_0`; for
+        Tait's laws the root >= 0, although an odd power has a negative one as well.
         """
         p = np.asarray(p, float) - self.background
-        with np.errstate(invalid="ignore"):
+        with np.errstate(all="ignore"):
             match self.style:
                 case "linear":
                     return laws.linear_density(p, self.rho0, self.cs)
@@ -157,23 +164,25 @@ class EOS:
                 case "tait/water" | "tait/general":
                     return laws.tait_density(p, self.rho0, self.cs, self.gamma)
                 case _:
-                    return laws.ideal_gas_density(p, self._energy(e), self.gamma)
+                    e_n = np.asarray(self._energy(e), float)
+                    return laws.ideal_gas_density(p, np.where(e_n == 0, np.nan, e_n), self.gamma)
 
     def stiffness(self, rho: Number, e: Number = None) -> Number:
-        r"""Derivative :math:`(\partial P/\partial\rho)_e`, the square of the local sound speed (velocity squared)."""
+        r"""Derivative :math:`(\partial P/\partial\rho)_e`, local sound speed squared (velocity squared)."""
         rho = np.asarray(rho, float)
-        match self.style:
-            case "linear":
-                return laws.linear_stiffness(rho, self.rho0, self.cs)
-            case "cubic":
-                return laws.cubic_stiffness(rho, self.rho0, self.cs, self.parameter)
-            case "tait/water" | "tait/general":
-                return laws.tait_stiffness(rho, self.rho0, self.cs, self.gamma)
-            case _:
-                return laws.ideal_gas_stiffness(np.asarray(self._energy(e), float), self.gamma)
+        with np.errstate(all="ignore"):
+            match self.style:
+                case "linear":
+                    return laws.linear_stiffness(rho, self.rho0, self.cs)
+                case "cubic":
+                    return laws.cubic_stiffness(rho, self.rho0, self.cs, self.parameter)
+                case "tait/water" | "tait/general":
+                    return laws.tait_stiffness(rho, self.rho0, self.cs, self.gamma)
+                case _:
+                    return laws.ideal_gas_stiffness(np.asarray(self._energy(e), float) + 0 * rho, self.gamma)
 
     def sound_speed(self, rho: Number, e: Number = None) -> Number:
-        r"""Local sound speed :math:`\sqrt{(\partial P/\partial\rho)_e}` (velocity); NaN where the law is not monotone.
+        r"""Local sound speed :math:`\sqrt{(\partial P/\partial\rho)_e}` (velocity); NaN where it is not real.
 
         For ideal/gas this is the isothermal value :math:`\sqrt{(\gamma-1)e}`; the adiabatic one is
         :math:`\sqrt\gamma` times larger.
@@ -183,14 +192,17 @@ class EOS:
 
     @property
     def defined(self) -> Interval:
-        """Densities at which the law has a real, finite value."""
-        if self.style != "tait/general" or (self.gamma > 0 and self.gamma == round(self.gamma)):
+        """Densities at which the law has a real, finite value; a negative gamma excludes 0 as well."""
+        if self.style != "tait/general" or self.gamma == round(self.gamma):
             return Interval(-math.inf, math.inf)
-        return Interval(0.0, math.inf)  # a negative gamma excludes 0 itself
+        return Interval(0.0, math.inf)
 
     @property
     def monotone(self) -> Interval:
-        """Interval around rho0 on which the pressure grows with density: the law is hyperbolic and invertible."""
+        """Interval around rho0 on which the pressure grows with density: hyperbolic and invertible.
+
+        For ideal/gas that takes a positive energy.
+        """
         everywhere = Interval(-math.inf, math.inf)
         if self.style == "cubic":
             half_width = math.inf if self.gamma >= 0 else 1 / math.sqrt(3 * -self.gamma)
@@ -203,7 +215,7 @@ class EOS:
         """Whether the law has a finite value at each density."""
         rho_n = np.asarray(rho, float)
         low, high = self.defined
-        inside = np.isfinite(rho_n) & (rho_n >= low) & (rho_n <= high)
+        inside: npt.NDArray[np.bool_] = np.isfinite(rho_n) & (rho_n >= low) & (rho_n <= high)
         if self.style == "tait/general" and self.gamma < 0:
             inside &= rho_n != 0
         return inside
@@ -216,21 +228,37 @@ class EOS:
     def _energy_array(self, e: npt.ArrayLike | None, rho_n: FloatArray) -> FloatArray:
         if not self.needs_energy:
             return np.empty(0)
-        return np.ravel(np.broadcast_to(np.asarray(self._energy(e), float), rho_n.shape))
+        e_n = np.asarray(self._energy(e), float)
+        if e_n.shape not in ((), rho_n.shape):
+            raise InputError("energy", f"must be a scalar or of the density's shape {rho_n.shape}", e_n.shape)
+        return np.full(rho_n.size, e_n) if e_n.shape == () else np.ravel(e_n)
 
     def _patched(self, p_n: FloatArray, rho_n: FloatArray) -> FloatArray:
-        # Ratios that the branch-free power does not cover (negative, zero, beyond 2**1000, NaN): same law, numpy.
+        # Ratios that the branch-free power does not cover (negative, 0, beyond 2**1000, NaN): law in numpy.
+        from eos_ref import compiled
+
+        low, high = compiled.power_range(self.rho0)
         with np.errstate(all="ignore"):
-            outside = ~((rho_n >= self.rho0 * 2.0**-1000) & (rho_n <= self.rho0 * 2.0**1000))
+            outside = ~((rho_n >= low) & (rho_n <= high))
             p_n[outside] = self.evaluate(rho_n[outside])
         return p_n
+
+
+def _finite(what: str, value: Any) -> float:
+    try:
+        finite = math.isfinite(value)
+    except (TypeError, OverflowError):  # not a number, or a whole number beyond the largest float
+        finite = False
+    if not finite:
+        raise InputError(what, "must be a finite number", value)
+    return float(value)
 
 
 @dataclass(frozen=True)
 class EOSTable:
     """The equations of state of all atom types, type 1 first.
 
-    Indexing is by atom type: ``table[1]`` is the law of type 1.
+    Indexing is by atom type: ``table[1]`` is the law of type 1. Iteration begins with it.
     """
 
     laws: tuple[EOS, ...]
@@ -247,6 +275,9 @@ class EOSTable:
     def __len__(self) -> int:
         return len(self.laws)
 
+    def __iter__(self) -> Iterator[EOS]:
+        return iter(self.laws)
+
     @property
     def needs_energy(self) -> bool:
         """Whether any type's law depends on the internal energy."""
@@ -262,9 +293,7 @@ class EOSTable:
             np.array([law.background for law in self.laws]),
         )
 
-    def pressure(
-        self, rho_n: npt.ArrayLike, type_n: npt.ArrayLike, e_n: npt.ArrayLike | None = None
-    ) -> FloatArray:
+    def pressure(self, rho_n: npt.ArrayLike, type_n: npt.ArrayLike, e_n: npt.ArrayLike | None = None) -> FloatArray:
         """Pressure of every particle from the law of its own type, compiled.
 
         Parameters
@@ -284,7 +313,7 @@ class EOSTable:
         Raises
         ------
         InputError
-            Arrays of different length, a type outside 1 to N, or missing energies.
+            Arrays of different length, a type that is no whole number or outside 1 to N, or missing energies.
         """
         from eos_ref import compiled
 
@@ -292,9 +321,18 @@ class EOSTable:
         types = np.ascontiguousarray(type_n)
         e = np.empty(0) if e_n is None else np.ascontiguousarray(e_n, float)
         if types.shape != rho.shape or rho.ndim != 1 or (e.size and e.shape != rho.shape):
-            raise InputError("per-atom arrays", "must have one value per particle", (rho.shape, types.shape, e.shape))
+            found = f"shapes rho {rho.shape}, type {types.shape}, e {e.shape}"
+            raise InputError("per-atom arrays", "must have one value per particle", found)
+        if types.size and types.dtype.kind not in "iu":
+            raise InputError("atom type", "must be a whole number", str(types.dtype))
+        if types.dtype not in (
+            np.int32,
+            np.int64,
+        ):  # LAMMPS' own type; every other one would be compiled anew
+            types = types.astype(np.int64)
         if rho.size and not (types.min() >= 1 and types.max() <= len(self)):
-            raise InputError("atom type", f"must lie within 1 to {len(self)}", (int(types.min()), int(types.max())))
+            found = f"{types.min()} to {types.max()}"
+            raise InputError("atom type", f"must lie within 1 to {len(self)}", found)
         if self.needs_energy and not e.size and rho.size:
             raise InputError("energy", "ideal/gas needs the internal energy per unit mass of every particle")
         if len(self) == 1:

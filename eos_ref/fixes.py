@@ -1,13 +1,14 @@
 """Parser for the manual's command text: ``fix ID all rheo ...`` and ``fix ID all rheo/pressure ...``.
 
-The grammar is that of the two manual pages. What they refuse, or what has no meaning (a speed of sound of 0), is
-refused here with one line that says why.
+The grammar is that of the two manual pages. What they refuse, or what has no meaning (a speed of sound of 0),
+is refused here with one line that says why.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NoReturn, cast, get_args
@@ -117,17 +118,17 @@ class _Words:
 
     def integer(self, what: str) -> int:
         text = self.word(what)
-        try:
-            return int(text)
-        except ValueError:
-            self.fail(what, "must be a whole number", text)
+        if not re.fullmatch("[+-]?[0-9]{1,18}", text):
+            self.fail(what, "must be a whole number of at most 18 digits", text)
+        return int(text)
 
     def numbers(self, what: str, ntypes: int | None) -> tuple[float, ...]:
         values: list[float] = []
-        while self.left and _float(self.peek()) is not None and (ntypes is None or len(values) < ntypes):
+        while self.left and _float(self.peek()) is not None:
             values.append(self.number(what))
         if not values or (ntypes is not None and len(values) != ntypes):
-            self.fail(what, f"needs one value per atom type ({ntypes or 'N'})", " ".join(map(str, values)) or self.peek())
+            found = " ".join(map(str, values)) or self.peek()
+            self.fail(what, f"needs one value per atom type ({'N' if ntypes is None else ntypes})", found)
         for value in values:
             if value <= 0:
                 self.fail(what, "must be positive", value)
@@ -135,6 +136,8 @@ class _Words:
 
 
 def _float(text: str) -> float | None:
+    if "_" in text or not text.isascii():  # Python's float takes 1_000 and the digits of every script
+        return None
     try:
         return float(text)
     except ValueError:
@@ -143,8 +146,13 @@ def _float(text: str) -> float | None:
 
 def _words(text: str, style: str) -> _Words:
     """Split a fix command and check ``fix ID all STYLE``."""
-    joined = text.replace("&\n", " ").split("#", 1)[0]
-    words = _Words(joined.split(), " ".join(joined.split()))
+    # As in LAMMPS, & is the last printable character of its line, and a comment ends at its (joined) line.
+    lines = [line.split("#", 1)[0] for line in re.sub(r"&[ \t\r]*\n", "", text).splitlines()]
+    lines = [" ".join(line.split()) for line in lines if line.strip()]
+    if len(lines) > 1:
+        raise InputError("command", "must be a single one (& at the end of a line continues it)", lines[1], lines[0])
+    command = lines[0] if lines else ""
+    words = _Words(command.split(), command)
     if words.word("command") != "fix":
         words.fail("command", "must begin with fix", words.words[0])
     words.word("fix ID")
@@ -182,6 +190,7 @@ def parse_fix_rheo_pressure(text: str) -> tuple[PressureEntry, ...]:
     styles = (*STYLES, "background")
     while words.left or not entries:
         types = words.word("types and pressure style")
+        type_range(types, 10**18, words.command)  # its form; `resolve` knows the number of types
         style = words.word("pressure style")
         if style not in styles:
             words.fail("pressure style", _nearest(style, styles), style)
@@ -213,8 +222,12 @@ def resolve(
     Raises
     ------
     InputError
-        A type without a law (a background alone is not one), a bad range, a bad parameter.
+        A type without a law (a background alone is not one), a bad range, a bad parameter, or rho0 or cs not
+        of one value per type.
     """
+    for what, values in (("density", rho0), ("speed/sound", cs)):
+        if values is not None and len(values) != ntypes:
+            raise InputError(what, f"needs one value per atom type ({ntypes})", len(values), where)
     styles: dict[int, tuple[str, float | None]] = {}
     background: dict[int, float] = {}
     for entry in entries:
@@ -228,8 +241,8 @@ def resolve(
     laws = []
     for t in range(1, ntypes + 1):
         if t not in styles:
-            rule = "needs an equation of state besides the background" if t in background else "needs an equation of state"
-            raise InputError(f"atom type {t}", rule, where=where)
+            besides = " besides the background" if t in background else ""
+            raise InputError(f"atom type {t}", f"needs an equation of state{besides}", where=where)
         style, value = styles[t]
         try:
             laws.append(
@@ -266,7 +279,7 @@ def _shift(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
             while words.peek()[:1].isdigit() or words.peek()[:1] == "*":
                 exclude.append(words.word("types of exclude/type"))
             for types in exclude:
-                type_range(types, ntypes or 2**31, words.command)
+                type_range(types, 10**18 if ntypes is None else ntypes, words.command)
         else:
             scale = (words.number("shiftscale"), words.number("cmin"), words.number("wmin"))
     fix.shift = Shift(tuple(exclude), scale)

@@ -41,9 +41,10 @@ def cubic_density(p: Number, rho0: Number, cs: Number, a3: Number) -> Number:
     r"""Inverse of the cubic law on the branch through :math:`\rho_0`.
 
     With :math:`y = P/c^2` the root of :math:`\delta + A_3\delta^3 = y` is, for :math:`A_3 > 0`,
-    :math:`\delta = \frac{2}{\sqrt{3A_3}}\sinh\!\big(\tfrac13\mathrm{asinh}(\tfrac{3\sqrt{3A_3}}{2}y)\big)`; for
-    :math:`A_3 < 0` the hyperbolic functions become circular ones of :math:`|A_3|`, and the branch ends at the
-    spinodal :math:`|\delta| = 1/\sqrt{3|A_3|}`. Neither form cancels near :math:`P = 0`, as Cardano's does.
+    :math:`\delta = \frac{2}{\sqrt{3A_3}}\sinh\!\big(\tfrac13\mathrm{asinh}(\tfrac{3\sqrt{3A_3}}{2}y)\big)`;
+    for :math:`A_3 < 0` the hyperbolic functions become circular ones of :math:`|A_3|`, and the branch ends at
+    the spinodal :math:`|\delta| = 1/\sqrt{3|A_3|}`. Neither form cancels near :math:`P = 0`, as Cardano's
+    does.
     """
     y = p / (cs * cs)
     if a3 == 0:
@@ -64,7 +65,8 @@ def tait_water(rho: Number, rho0: Number, cs: Number) -> Number:
     r"""Tait's law for water, :math:`P = \frac{c^2\rho_0}{7}\big[(\rho/\rho_0)^7 - 1\big]`.
 
     Evaluated by the identity :math:`x^7 - 1 = (x - 1)(1 + x + \dots + x^6)` with :math:`x = \rho/\rho_0`: the
-    difference :math:`\rho - \rho_0` is taken first and the sum has positive terms only, so nothing cancels.
+    difference :math:`\rho - \rho_0` is taken first and for :math:`\rho > 0` the sum has positive terms only,
+    so nothing cancels.
     """
     x = rho * (1 / rho0)
     xx = x * x
@@ -78,13 +80,16 @@ def tait_general(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number
 
 
 def tait_density(p: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
-    r"""Inverse of Tait's law, :math:`\rho = \rho_0 (1 + \gamma P/(c^2\rho_0))^{1/\gamma}`; NaN for a bracket <= 0."""
+    r"""Inverse of Tait's law, :math:`\rho = \rho_0 (1 + \gamma P/(c^2\rho_0))^{1/\gamma}`.
+
+    NaN for a bracket below 0.
+    """
     return rho0 * root1p(gamma * p / (cs * cs * rho0), gamma)
 
 
 def tait_stiffness(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
     r"""Derivative of Tait's law, :math:`\partial P/\partial\rho = c^2 (\rho/\rho_0)^{\gamma-1}`."""
-    return cs * cs * (1 + powm1(rho, rho0, gamma - 1))
+    return cs * cs * (rho / rho0) ** (gamma - 1)
 
 
 def ideal_gas(rho: Number, e: Number, gamma: Number) -> Number:

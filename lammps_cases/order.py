@@ -11,9 +11,12 @@ import math
 from itertools import repeat
 
 import numpy as np
+import numpy.typing as npt
 
 from eos_ref import EOS, EOSTable
 from eos_ref.eos import FloatArray
+
+IntArray = npt.NDArray[np.integer]
 
 
 def _pow(x: FloatArray, gamma: float) -> FloatArray:
@@ -43,12 +46,12 @@ def pressure_of_law(eos: EOS, rho: FloatArray, energy: FloatArray | None, mass: 
             case "tait/general":
                 p = c2 * eos.rho0 * (_pow(rho * (1.0 / eos.rho0), eos.gamma) - 1.0) / eos.gamma
             case _:
-                p = (eos.gamma - 1.0) * rho * energy / mass
-    return p + eos.background if eos.background else p
+                p = (eos.gamma - 1.0) * rho * np.asarray(energy) / np.asarray(mass)
+    return np.asarray(p + eos.background if eos.background else p)
 
 
 def pressure(
-    table: EOSTable, rho_n: FloatArray, type_n: FloatArray, energy_n: FloatArray | None, mass_n: FloatArray
+    table: EOSTable, rho_n: FloatArray, type_n: IntArray, energy_n: FloatArray | None, mass_n: FloatArray
 ) -> FloatArray:
     """Pressure of every particle with LAMMPS' roundings."""
     p_n = np.empty(rho_n.shape)

@@ -190,7 +190,8 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write per-atom arrays as an npz file, atomically and with the same bytes on every run."""
     buffer = io.BytesIO()
-    np.savez(buffer, **{name: np.asarray(arrays[name]) for name in sorted(arrays)})
+    named: dict[str, Any] = {name: np.asarray(arrays[name]) for name in sorted(arrays)}
+    np.savez(buffer, **named)
     write_atomically(path, buffer.getvalue())
 
 

@@ -1,0 +1,41 @@
+# Everything runs from nothing: a Python >= 3.11 and make. `make help` lists the targets.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: help setup validate quick test check bench clean
+
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version.split()[0]; sys.exit(sys.version_info < (3, 11) and f"eos-ref needs Python 3.11 or later, {sys.executable} is {v}: make PYTHON=...")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,check]'
+	@touch $@
+
+setup: $(READY) ## create the environment in .venv and install everything into it
+
+validate: $(READY) ## set up, run every case against real LAMMPS, say where the report lies
+	$(BIN)/eos-ref run
+
+quick: $(READY) ## the cases that take a few seconds
+	$(BIN)/eos-ref run --tag quick
+
+test: $(READY) ## set up and run the tests
+	$(BIN)/python -m pytest
+
+check: $(READY) ## lint, format, types, direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+bench: $(READY) ## speed against peers, in one run, as ratios
+	$(BIN)/eos-ref bench
+
+clean: ## remove the environment, caches and reports (not the accepted baselines)
+	rm -rf $(VENV) *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name example.png -exec rm -rf {} +

@@ -1,0 +1,212 @@
+"""Particles of a scene: positions, types and fields as arrays, the same doubles for both sides."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref import EOSTable, InputError
+from eos_ref.eos import FloatArray
+from lammps_cases.casefile import Case
+from lammps_cases.scene import FromFile, Lattice, Scene, Values
+
+IntArray = npt.NDArray[np.integer]
+# Basis of each lattice in units of its cell; the cell of hex is 1 x sqrt(3).
+_BASIS: dict[str, tuple[tuple[float, ...], ...]] = {
+    "sq": ((0.0, 0.0),),
+    "hex": ((0.0, 0.0), (0.5, 0.5)),
+    "sc": ((0.0, 0.0, 0.0),),
+    "bcc": ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)),
+    "fcc": ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0)),
+}
+
+
+@dataclass(frozen=True)
+class Atoms:
+    """Particles sorted by id; ``energy_n`` is that of the whole particle, as LAMMPS stores it.
+
+    ``rho_n`` is None where LAMMPS sums the density. ``periodic`` holds one flag per axis.
+    """
+
+    id_n: IntArray
+    type_n: IntArray
+    x_nc: FloatArray
+    mass_n: FloatArray
+    low_c: FloatArray
+    high_c: FloatArray
+    periodic: tuple[bool, bool, bool]
+    spacing: float
+    v_nc: FloatArray | None = None
+    rho_n: FloatArray | None = None
+    energy_n: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.id_n)
+
+
+def seed(name: str) -> int:
+    """Seed of a case: 64 bits of the SHA-256 of its name."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+
+
+def _random(case: Case, purpose: str) -> np.random.Generator:
+    return np.random.default_rng(seed(f"{case.name}/{purpose}"))
+
+
+def build(case: Case, eos: EOSTable | None) -> Atoms:
+    """The particles of a case.
+
+    Parameters
+    ----------
+    eos : EOSTable or None
+        The reference's laws, against whose domain the densities are checked; None for a scene that LAMMPS is
+        expected to refuse.
+
+    Raises
+    ------
+    InputError
+        An unreadable file, a field of the wrong length, or a density at which a law is not defined.
+    """
+    scene = case.scene
+    if isinstance(scene.positions, Lattice):
+        x_nc, high_c = _lattice(scene.positions, scene.dimension, _random(case, "positions"))
+        file: dict[str, Any] = {}
+        low_c, periodic, spacing = np.zeros(3), (True, True, True), scene.positions.spacing
+        if scene.dimension == 2:
+            low_c[2], high_c[2] = -spacing / 2, spacing / 2
+    else:
+        file = _read_extxyz(case, scene.positions)
+        x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
+    n = len(x_nc)
+    type_n = file["type"] if "type" in file else _types(case, n)
+    mass_n = np.array([t.mass for t in scene.types])[type_n - 1]
+    rho0_n = np.array(scene.rho0 or [1.0] * len(scene.types))[type_n - 1]
+    rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
+    e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
+    _check_fields(case, eos, type_n, rho_n, e_n)
+    v_nc = None
+    if scene.evolve and scene.evolve.velocity:
+        v_nc = _random(case, "velocity").uniform(-1, 1, (n, 3)) * scene.evolve.velocity
+        v_nc[:, scene.dimension :] = 0.0
+    energy_n = None if e_n is None else mass_n * e_n
+    return Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
+
+
+def _lattice(lattice: Lattice, dimension: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    basis_bc = np.array(_BASIS[lattice.lattice])
+    cell_c = np.ones(dimension)
+    if lattice.lattice == "hex":
+        cell_c[1] = np.sqrt(3.0)
+    axes = np.meshgrid(*(np.arange(k) for k in lattice.cells), indexing="ij")
+    corner_nc = np.stack([axis.ravel() for axis in axes], axis=1)
+    x_nc = ((corner_nc[:, None, :] + basis_bc[None, :, :] + 0.25) * cell_c * lattice.spacing).reshape(-1, dimension)
+    high_c = np.array(lattice.cells) * cell_c * lattice.spacing
+    if lattice.disorder:
+        x_nc = x_nc + random.uniform(-1, 1, x_nc.shape) * lattice.disorder * lattice.spacing
+        x_nc = np.mod(x_nc, high_c)
+    padding = np.zeros((len(x_nc), 3 - dimension))
+    return np.hstack([x_nc, padding]), np.concatenate([high_c, np.zeros(3 - dimension)])
+
+
+def _types(case: Case, n: int) -> IntArray:
+    type_n = np.arange(n) * len(case.scene.types) // n + 1
+    if case.scene.arrangement == "shuffled":
+        _random(case, "types").shuffle(type_n)
+    return type_n
+
+
+def _field(case: Case, name: str, values: Values, type_n: IntArray, rho0_n: FloatArray) -> FloatArray:
+    n = len(type_n)
+    where = f"{case.where}, {name}"
+    if values.constant is not None:
+        return np.full(n, values.constant)
+    if values.per_type is not None:
+        return np.array(values.per_type)[type_n - 1]
+    if values.values is not None:
+        return _one_per_particle(np.array(values.values), n, where)
+    if values.table is not None:
+        return _one_per_particle(_column(case.source.parent, values.table.csv, values.table.column, where), n, where)
+    if values.offset is not None:
+        d_n: FloatArray = np.geomspace(values.offset.low, values.offset.high, n)
+        if values.offset.sign != "+":
+            d_n[slice(None) if values.offset.sign == "-" else slice(1, None, 2)] *= -1
+        return np.asarray(rho0_n * (1 + _random(case, name).permutation(d_n)))
+    low, high = values.range or values.ratio or (0.0, 0.0)
+    spaced = np.geomspace(low, high, n) if values.spacing == "log" else np.linspace(low, high, n)
+    dealt_n = _random(case, name).permutation(spaced)
+    return np.asarray(dealt_n * rho0_n if values.ratio else dealt_n)
+
+
+def _one_per_particle(values_n: FloatArray, n: int, where: str) -> FloatArray:
+    if len(values_n) != n:
+        raise InputError("per-atom values", f"need one value per particle ({n})", len(values_n), where)
+    return np.asarray(values_n, float)
+
+
+def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
+    import pandas as pd
+
+    path = folder / name
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise InputError("table", f"cannot be read: {error}", name, where) from None
+    if column not in table:
+        raise InputError("column", f"must be one of {', '.join(map(str, table.columns))}", column, where)
+    values_n = pd.to_numeric(table[column], errors="coerce").to_numpy(float)
+    if not np.isfinite(values_n).all():
+        row = int(np.flatnonzero(~np.isfinite(values_n))[0]) + 2
+        raise InputError("table", "must hold finite numbers", str(table[column].iloc[row - 2]), f"{where}, line {row}")
+    return values_n
+
+
+def _check_fields(
+    case: Case, eos: EOSTable | None, type_n: IntArray, rho_n: FloatArray | None, e_n: FloatArray | None
+) -> None:
+    where, scene = case.where, case.scene
+    for key, values_n in (("rho", rho_n), ("energy", e_n)):
+        if values_n is not None and not np.isfinite(values_n).all():
+            raise InputError(key, "must be finite for every particle", where=where)
+    if type_n.max() > len(scene.types) or type_n.min() < 1:
+        raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(type_n.max()), where)
+    if eos is None:
+        return
+    if eos.needs_energy and e_n is None:
+        raise InputError("energy", "ideal/gas needs the energy of every particle", where=where)
+    if rho_n is None and not scene.rho_sum:
+        raise InputError("rho", "must be given unless rho_sum is on", where=where)
+    for t, law in enumerate(eos.laws, 1):
+        if rho_n is None:
+            continue
+        of_type = type_n == t
+        bad = np.flatnonzero(of_type & ~law.is_defined(rho_n))
+        if bad.size:
+            rule = f"{law.style} of type {t} is defined within {law.defined.low:g} to {law.defined.high:g}"
+            raise InputError("rho", rule, float(rho_n[bad[0]]), f"{where}, atom {bad[0] + 1}")
+        with np.errstate(all="ignore"):
+            large = np.flatnonzero(of_type)[
+                ~np.isfinite(law.evaluate(rho_n[of_type], None if e_n is None else e_n[of_type]))
+            ]
+        if large.size:
+            raise InputError(
+                "rho",
+                f"the pressure of {law.style} overflows",
+                float(rho_n[large[0]]),
+                f"{where}, atom {large[0] + 1}",
+            )
+
+
+def _read_extxyz(case: Case, positions: FromFile) -> dict[str, Any]:
+    from lammps_cases.ase_io import read_extxyz
+
+    return read_extxyz(case.source.parent / positions.extxyz, case.scene, case.where)
+
+
+def kernel_cut(scene: Scene, spacing: float) -> float:
+    """Cutoff of the kernel: as given, or 3 spacings."""
+    return scene.engine.cut or 3.0 * spacing

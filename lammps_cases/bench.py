@@ -1,0 +1,148 @@
+"""Speed against peers, measured in one run and given as ratios: machines are noisy, ratios of neighbours less so."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from eos_ref import EOS, EOSTable, bounds
+
+LAWS = {
+    "linear": EOS("linear", 1.2, 3.4),
+    "cubic": EOS("cubic", 1.2, 3.4, 2.5),
+    "tait/water": EOS("tait/water", 1.2, 3.4),
+    "tait/general 1.4": EOS("tait/general", 1.2, 3.4, 1.4),
+    "ideal/gas": EOS("ideal/gas", parameter=1.4),
+}
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer."""
+
+    scene: str
+    peer: str
+    ours_ns: float
+    peer_ns: float
+
+    @property
+    def ratio(self) -> float:
+        """Ours over peer: below 1 is faster."""
+        return self.ours_ns / self.peer_ns
+
+
+def interleaved(ours: Callable[[], object], peer: Callable[[], object], repeats: int) -> tuple[float, float]:
+    """Median seconds of both, called in turns, so that a drift of the machine meets both; one warm-up each."""
+    times: tuple[list[float], list[float]] = ([], [])
+    for turn in range(repeats + 1):
+        for call, seconds in zip((ours, peer), times, strict=True):
+            begin = time.perf_counter()
+            call()
+            if turn:
+                seconds.append(time.perf_counter() - begin)
+    return median(times[0]), median(times[1])
+
+
+def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
+    """Every law on n densities into a given array, against copying the same arrays."""
+    from eos_ref import compiled
+    from eos_ref.eos import STYLES
+
+    random = np.random.default_rng(1)
+    rho_n, e_n = random.uniform(0.6, 1.8, n), random.uniform(0.5, 2.0, n)
+    p_n, copy_n = np.empty(n), np.empty(n)
+    ratios = []
+    for name, law in LAWS.items():
+        energy_n = e_n if law.needs_energy else np.empty(0)
+        style = STYLES.index(law.style)
+
+        def ours(law: EOS = law, style: int = style, energy_n: object = energy_n) -> None:
+            compiled.pressure_of_one_type(
+                rho_n, energy_n, style, law.rho0, law.cs, law.parameter or 0.0, law.background, p_n
+            )
+
+        def peer(gas: bool = law.needs_energy) -> None:
+            np.copyto(copy_n, rho_n)
+            if gas:  # the same arrays: this law also reads the energy
+                np.copyto(copy_n, e_n)
+
+        seconds, copying = interleaved(ours, peer, repeats)
+        ratios.append(Ratio(f"{name}, {n:,} states", "memory copy", seconds / n * 1e9, copying / n * 1e9))
+    return ratios
+
+
+def table_against_copy(n: int, repeats: int) -> Ratio:
+    """Four laws on particles of interleaved types, against copying density and type."""
+    random = np.random.default_rng(2)
+    table = EOSTable((*list(LAWS.values())[:3], EOS("linear", 0.9, 2.0, background=0.1)))
+    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
+    seconds, copying = interleaved(
+        lambda: table.pressure(rho_n, type_n), lambda: (rho_n.copy(), type_n.copy()), repeats
+    )
+    return Ratio(f"four types interleaved, {n:,} states", "memory copy", seconds / n * 1e9, copying / n * 1e9)
+
+
+def bytes_per_particle(n: int = 1_000_000) -> float:
+    """Peak memory of pressure and bound of n particles of four types, per particle, inputs included."""
+    random = np.random.default_rng(3)
+    table = EOSTable(tuple(list(LAWS.values())[:4]))
+    tracemalloc.start()
+    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
+    table.pressure(rho_n, type_n)
+    bounds.comparison(table, rho_n, type_n)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / n
+
+
+def lammps_alone(file: str) -> None:
+    """The peer of a whole run: one process, one LAMMPS, the same commands and arrays, nothing else."""
+    from lammps_cases import engine
+
+    lmp = engine.open_lammps()
+    for job in pickle.loads(Path(file).read_bytes()):  # noqa: S301 - written by run_against_lammps
+        try:
+            engine.run(lmp, job)
+        except engine.EngineRefused:
+            continue
+
+
+def run_against_lammps(repeats: int, jobs: int) -> Ratio:
+    """``eos-ref run`` as a user starts it, against LAMMPS alone on the same scenes, whole processes both.
+
+    The scenes that crash LAMMPS are in ours only, as they would end the peer.
+    """
+    from lammps_cases import campaign, casefile
+    from lammps_cases.commands import job
+    from lammps_cases.plan import plan
+
+    prepared = [campaign.prepare(case) for case in casefile.select(casefile.load()) if "crash" not in case.tags]
+    told = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "jobs"
+        file.write_bytes(pickle.dumps(told))
+        alone = [sys.executable, "-c", f"from lammps_cases.bench import lammps_alone as run; run({str(file)!r})"]
+        ours = [sys.executable, "-m", "lammps_cases.cli", "run", "--jobs", str(jobs), "--out", f"{folder}/run"]
+        seconds, peer = interleaved(lambda: _process(ours), lambda: _process(alone), repeats)
+    return Ratio(f"eos-ref run --jobs {jobs}, all cases", "LAMMPS alone", seconds * 1e9, peer * 1e9)
+
+
+def help_against_python(repeats: int) -> Ratio:
+    """``eos-ref --help`` against an empty Python program."""
+    ours = [sys.executable, "-m", "lammps_cases.cli", "--help"]
+    seconds, peer = interleaved(lambda: _process(ours), lambda: _process([sys.executable, "-c", "pass"]), repeats)
+    return Ratio("eos-ref --help", "empty Python program", seconds * 1e9, peer * 1e9)
+
+
+def _process(command: list[str]) -> None:
+    subprocess.run(command, check=True, capture_output=True)

@@ -1,0 +1,230 @@
+"""The main job: cases against LAMMPS, one after another through the workers, and everything a run leaves behind."""
+
+from __future__ import annotations
+
+import fcntl
+import itertools
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from eos_ref import EOSTable, InputError
+from lammps_cases.atoms import Atoms, build
+from lammps_cases.casefile import Case
+from lammps_cases.commands import job
+from lammps_cases.engines import Engine, library_sha256
+from lammps_cases.evaluate import evaluate
+from lammps_cases.plan import plan
+from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
+from lammps_cases.workers import Failure, Workers
+
+Progress = Callable[[CaseRecord, int, int], None]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A case ready to run: its particles and, unless LAMMPS is to refuse it, its laws."""
+
+    case: Case
+    eos: EOSTable | None
+    atoms: Atoms
+
+
+def prepare(case: Case) -> Prepared:
+    """Build a case's particles and laws, checking them against each other.
+
+    Raises
+    ------
+    InputError
+    """
+    eos = None if case.scene.expect else case.scene.eos(case.where)
+    return Prepared(case, eos, build(case, eos))
+
+
+def run_cases(
+    cases: Sequence[Case],
+    engine: Engine,
+    jobs: int,
+    directory: Path,
+    command: str = "",
+    strict: bool = False,
+    progress: Progress | None = None,
+) -> RunRecord:
+    """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
+
+    Raises
+    ------
+    InputError
+        Bad case, or a folder that cannot be written or is in use.
+    EngineMissing
+        There is no LAMMPS with RHEO.
+    """
+    begin = time.perf_counter()
+    with output_folder(directory) as folder, Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
+        identity = workers.identify()  # the workers start while the scenes are built
+        prepared = [prepare(case) for case in cases]
+        futures = [
+            workers.submit(job(p.case.scene, p.atoms, plan(p.case.scene)), p.case.scene.engine.time_limit)
+            for p in prepared
+        ]
+        from eos_ref import compiled  # noqa: F401 - loads while the workers are busy
+
+        records = []
+        for done, (ready, future) in enumerate(zip(prepared, futures, strict=True), 1):
+            outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
+            record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome)
+            if arrays:
+                write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+            records.append(record)
+            if progress:
+                progress(record, done, len(prepared))
+        who = workers.outcome(identity)
+        run = provenance(EngineRecord(name=engine.name) if isinstance(who, Failure) else _engine(engine, who), command)
+        run.strict = strict
+        run.cases = sorted(records, key=lambda record: record.case)
+        run.seconds = round(time.perf_counter() - begin, 3)
+        write_run(run.counted(), folder)
+    return run
+
+
+def _engine(engine: Engine, who: dict[str, str]) -> EngineRecord:
+    return EngineRecord(name=engine.name, library_sha256=library_sha256(who["library"]), **who)
+
+
+def provenance(engine: EngineRecord, command: str) -> RunRecord:
+    """A run without cases: versions, machine, date, command."""
+    from importlib.metadata import version
+
+    packages = {"eos-ref": "eos-ref", "numpy": "numpy", "numba": "numba", "python-flint": "python-flint"}
+    return RunRecord(
+        engine=engine,
+        reference={"python": platform.python_version(), **{name: version(name) for name in packages}},
+        machine={
+            "system": f"{platform.system()} {platform.release()}",
+            "processor": platform.processor() or platform.machine(),
+            "cores": str(os.cpu_count()),
+        },
+        date=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        command=command,
+    )
+
+
+def write_run(run: RunRecord, folder: Path) -> None:
+    """Write run.json and the reports made from it."""
+    from lammps_cases.report import write_report
+
+    write_atomically(folder / "run.json", run.to_json())
+    write_report(run, folder)
+
+
+@contextmanager
+def output_folder(directory: Path) -> Iterator[Path]:
+    """A hidden folder beside ``directory`` that replaces it on success; a kill at any moment leaves a whole report.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, holds something else than a report, or another run is writing into it.
+    """
+    directory = directory.absolute()
+    partial = directory.with_name(f".{directory.name}.partial")
+    old = directory.with_name(f".{directory.name}.old")
+    with _locked(directory):
+        if old.exists() and not directory.exists():  # killed between the two renames below
+            old.rename(directory)
+        if directory.exists() and (not directory.is_dir() or _foreign(directory)):
+            raise InputError("output folder", "must be empty or hold an earlier report (run.json)", str(directory))
+        for leftover in (partial, old):
+            shutil.rmtree(leftover, ignore_errors=True)
+        partial.mkdir()
+        try:
+            yield partial
+            if directory.exists():
+                directory.rename(old)
+            partial.rename(directory)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _foreign(directory: Path) -> bool:
+    return any(directory.iterdir()) and not (directory / "run.json").exists()
+
+
+@contextmanager
+def _locked(directory: Path) -> Iterator[IO[str]]:
+    lock = directory.with_name(f".{directory.name}.lock")
+    try:
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        if directory.exists() and not os.access(directory, os.W_OK):
+            raise PermissionError(13, "Permission denied")
+        handle = lock.open("w")
+    except OSError as error:
+        raise InputError("output folder", f"cannot be written: {error.strerror}", str(directory)) from None
+    with handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError("output folder", "another run is writing into it", str(directory)) from None
+        yield handle
+        lock.unlink(missing_ok=True)
+
+
+def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
+    """Join runs of different cases on the same engine and write one report.
+
+    Raises
+    ------
+    InputError
+        A folder without a run, different engines, or a case that occurs twice.
+    """
+    runs = [read_run(folder) for folder in directories]
+    merged = runs[0]
+    for run, folder in zip(runs[1:], directories[1:], strict=True):
+        if run.engine != merged.engine:
+            raise InputError(
+                "engine",
+                f"must be {merged.engine.distribution} as in the first run",
+                run.engine.distribution,
+                str(folder),
+            )
+        merged.cases += run.cases
+        merged.seconds += run.seconds
+    merged.cases.sort(key=lambda record: record.case)
+    for one, other in itertools.pairwise(merged.cases):
+        if one.case == other.case:
+            raise InputError("case", "occurs in two of the runs", one.case)
+    merged.command = command_line()
+    with output_folder(directory) as folder:
+        for source in directories:
+            for file in sorted((source / "fields").glob("*.npz")):
+                write_atomically(folder / "fields" / file.name, file.read_bytes())
+        write_run(merged.counted(), folder)
+    return merged
+
+
+def shard(cases: Sequence[Case], text: str) -> list[Case]:
+    """Every n-th case, beginning with the i-th, for ``i/n``.
+
+    Raises
+    ------
+    InputError
+    """
+    first, _, count = text.partition("/")
+    if not (first.isdigit() and count.isdigit() and 1 <= int(first) <= int(count)):
+        raise InputError("shard", "must be i/n with 1 <= i <= n", text)
+    return list(cases[int(first) - 1 :: int(count)])
+
+
+def command_line() -> str:
+    """The command as the user typed it, without the folder of the program."""
+    import shlex
+
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

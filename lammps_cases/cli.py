@@ -1,0 +1,101 @@
+"""The command ``eos-ref``. Modules of the commands are imported when a command is run, so that --help is quick."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+# command: (module, one line of help); the module holds a click command of the same name
+COMMANDS: dict[str, tuple[str, str]] = {
+    "run": ("lammps_cases.cli_run", "Run cases against LAMMPS and write a report: the main job."),
+    "audit": ("lammps_cases.audit.cli", "Check a LAMMPS input deck while LAMMPS runs it, unchanged."),
+    "list": ("lammps_cases.cli_cases", "List the cases."),
+    "explain": ("lammps_cases.cli_cases", "Show what a case models, what it does not, and why."),
+    "ledger": ("lammps_cases.cli_cases", "List the findings: where LAMMPS differs from its manual."),
+    "report": ("lammps_cases.cli_run", "Render the report of a finished run again."),
+    "merge": ("lammps_cases.cli_run", "Join the shards of a run."),
+    "bench": ("lammps_cases.cli_bench", "Measure speed against peers, as ratios."),
+    "doctor": (
+        "lammps_cases.cli_doctor",
+        "Say what is installed, what works, and what to do about the rest.",
+    ),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported on use."""
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        """Names in order of importance."""
+        return list(COMMANDS)
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        """Import the module of a command."""
+        if name not in COMMANDS:
+            return None
+        command: click.Command = getattr(importlib.import_module(COMMANDS[name][0]), f"{name}_command")
+        return command
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def resolve_command(self, context: click.Context, args: list[str]) -> Any:
+        """Suggest the nearest command for an unknown one."""
+        import difflib
+
+        if args and args[0] not in COMMANDS:
+            close = difflib.get_close_matches(args[0], COMMANDS, 1)
+            hint = f" (did you mean {close[0]}?)" if close else ""
+            raise click.UsageError(f"no such command: {args[0]}{hint}")
+        return super().resolve_command(context, args)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="eos-ref")
+def group() -> None:
+    """Validate fluids of LAMMPS' RHEO package against an independent reference.
+
+    \b
+    Example:  eos-ref run                     every equation of state against LAMMPS
+              eos-ref audit in.deck           your own deck, checked live
+
+    Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing.
+    """
+
+
+def main() -> None:
+    """Entry point: bad input is one line on standard error and exit code 2; a missing engine exit code 3."""
+    try:
+        code = group.main(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        code = 2
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("eos-ref: interrupted; nothing half-written", err=True)
+        code = 130
+    except Exception as error:
+        code = _exit_code(error)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _exit_code(error: Exception) -> int:
+    """Say a foreseen failure in one line; anything else is a fault of this program and keeps its traceback."""
+    from eos_ref.errors import InputError  # here, not above: importing the reference loads numpy
+    from lammps_cases.engine import EngineMissing
+
+    if isinstance(error, InputError):
+        click.echo(f"eos-ref: {error}", err=True)
+        return 2
+    if isinstance(error, EngineMissing):
+        click.echo(f"eos-ref: {error} (eos-ref doctor says more)", err=True)
+        return 3
+    raise error
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,183 @@
+"""eos-ref list, explain, ledger."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+_paths = click.option(
+    "--cases",
+    "paths",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Case file or folder of your own.",
+)
+_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+
+
+def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console = Console()
+    if not console.is_terminal:
+        console.width = 160
+    console.print(table)
+
+
+@click.command("list", short_help="List the cases.")
+@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.option("--tag", help="Only cases with this tag.")
+@_paths
+@_json
+def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
+    """List the cases with their tags.
+
+    \b
+    Example:  eos-ref list --tag quick
+    """
+    from lammps_cases import casefile
+
+    cases = casefile.load(paths)
+    if names or tag:
+        cases = casefile.select(cases, names, tag)
+    if as_json:
+        click.echo(json.dumps({"cases": [{"case": c.name, "tags": list(c.tags)} for c in cases]}, indent=1))
+        return 0
+    rows = [
+        (
+            c.name,
+            ", ".join(c.tags),
+            ", ".join(dict.fromkeys(law.style for law in c.scene.pressure)),
+            c.scene.units,
+        )
+        for c in cases
+    ]
+    _table(f"{len(cases)} cases", ("case", "tags", "laws", "units"), rows)
+    return 0
+
+
+@click.command("explain", short_help="What a case models, and why.")
+@click.argument("name", metavar="CASE")
+@_paths
+@_json
+def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
+    """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
+
+    \b
+    Example:  eos-ref explain near-rho0.tait-water.2d
+    """
+    from lammps_cases import casefile
+
+    for case in casefile.select(casefile.load(paths), (name,)):
+        explanation = _explanation(case)
+        if as_json:
+            click.echo(json.dumps(explanation, indent=1))
+        else:
+            _show(explanation)
+    return 0
+
+
+def _explanation(case: Any) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from eos_ref import bounds
+    from lammps_cases.campaign import prepare
+    from lammps_cases.commands import job
+    from lammps_cases.plan import plan
+
+    ready, the_plan = prepare(case), plan(case.scene)
+    told = job(case.scene, ready.atoms, the_plan)
+    laws = [
+        {
+            "type": t,
+            "style": law.style,
+            "rho0": law.rho0,
+            "cs": law.cs,
+            "parameter": law.parameter,
+            "background": law.background,
+            "defined": [str(end) for end in law.defined],
+            "monotone": [str(end) for end in law.monotone],
+            "bound": str(bounds.derivation(law)),
+        }
+        for t, law in enumerate(ready.eos.laws if ready.eos else (), 1)
+    ]
+    return {
+        "case": case.name,
+        "about": case.about,
+        "source": str(case.source),
+        "particles": len(ready.atoms),
+        "expects": case.scene.expect.refused if case.scene.expect else None,
+        "laws": laws,
+        "reference": [asdict(item) for item in the_plan.reference],
+        "lammps": [asdict(item) for item in the_plan.lammps],
+        "commands": [
+            *told.setup,
+            f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}",
+            *told.commands,
+            *told.runs,
+        ],
+    }
+
+
+def _show(explanation: dict[str, Any]) -> None:
+    click.secho(f"{explanation['case']}  ({explanation['particles']} particles, {explanation['source']})", bold=True)
+    click.echo(explanation["about"])
+    if explanation["expects"]:
+        click.echo(f"LAMMPS is expected to refuse this scene with: {explanation['expects']}")
+    for law in explanation["laws"]:
+        parameters = ", ".join(f"{k} {law[k]}" for k in ("rho0", "cs", "parameter", "background") if law[k] is not None)
+        click.echo(f"type {law['type']}: {law['style']}, {parameters}")
+        click.echo(f"  grows with density within {' to '.join(law['monotone'])}")
+        click.echo(f"  bound on LAMMPS' rounding: {law['bound']}")
+    for side in ("reference", "lammps"):
+        rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
+        _table(
+            "modelled by the reference" if side == "reference" else "told to LAMMPS",
+            ("", "what", "why"),
+            rows,
+        )
+    click.echo("LAMMPS commands:")
+    click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
+
+
+@click.command("ledger", short_help="List the findings.")
+@_json
+def ledger_command(as_json: bool) -> int:
+    """List the findings: where LAMMPS differs from its manual, with the argument and what to do meanwhile.
+
+    \b
+    Example:  eos-ref ledger
+    """
+    from lammps_cases.ledger import LEDGER
+
+    if as_json:
+        entries = [
+            {
+                "id": entry.id,
+                "title": entry.title,
+                "severity": entry.severity,
+                "engines": list(entry.engines),
+                "cases": list(entry.cases),
+                "variant": entry.variant.__name__ if entry.variant else entry.outcome,
+            }
+            for entry in LEDGER
+        ]
+        click.echo(json.dumps({"entries": entries}, indent=1))
+        return 0
+    for entry in LEDGER:
+        click.secho(f"{entry.id} ({entry.severity}): {entry.title}", bold=True)
+        for key in ("documented", "observed", "argument", "workaround"):
+            click.echo(f"  {key}: {getattr(entry, key)}")
+        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {', '.join(entry.cases)}")
+    return 0

@@ -1,0 +1,154 @@
+"""One case judged: LAMMPS' answer against the reference, stage by stage."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from eos_ref import EOSTable
+from lammps_cases.atoms import Atoms, seed
+from lammps_cases.casefile import Case
+from lammps_cases.compare import Comparison, State, compare_field, compare_pressure
+from lammps_cases.engine import Answer
+from lammps_cases.ledger import explain_outcome, explain_pressure
+from lammps_cases.mutants import unseen
+from lammps_cases.records import CaseRecord, LawRecord, Seconds, worst
+from lammps_cases.workers import Failure
+
+Arrays = dict[str, Any]
+LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is taken as unseen
+
+
+def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms) -> CaseRecord:
+    """What is known of a case before it ran."""
+    scene = case.scene
+    laws = [
+        LawRecord(
+            type=t,
+            style=law.style,
+            rho0=law.rho0,
+            cs=law.cs,
+            parameter=law.parameter,
+            background=law.background,
+            mass=scene.types[t - 1].mass,
+        )
+        for t, law in enumerate(eos.laws if eos else (), 1)
+    ]
+    return CaseRecord(
+        case=case.name,
+        tags=list(case.tags),
+        about=case.about,
+        verdict="skipped",
+        natoms=len(atoms),
+        steps=scene.evolve.steps if scene.evolve else 0,
+        dimension=scene.dimension,
+        units=scene.units,
+        expects=scene.expect.refused if scene.expect else "",
+        laws=laws,
+        seed=seed(case.name),
+        source=case.source.name if case.shipped else str(case.source),
+        reproduce=case.reproduce,
+    )
+
+
+def evaluate(case: Case, eos: EOSTable | None, atoms: Atoms, outcome: Answer | Failure) -> tuple[CaseRecord, Arrays]:
+    """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer)."""
+    begin = time.perf_counter()
+    record = blank_record(case, eos, atoms)
+    arrays: Arrays = {}
+    if isinstance(outcome, Failure):
+        _judge_failure(record, outcome)
+    elif eos is None:
+        record.verdict = "differs"
+        record.message = f"LAMMPS accepts what the manual refuses; expected an error with {record.expects!r}"
+        _explain_outcome(record)
+    else:
+        arrays = _judge_fields(record, case, eos, atoms, outcome)
+    lammps = outcome.seconds if isinstance(outcome, Answer) else 0.0
+    reference = time.perf_counter() - begin
+    record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
+    return record, arrays
+
+
+def _judge_failure(record: CaseRecord, failure: Failure) -> None:
+    record.verdict, record.message = failure.verdict, " ".join(failure.message.split())
+    if failure.verdict == "refused" and record.expects and record.expects not in record.message:
+        record.verdict = "differs"
+        record.message = f"expected an error with {record.expects!r}, LAMMPS said: {record.message}"
+    elif failure.verdict != "refused" or not record.expects:
+        _explain_outcome(record)
+
+
+def _explain_outcome(record: CaseRecord) -> None:
+    entry = explain_outcome(record.case, record.verdict, record.message)
+    if entry is not None:
+        record.message = f"{record.verdict}, as ledger entry {entry.id} predicts: {record.message}"
+        record.verdict, record.explained_by = "explained", entry.id
+
+
+def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer) -> Arrays:
+    got = answer.arrays
+    comparisons = [*_inputs(case, atoms, answer)]
+    state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
+    pressure = compare_pressure(eos, state, got["pressure"])
+    if pressure.record.verdict == "differs":
+        entry = explain_pressure(case.name, eos, state, pressure)
+        if entry is not None:
+            pressure.record.verdict, pressure.record.explained_by = "explained", entry.id
+    comparisons.append(pressure)
+    record.fields = [comparison.record for comparison in comparisons]
+    record.verdict = worst([field.verdict for field in record.fields])
+    record.message = _blame(comparisons, state)
+    record.lint = _lint(eos, state, pressure)
+    arrays: Arrays = {"id": got["id"], "type": got["type"], "x": got["x"], "rho": got["rho"]}
+    arrays["box"] = np.stack([atoms.low_c, atoms.high_c])
+    if state.e_n is not None:
+        arrays["e"] = state.e_n
+    for comparison in comparisons:
+        name = comparison.record.field
+        arrays[f"{name}.lammps"] = comparison.lammps_n
+        arrays[f"{name}.reference"] = comparison.reference_n
+        arrays[f"{name}.bound"] = comparison.bound_n
+    return arrays
+
+
+def _inputs(case: Case, atoms: Atoms, answer: Answer) -> list[Comparison]:
+    """Stage `input`: does LAMMPS hold the doubles it was given? (bound 0; only for what no step changes)"""
+    got, zero_n = answer.arrays, np.zeros(len(atoms))
+    given = {"type": atoms.type_n.astype(float)}
+    if case.scene.evolve is None and atoms.rho_n is not None and not case.scene.rho_sum:
+        given["rho"] = atoms.rho_n
+    if case.scene.evolve is None and atoms.energy_n is not None and "esph" in got:
+        given["esph"] = atoms.energy_n
+    return [
+        compare_field(
+            name, "input", got["id"], got[name].astype(float), values_n, zero_n, derivation="the same doubles"
+        )
+        for name, values_n in given.items()
+    ]
+
+
+def _blame(comparisons: list[Comparison], state: State) -> str:
+    """The first stage, field and atom that leave the bound, with the numbers."""
+    for comparison in comparisons:
+        record = comparison.record
+        if record.verdict not in ("differs", "explained") or record.first_id is None:
+            continue
+        at = int(np.searchsorted(state.id_n, record.first_id))
+        return (
+            f"{record.field} (stage {record.stage}) leaves its bound at {record.outside} of {len(state.id_n)} atoms, "
+            f"first atom {record.first_id} (type {state.type_n[at]}, rho {state.rho_n[at]!r}): "
+            f"LAMMPS {comparison.lammps_n[at]!r}, reference {comparison.reference_n[at]!r}, "
+            f"bound {comparison.bound_n[at]:.3g}"
+            + (f"; explained by {record.explained_by}" if record.explained_by else "")
+        )
+    return ""
+
+
+def _lint(eos: EOSTable, state: State, pressure: Comparison) -> list[str]:
+    every = slice(None, None, max(1, len(state.id_n) // LINT_ATOMS))
+    energy_n = None if state.energy_n is None else state.energy_n[every]
+    thinned = State(state.id_n[every], state.type_n[every], state.rho_n[every], state.mass_n[every], energy_n)
+    return unseen(eos, thinned, pressure.reference_n[every], pressure.bound_n[every])

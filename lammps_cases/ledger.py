@@ -1,0 +1,106 @@
+"""The ledger of findings: where LAMMPS differs from its manual, explained and reproduced.
+
+An entry that changes numbers names a variant of the reference that reproduces LAMMPS on every atom; one that changes
+how LAMMPS refuses predicts the outcome. Neither changes the reference or a bound.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from eos_ref import EOSTable
+from eos_ref.eos import FloatArray
+from lammps_cases.compare import Comparison, State
+from lammps_cases.records import Verdict
+
+Variant = Callable[[EOSTable, State], FloatArray]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One finding.
+
+    Attributes
+    ----------
+    documented, observed : what the manual says (with its place), what LAMMPS does
+    argument : why the documented behaviour is the right one
+    workaround : what a user can do meanwhile
+    cases : patterns of the cases that show it
+    variant : replaces the reference's pressure, for a finding in numbers
+    outcome, outcome_text : verdict and part of the message that it predicts, for a finding in refusals
+    """
+
+    id: str
+    title: str
+    severity: Literal["low", "medium", "high"]
+    documented: str
+    observed: str
+    argument: str
+    workaround: str
+    cases: tuple[str, ...]
+    engines: tuple[str, ...]
+    variant: Variant | None = None
+    outcome: Verdict | None = None
+    outcome_text: str = ""
+
+    def covers(self, case: str) -> bool:
+        """Whether the entry speaks of a case."""
+        return any(fnmatch.fnmatchcase(case, pattern) for pattern in self.cases)
+
+
+LEDGER: tuple[Entry, ...] = (
+    Entry(
+        id="no-pressure-segfault",
+        title="Asking for the pressure without fix rheo/pressure ends in a segmentation fault",
+        severity="medium",
+        documented="fix rheo, Restrictions: must be used in conjunction with fix rheo/pressure.",
+        observed="Without fix rheo/pressure a run is refused with 'Missing fix rheo/pressure', unless a compute "
+        "rheo/property/atom asks for the pressure: then the run ends in SIGSEGV before that check.",
+        argument="The same omission gives an error or a crash depending on whether it is looked at. A crash loses the "
+        "output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
+        workaround="Define fix rheo/pressure before the first run.",
+        cases=("refused.no-fix-pressure-read",),
+        engines=("2025.7.22.4.0",),
+        outcome="crashed",
+        outcome_text="SIGSEGV",
+    ),
+    Entry(
+        id="double-star-abort",
+        title="A type range of two stars aborts the process",
+        severity="low",
+        documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
+        observed="Other malformed ranges are refused ('Invalid range string'); '**' ends in SIGABRT with an uncaught "
+        "std::invalid_argument.",
+        argument="A mistyped argument is an input error like any other. An abort cannot be caught by a program that "
+        "uses LAMMPS as a library, and no message names the line of the input.",
+        workaround="Write a single star.",
+        cases=("refused.range-two-stars",),
+        engines=("2025.7.22.4.0",),
+        outcome="crashed",
+        outcome_text="SIGABRT",
+    ),
+)
+
+
+def explain_outcome(case: str, verdict: Verdict, message: str) -> Entry | None:
+    """The entry that predicts how a case ended without numbers."""
+    for entry in LEDGER:
+        if entry.outcome == verdict and entry.covers(case) and entry.outcome_text in message:
+            return entry
+    return None
+
+
+def explain_pressure(case: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:
+    """The entry whose variant is within the bound on every atom."""
+    for entry in LEDGER:
+        if entry.variant is not None and entry.covers(case):
+            with np.errstate(all="ignore"):
+                difference_n = np.abs(comparison.lammps_n - entry.variant(table, state))
+            if bool(np.all(difference_n <= comparison.bound_n)):
+                return entry
+    return None

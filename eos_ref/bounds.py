@@ -85,12 +85,20 @@ def power_condition(eos: EOS, rho: FloatArray) -> FloatArray:
         return 1 + np.abs(eos.gamma * (np.log(np.abs(rho)) - np.log(eos.rho0)))
 
 
+def underflow(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
+    """Error of one operation below 2**-1022, where rounding is no longer relative (pressure).
+
+    One spacing of the subnormal numbers; in the product of the ideal gas the other factors may magnify it.
+    """
+    largest = 1.0 if e is None or not eos.needs_energy else 1 + (eos.gamma + 1) * (np.abs(rho) + np.abs(e))
+    return np.asarray(2.0**-1074 * largest)
+
+
 def engine(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
     """Bound on the rounding error of any order of evaluation of the documented formula (pressure)."""
     k = derivation(eos).operations
-    # Below 2**-1022 a rounding is no longer relative: half a spacing of the subnormal numbers per operation.
     gamma_k = k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
-    return gamma_k * absolute_terms(eos, rho, e) + k * 2.0**-1074
+    return gamma_k * absolute_terms(eos, rho, e) + k * underflow(eos, rho, e)
 
 
 def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
@@ -100,7 +108,9 @@ def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatAr
     # cubic: 9 roundings (see `derivation`) and one for the background are 5 eps
     factor = 5 if eos.style == "cubic" else 4
     # At rho = 0 the logarithm is infinite and the power exact; eps first, so that no finite bound overflows.
-    return factor * EPS * terms * np.where(np.isfinite(condition), condition, 1) + factor * 2.0**-1074
+    relative = factor * EPS * terms * np.where(np.isfinite(condition), condition, 1)
+    return relative + factor * underflow(eos, rho, e)
+
 
 
 def comparison(

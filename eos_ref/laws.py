@@ -64,14 +64,13 @@ def cubic_stiffness(rho: Number, rho0: Number, cs: Number, a3: Number) -> Number
 def tait_water(rho: Number, rho0: Number, cs: Number) -> Number:
     r"""Tait's law for water, :math:`P = \frac{c^2\rho_0}{7}\big[(\rho/\rho_0)^7 - 1\big]`.
 
-    Evaluated by the identity :math:`x^7 - 1 = (x - 1)(1 + x + \dots + x^6)` with :math:`x = \rho/\rho_0`: the
-    difference :math:`\rho - \rho_0` is taken first and for :math:`\rho > 0` the sum has positive terms only,
-    so nothing cancels.
+    Evaluated by the identity :math:`x^7 - 1 = (x - 1)[1 + x(1 + x)(1 + x^2 + x^4)]` with
+    :math:`x = \rho/\rho_0`: the difference :math:`\rho - \rho_0` is taken first and for :math:`\rho > 0` the
+    sum has positive terms only, so nothing cancels; far from 0 no two terms of it have opposite signs.
     """
     x = rho * (1 / rho0)
     xx = x * x
-    xxx = xx * x
-    return cs * cs / 7 * (rho - rho0) * ((1 + x + xx) * (1 + xxx) + xxx * xxx)
+    return cs * cs / 7 * (rho - rho0) * (1 + x * (1 + x) * (1 + xx + xx * xx))
 
 
 def tait_general(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,19 +150,21 @@ def _one_per_particle(values_n: FloatArray, n: int, where: str) -> FloatArray:
 
 
 def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
-    import pandas as pd
-
-    path = folder / name
     try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
+        with (folder / name).open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError("table", f"cannot be read: {error}", name, where) from None
-    if column not in table:
-        raise InputError("column", f"must be one of {', '.join(map(str, table.columns))}", column, where)
-    values_n = pd.to_numeric(table[column], errors="coerce").to_numpy(float)
-    if not np.isfinite(values_n).all():
-        row = int(np.flatnonzero(~np.isfinite(values_n))[0]) + 2
-        raise InputError("table", "must hold finite numbers", str(table[column].iloc[row - 2]), f"{where}, line {row}")
+    if not rows or column not in rows[0]:
+        raise InputError("column", f"must be one of {', '.join(rows[0]) if rows else 'none (no rows)'}", column, where)
+    values_n = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        try:
+            values_n[k] = float(row[column])
+        except (TypeError, ValueError):
+            values_n[k] = np.nan
+        if not np.isfinite(values_n[k]):
+            raise InputError("table", "must hold finite numbers", row[column], f"{where}, line {k + 2} of {name}")
     return values_n
 
 

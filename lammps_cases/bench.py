@@ -110,7 +110,7 @@ def lammps_alone(file: str) -> None:
     from lammps_cases import engine
 
     lmp = engine.open_lammps()
-    for job in pickle.loads(Path(file).read_bytes()):  # noqa: S301 - written by run_against_lammps
+    for job in pickle.loads(Path(file).read_bytes()):
         try:
             engine.run(lmp, job)
         except engine.EngineRefused:

@@ -23,6 +23,7 @@ from lammps_cases.engines import Engine, library_sha256
 from lammps_cases.evaluate import evaluate
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
+from lammps_cases.scene import FromFile
 from lammps_cases.workers import Failure, Workers
 
 Progress = Callable[[CaseRecord, int, int], None]
@@ -69,22 +70,20 @@ def run_cases(
     begin = time.perf_counter()
     with output_folder(directory) as folder, Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
         identity = workers.identify()  # the workers start while the scenes are built
-        prepared = [prepare(case) for case in cases]
-        futures = [
-            workers.submit(job(p.case.scene, p.atoms, plan(p.case.scene)), p.case.scene.engine.time_limit)
-            for p in prepared
-        ]
-        from eos_ref import compiled  # noqa: F401 - loads while the workers are busy
-
-        records = []
-        for done, (ready, future) in enumerate(zip(prepared, futures, strict=True), 1):
+        queue = []
+        for case in sorted(cases, key=_last):
+            ready = prepare(case)
+            told = job(case.scene, ready.atoms, plan(case.scene))
+            queue.append((ready, workers.submit(told, case.scene.engine.time_limit)))
+        records: list[CaseRecord] = []
+        for ready, future in queue:
             outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
             record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome)
             if arrays:
                 write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
             records.append(record)
             if progress:
-                progress(record, done, len(prepared))
+                progress(record, len(records), len(queue))
         who = workers.outcome(identity)
         run = provenance(EngineRecord(name=engine.name) if isinstance(who, Failure) else _engine(engine, who), command)
         run.strict = strict
@@ -92,6 +91,11 @@ def run_cases(
         run.seconds = round(time.perf_counter() - begin, 3)
         write_run(run.counted(), folder)
     return run
+
+
+def _last(case: Case) -> int:
+    """Order of submission: what may cost a worker its life late, what takes long to read last, meanwhile others run."""
+    return 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
 
 
 def _engine(engine: Engine, who: dict[str, str]) -> EngineRecord:

@@ -12,7 +12,7 @@ import click
 @click.option("--repeats", type=click.IntRange(1), default=7, show_default=True, help="Measurements of each side.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
 def bench_command(states: int, repeats: int, as_json: bool) -> int:
-    """Measure speed in one run against peers, as ratios (ours/peer): memory copies for the laws, LAMMPS alone for a run.
+    """Measure speed in one run against peers, as ratios ours/peer: copies for the laws, LAMMPS alone for a run.
 
     \b
     Example:  eos-ref bench --states 1000000

@@ -14,7 +14,7 @@ import numpy as np
 
 from eos_ref import EOS, EOSTable
 from eos_ref.eos import FloatArray
-from lammps_cases.compare import State
+from lammps_cases.compare import State, evaluate
 
 Mutant = Callable[[EOSTable, State], FloatArray | None]
 
@@ -27,7 +27,7 @@ def _each_law(change: Callable[[EOS], EOS | None]) -> Mutant:
         if all(law is None for law in changed):
             return None
         laws = tuple(new or old for new, old in zip(changed, table.laws, strict=True))
-        return EOSTable(laws).pressure(state.rho_n, state.type_n, state.e_n)
+        return evaluate(EOSTable(laws), state)
 
     return mutant
 
@@ -46,27 +46,27 @@ def _exchanged_types(table: EOSTable, state: State) -> FloatArray | None:
     rolled = EOSTable((*table.laws[1:], table.laws[0]))
     if rolled.needs_energy and state.e_n is None:
         return None
-    return rolled.pressure(state.rho_n, state.type_n, state.e_n)
+    return evaluate(rolled, state)
 
 
 def _energy_of_particle(table: EOSTable, state: State) -> FloatArray | None:
     if not table.needs_energy or state.energy_n is None:
         return None
-    return table.pressure(state.rho_n, state.type_n, state.energy_n)
+    return evaluate(table, replace(state, mass_n=np.ones_like(state.mass_n)))
 
 
 def _float32_density(table: EOSTable, state: State) -> FloatArray | None:
-    return table.pressure(state.rho_n.astype(np.float32).astype(float), state.type_n, state.e_n)
+    return evaluate(table, replace(state, rho_n=state.rho_n.astype(np.float32).astype(float)))
 
 
 def _float32_pressure(table: EOSTable, state: State) -> FloatArray | None:
-    p_n = table.pressure(state.rho_n, state.type_n, state.e_n)
+    p_n = evaluate(table, state)
     with np.errstate(over="ignore"):
         return p_n.astype(np.float32).astype(float)
 
 
 def _sign(table: EOSTable, state: State) -> FloatArray | None:
-    return -table.pressure(state.rho_n, state.type_n, state.e_n)
+    return -evaluate(table, state)
 
 
 MUTANTS: dict[str, Mutant] = {

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import re
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from eos_ref import EOSTable, InputError, resolve
 from eos_ref.eos import PARAMETER, Style
@@ -55,6 +55,12 @@ def _inside(path: str) -> str:
 
 Finite = Annotated[float, AfterValidator(_finite)]
 Positive = Annotated[Finite, Field(gt=0)]
+# YAML reads a single type as a number.
+TypeRange = Annotated[
+    str,
+    BeforeValidator(lambda types: str(types) if type(types) is int else types),
+    WithJsonSchema({"type": ["string", "integer"]}),
+]
 LocalFile = Annotated[str, AfterValidator(_inside)]
 
 
@@ -73,18 +79,11 @@ class AtomType(_Model):
 class Law(_Model):
     """One entry of fix rheo/pressure: a type range, a style and its argument."""
 
-    types: str = Field(description="*, n, *n, m* or m*n, as in the manual")
+    types: TypeRange = Field(description="*, n, *n, m* or m*n, as in the manual")
     style: Style | Literal["background"]
     A3: Finite | None = None
     gamma: Finite | None = None
     P_b: Finite | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _types_as_text(cls, data: Any) -> Any:
-        if isinstance(data, dict) and isinstance(data.get("types"), int):
-            return {**data, "types": str(data["types"])}
-        return data
 
     @model_validator(mode="after")
     def _one_argument(self) -> Law:

@@ -175,10 +175,14 @@ def _locked(directory: Path) -> Iterator[IO[str]]:
     with handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not os.path.samestat(os.fstat(handle.fileno()), lock.stat()):
+                raise BlockingIOError  # the run before removed this file between our opening and locking it
         except OSError:
             raise InputError("output folder", "another run is writing into it", str(directory)) from None
-        yield handle
-        lock.unlink(missing_ok=True)
+        try:
+            yield handle
+        finally:
+            lock.unlink(missing_ok=True)
 
 
 def merge(directories: Sequence[Path], directory: Path) -> RunRecord:

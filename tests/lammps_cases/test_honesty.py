@@ -1,0 +1,152 @@
+"""The harness must be able to turn red: mistakes planted in the reference are seen by the shipped cases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOSTable, laws
+from lammps_cases import campaign, casefile, compare
+from lammps_cases.commands import job
+from lammps_cases.compare import State, compare_field
+from lammps_cases.engine import Answer
+from lammps_cases.evaluate import evaluate
+from lammps_cases.mutants import MUTANTS, unseen
+from lammps_cases.plan import plan
+from lammps_cases.records import CaseRecord
+from lammps_cases.workers import Workers
+
+Solved = list[tuple[campaign.Prepared, Answer]]
+
+
+@pytest.fixture(scope="module")
+def solved() -> Iterator[Solved]:
+    """Real LAMMPS' answers to the quick cases."""
+    prepared = [campaign.prepare(case) for case in casefile.select(casefile.load(), tag="quick")]
+    answers = []
+    with Workers(None, 1) as workers:
+        for ready in prepared:
+            told = job(ready.case.scene, ready.atoms, plan(ready.case.scene))
+            answer = workers.outcome(workers.submit(told, 60.0))
+            assert isinstance(answer, Answer)
+            answers.append(answer)
+    yield list(zip(prepared, answers, strict=True))
+
+
+def judge(solved: Solved) -> list[CaseRecord]:
+    return [evaluate(ready.case, ready.eos, ready.atoms, answer)[0] for ready, answer in solved]
+
+
+def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
+    assert {record.verdict for record in judge(solved)} == {"exact"}
+
+
+@pytest.mark.parametrize("mistake", MUTANTS)
+def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = compare.evaluate
+
+    def planted(table: EOSTable, state: State, number: Any = np.float64) -> Any:
+        wrong_n = MUTANTS[mistake](table, state) if number is np.float64 else None
+        return right(table, state, number) if wrong_n is None else wrong_n
+
+    monkeypatch.setattr(compare, "evaluate", planted)
+    red = [record for record in judge(solved) if record.verdict == "differs"]
+    assert red, f"no quick case sees: {mistake}"
+    assert "pressure (stage eos) leaves its bound at" in red[0].message
+    assert "first atom" in red[0].message
+
+
+LAW_FAULTS: dict[str, tuple[str, Callable[..., Any]]] = {
+    "a constant off by 1e-12": (
+        "tait_water",
+        lambda rho, rho0, cs: laws_right["tait_water"](rho, rho0, cs) * (1 + 1e-12),
+    ),
+    "no square of cs": ("linear", lambda rho, rho0, cs: cs * (rho - rho0)),
+    "exponent 2 for 3": ("cubic", lambda rho, rho0, cs, a3: cs * cs * (rho - rho0 + a3 * (rho - rho0) ** 2)),
+    "rho0 left out": ("tait_general", lambda rho, rho0, cs, g: laws_right["tait_general"](rho, rho0, cs, g) / rho0),
+    "gamma for gamma - 1": ("ideal_gas", lambda rho, e, g: g * rho * e),
+    "one constant of water": ("tait_water", lambda rho, rho0, cs: laws_right["tait_general"](rho, rho0, cs, 7.001)),
+}
+laws_right = {name: getattr(laws, name) for name in ("linear", "cubic", "tait_water", "tait_general", "ideal_gas")}
+
+
+@pytest.mark.parametrize("fault", LAW_FAULTS)
+def test_fault_in_the_source_of_a_law_turns_a_case_red(
+    fault: str, solved: Solved, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, wrong = LAW_FAULTS[fault]
+    monkeypatch.setattr(laws, name, wrong)
+    assert any(record.verdict == "differs" for record in judge(solved))
+
+
+def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
+    ready, answer = solved[0]
+    rho = answer.arrays["rho"].copy()
+    rho[3] = np.nextafter(rho[3], 10)  # one ulp: LAMMPS does not hold what it was given
+    spoilt = Answer({**answer.arrays, "rho": rho}, answer.seconds)
+    record, _ = evaluate(ready.case, ready.eos, ready.atoms, spoilt)
+    assert record.verdict == "differs"
+    assert record.message.startswith("rho (stage input) leaves its bound at 1 of")
+    assert f"first atom {answer.arrays['id'][3]} " in record.message
+
+
+ID = np.arange(1, 4)
+ONE, BOUND = np.array([1.0, 2.0, 3.0]), np.full(3, 1e-15)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("side", ["lammps", "reference", "both", "bound"])
+def test_not_a_finite_number_is_never_a_pass(bad: float, side: str) -> None:
+    spoilt = np.array([1.0, bad, 3.0])
+    record = compare_field(
+        "pressure",
+        "eos",
+        ID,
+        spoilt if side in ("lammps", "both") else ONE,
+        spoilt if side in ("reference", "both") else ONE + (1e-16 if side == "bound" else 0.0),
+        np.abs(spoilt) if side == "bound" else BOUND,
+        same_order_n=spoilt,
+    ).record
+    if side == "bound":
+        # Equal values need no bound; a difference is never inside a bound that is not a number.
+        unequal = compare_field("p", "eos", ID, ONE, ONE * (1 + 2**-52), np.abs(spoilt)).record
+        assert unequal.verdict == "differs"
+        return
+    assert record.verdict == "differs"
+    assert record.max_over_bound == np.inf
+    assert (record.outside, record.first_id, record.worst_id) == (1, 2, 2)
+
+
+def test_bound_is_a_bound() -> None:
+    inside = compare_field("p", "eos", ID, np.array([1.0, 2.0 + 4e-16, 3.0]), ONE, BOUND).record
+    outside = compare_field("p", "eos", ID, np.array([1.0, 2.0 + 4e-15, 3.0]), ONE, BOUND).record
+    assert (inside.verdict, outside.verdict) == ("pass", "differs")
+    assert compare_field("p", "eos", ID, ONE, ONE, BOUND).record.verdict == "exact"
+    assert compare_field("p", "eos", ID, ONE, ONE + 2**-51, BOUND, same_order_n=ONE).record.verdict == "exact"
+    assert compare_field("p", "eos", ID, ONE, ONE + 1e-14, BOUND, same_order_n=ONE).record.verdict == "differs"
+
+
+def test_minus_zero_is_not_the_same_bits() -> None:
+    zero = np.zeros(3)
+    assert compare_field("p", "eos", ID, -zero, zero, BOUND).record.verdict == "pass"
+
+
+def test_lint_names_what_a_blind_scene_cannot_tell() -> None:
+    from eos_ref import EOS
+
+    n = 50
+    rho_n = np.linspace(0.5, 1.5, n)
+    ids, types, masses = np.arange(1, n + 1), np.ones(n, int), np.ones(n)
+    blind = EOSTable((EOS("linear"),))
+    state = State(ids, types, rho_n, masses)
+    p_n = compare.evaluate(blind, state)
+    assert {"cs instead of cs^2", "rho0 and cs exchanged"} <= set(unseen(blind, state, p_n, 1e-15 * np.ones(n)))
+    sharp = EOSTable((EOS("linear", 1.2, 3.4),))
+    p_n = compare.evaluate(sharp, state)
+    assert unseen(sharp, state, p_n, 1e-14 * np.ones(n)) == []
+    gas = EOSTable((EOS("ideal/gas", parameter=1.4),))
+    state = State(ids, types, rho_n, masses, np.ones(n))
+    assert "energy not per unit mass" in unseen(gas, state, compare.evaluate(gas, state), 1e-14 * np.ones(n))

@@ -77,7 +77,7 @@ def _judge_failure(record: CaseRecord, failure: Failure) -> None:
     if failure.verdict == "refused" and record.expects and record.expects not in record.message:
         record.verdict = "differs"
         record.message = f"expected an error with {record.expects!r}, LAMMPS said: {record.message}"
-    elif failure.verdict != "refused" or not record.expects:
+    if record.verdict != "refused" or not record.expects:
         _explain_outcome(record)
 
 

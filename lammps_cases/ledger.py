@@ -65,7 +65,7 @@ LEDGER: tuple[Entry, ...] = (
         "output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
         workaround="Define fix rheo/pressure before the first run.",
         cases=("refused.no-fix-pressure-read",),
-        engines=("2025.7.22.4.0",),
+        engines=("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0"),
         outcome="crashed",
         outcome_text="SIGSEGV",
     ),
@@ -80,9 +80,24 @@ LEDGER: tuple[Entry, ...] = (
         "uses LAMMPS as a library, and no message names the line of the input.",
         workaround="Write a single star.",
         cases=("refused.range-two-stars",),
-        engines=("2025.7.22.4.0",),
+        engines=("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0"),
         outcome="crashed",
         outcome_text="SIGABRT",
+    ),
+    Entry(
+        id="unknown-style-misnamed",
+        title="The error for an unknown pressure style names the types instead",
+        severity="low",
+        documented="fix rheo/pressure, syntax: pstyle is one of linear, tait/water, tait/general, cubic, ideal/gas, "
+        "background.",
+        observed="'* taitwater' is refused with 'Illegal fix command, *'; from 2025.7.22.2.0 on the message names "
+        "taitwater.",
+        argument="The types '*' are legal and the style is not: the message points at the wrong word of the command.",
+        workaround="Look at the word after the one that the message names.",
+        cases=("refused.unknown-style",),
+        engines=("2025.7.22.0.1", "2025.7.22.1.0"),
+        outcome="differs",
+        outcome_text="Illegal fix command, *",
     ),
 )
 

@@ -18,6 +18,7 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    StringConstraints,
     Tag,
     WithJsonSchema,
     model_validator,
@@ -69,6 +70,7 @@ Positive = Annotated[Finite, Field(gt=0)]
 TypeRange = Annotated[
     str,
     BeforeValidator(lambda types: str(types) if type(types) is int else types),
+    StringConstraints(pattern=r"^[0-9*-]{1,24}$"),  # nothing that LAMMPS could take for another word or command
     WithJsonSchema({"type": ["string", "integer"]}),
 ]
 LocalFile = Annotated[str, AfterValidator(_inside)]

@@ -1,0 +1,39 @@
+"""Reading the per-atom arrays of a run."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+_PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, version, length of the header
+
+
+def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
+    """All arrays of an npz file that `records.write_arrays` wrote, read-only.
+
+    As np.load, in half the time: that parses the header of every array as Python source, and a run has a thousand
+    arrays with a dozen different headers.
+    """
+    arrays = {}
+    with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+        for name in archive.namelist():
+            raw = archive.read(name)
+            start = _PREFIX + int.from_bytes(raw[8:_PREFIX], "little")
+            shape, fortran, dtype = _header(raw[:start])
+            values = np.frombuffer(raw, dtype, offset=start)
+            arrays[name.removesuffix(".npy")] = values.reshape(shape, order="F" if fortran else "C")
+    return arrays
+
+
+@lru_cache(maxsize=256)
+def _header(raw: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    stream = io.BytesIO(raw)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("not an array of npy format 1.0")
+    return np.lib.format.read_array_header_1_0(stream)

@@ -1,0 +1,350 @@
+// Plots of one case, drawn with Plotly from the JSON inside its article when the case is opened.
+"use strict";
+const Plots = (() => {
+  // Okabe and Ito's palette, which colour-blind readers tell apart; symbols repeat what the colours say.
+  const LIGHT = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#8c7a00"];
+  const DARK = ["#56B4E9", "#E69F00", "#2bbf94", "#CC79A7", "#b0c4de", "#F0E442"];
+  const SYMBOLS = ["circle", "square", "diamond", "triangle-up", "cross", "triangle-down"];
+  const OUTSIDE = "#D55E00";
+  const NAMES = {
+    delta: "(ρ − ρ<sub>0</sub>) / ρ<sub>0</sub>", ratio: "ρ / ρ<sub>0</sub>", rho: "density ρ", energy: "energy density ρ e",
+  };
+  const plain = (text) => String(text).replace(/[<>&]/g, " "); // Plotly reads some tags in its texts
+  const short = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(6))) : String(value));
+
+  function numbers(text) {
+    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    return Array.from(new Float64Array(bytes.buffer));
+  }
+
+  function unpack(value) {
+    if (Array.isArray(value)) return value.map(unpack);
+    return typeof value === "string" ? numbers(value) : value;
+  }
+
+  // ---- axes: decades drawn on a linear axis, so that zero and "not finite" have a place of their own
+
+  const power = (k, sign = "") => (k === 0 ? `${sign}1` : k === 1 ? `${sign}10` : `${sign}10<sup>${String(k).replace("-", "−")}</sup>`);
+
+  function decades(low, high, most) {
+    const step = Math.max(1, Math.ceil((high - low) / most));
+    const found = [];
+    for (let k = Math.ceil(low); k <= high; k += step) found.push(k);
+    return found;
+  }
+
+  function linear() {
+    return { of: (v) => v, axis: { exponentformat: "power" } };
+  }
+
+  function logarithmic(values) {
+    const sizes = values.filter((v) => v > 0 && Number.isFinite(v)).map(Math.log10);
+    const ticks = decades(Math.floor(Math.min(...sizes)), Math.ceil(Math.max(...sizes)), 7);
+    return { of: (v) => Math.log10(v), axis: { tickvals: ticks, ticktext: ticks.map((k) => power(k)) } };
+  }
+
+  function symlog(values, lowest) {
+    // |v| below 10**lowest is drawn linearly between -1 and 1, each decade above it one unit further out.
+    const of = (v) => {
+      const size = Math.abs(v) / 10 ** lowest;
+      return size <= 1 ? Math.sign(v) * size : Math.sign(v) * (1 + Math.log10(size));
+    };
+    const drawn = values.map(of).filter(Number.isFinite);
+    const high = Math.max(...drawn, 0), low = Math.min(...drawn, 0);
+    const most = high > 0 && low < 0 ? 4 : 7;
+    const step = Math.max(1, Math.ceil(Math.max(high, -low) / most));
+    const outward = (end) => decades(1, end, Infinity).filter((u) => u % step === 0); // zero stays clear of its neighbours
+    const up = outward(high), down = outward(-low);
+    const ticks = [...down.map((u) => -u).reverse(), 0, ...up];
+    const text = ticks.map((u) => (u === 0 ? "0" : power(Math.abs(u) - 1 + lowest, u < 0 ? "−" : "")));
+    return { of, axis: { tickvals: ticks, ticktext: text, zeroline: true } };
+  }
+
+  function sizes(values, zero, infinite) {
+    // Sizes on a log axis: zero at the floor, anything that is not finite at the ceiling.
+    const drawn = values.filter((v) => v > 0 && Number.isFinite(v)).map(Math.log10);
+    const low = drawn.length ? Math.floor(Math.min(...drawn)) : 0, high = drawn.length ? Math.ceil(Math.max(...drawn)) : 0;
+    const gap = Math.max(1, Math.round((high - low) / 8));
+    const floor = low - gap, ceiling = high + gap;
+    const inner = decades(low, high, 7);
+    const ticks = [...inner], text = inner.map((k) => power(k));
+    if (values.some((v) => v === 0)) { ticks.unshift(floor); text.unshift(zero); }
+    if (values.some((v) => !Number.isFinite(v))) { ticks.push(ceiling); text.push(infinite); }
+    const of = (v) => (v === 0 ? floor : Number.isFinite(v) ? Math.log10(v) : ceiling);
+    const ends = [Math.min(low, ticks[0]), Math.max(high, ticks[ticks.length - 1])];
+    return { of, axis: { tickvals: ticks, ticktext: text, range: [ends[0] - gap / 2, ends[1] + gap / 2] } };
+  }
+
+  function scaled(spec, values) {
+    if (spec.kind === "log") return logarithmic(values);
+    return spec.kind === "symlog" ? symlog(values, spec.decade) : linear();
+  }
+
+  // ---- look
+
+  function theme(print) {
+    const dark = !print && matchMedia("(prefers-color-scheme: dark)").matches;
+    return dark
+      ? { ink: "#e4e7ea", line: "#363c44", axis: "#8a949e", paper: "#14171b", panel: "#1d2126", colours: DARK }
+      : { ink: "#1b1f24", line: "#e1e5ea", axis: "#59636e", paper: "#ffffff", panel: "#f5f6f8", colours: LIGHT };
+  }
+
+  function axis(look, title, extra) {
+    return {
+      title: { text: title, standoff: 8 }, gridcolor: look.line, linecolor: look.axis, zerolinecolor: look.axis, zeroline: false,
+      showline: true, mirror: true, ticks: "outside", tickangle: 0, tickcolor: look.axis, automargin: true, ...extra,
+    };
+  }
+
+  function layout(look, extra) {
+    return {
+      paper_bgcolor: look.paper, plot_bgcolor: look.paper, margin: { l: 60, r: 14, t: 34, b: 46 },
+      font: { color: look.ink, size: 12, family: "system-ui, 'Liberation Sans', Arial, sans-serif" },
+      hoverlabel: { align: "left", bgcolor: look.panel, bordercolor: look.axis, font: { color: look.ink } }, hovermode: "closest",
+      legend: { orientation: "h", x: 0, y: 1.01, yanchor: "bottom", bgcolor: "rgba(0,0,0,0)", font: { size: 11 } }, ...extra,
+    };
+  }
+
+  // ---- figures
+
+  function hover(data, name) {
+    const field = data.fields[name];
+    return data.id.map((id, i) => [
+      `atom ${id}, type ${data.type[i]}`, `ρ ${short(data.rho[i])}`, `(ρ − ρ0)/ρ0 ${short(data.delta[i])}`,
+      `${plain(name)} ${short(field.lammps[i])}`, `|difference| ${short(field.difference[i])}`,
+      `bound ${short(field.bound[i])}`, `difference/bound ${short(field.ratio[i])}`,
+    ].join("<br>"));
+  }
+
+  function style(type, types, look) {
+    const at = types.indexOf(type);
+    return { color: look.colours[at % look.colours.length], symbol: SYMBOLS[at % SYMBOLS.length] };
+  }
+
+  function atoms(data, field, type) {
+    // Atoms of a type, those outside the bound last: they are drawn on top, and the legend shows the first.
+    const picked = [...data.id.keys()].filter((i) => data.type[i] === type);
+    return [...picked.filter((i) => field.ratio[i] <= 1), ...picked.filter((i) => !(field.ratio[i] <= 1))];
+  }
+
+  function marker(data, field, picked, type, look) {
+    const { color, symbol } = style(type, data.types, look);
+    const inside = picked.map((i) => field.ratio[i] <= 1);
+    return { color: inside.map((is) => (is ? color : OUTSIDE)), symbol: inside.map((is) => (is ? symbol : "x")), size: inside.map((is) => (is ? 6 : 8)) };
+  }
+
+  function lawFigure(data, law, look) {
+    const field = data.fields.pressure;
+    const values = data[law.quantity] ?? data.rho.map((rho) => rho / law.rho0);
+    const picked = atoms(data, field, law.type);
+    const x = scaled(law.scale, [...law.x, ...picked.map((i) => values[i])]);
+    const y = scaled(law.pscale, [...law.p, ...picked.map((i) => field.lammps[i])]);
+    const text = hover(data, "pressure");
+    const missing = picked.filter((i) => !Number.isFinite(field.lammps[i])).length;
+    const traces = [
+      { x: law.x.map(x.of), y: law.p.map(y.of), mode: "lines", name: "reference law", hoverinfo: "skip", line: { color: look.axis, width: 1.6 } },
+      {
+        x: picked.map((i) => x.of(values[i])), y: picked.map((i) => y.of(field.lammps[i])), text: picked.map((i) => text[i]),
+        mode: "markers", name: "LAMMPS", hoverinfo: "text", marker: { ...marker(data, field, picked, law.type, look), line: { width: 0.5, color: look.paper } },
+      },
+    ];
+    const note = missing ? `${missing} LAMMPS values are not finite and cannot be drawn here` : "";
+    const extra = { xaxis: axis(look, NAMES[law.quantity], x.axis), yaxis: axis(look, "pressure", y.axis) };
+    return { title: `Type ${law.type}: ${plain(law.style)}`, note, traces, layout: layout(look, extra) };
+  }
+
+  function errorFigure(data, name, look) {
+    const field = data.fields[name];
+    const offsets = data.delta.some(Number.isFinite);
+    const gas = !offsets || (data.laws.length > 0 && data.laws.every((law) => law.quantity === "energy"));
+    const wide = !gas && data.laws.some((law) => law.quantity === "ratio"); // there |rho/rho0 - 1| would pile up at 1
+    const values = (gas ? data.rho : wide ? data.delta.map((delta) => 1 + delta) : data.delta).map(Math.abs);
+    const title = gas ? "|ρ|" : wide ? "|ρ / ρ<sub>0</sub>|" : "|ρ / ρ<sub>0</sub> − 1|";
+    const x = sizes(values, "0", "no law");
+    const y = sizes([...field.difference, ...field.bound.filter(Number.isFinite)], "equal", "not finite");
+    const text = hover(data, name);
+    const traces = [];
+    for (const type of data.types) {
+      const picked = atoms(data, field, type);
+      const at = picked.map((i) => x.of(values[i]));
+      const { color } = style(type, data.types, look);
+      const label = data.types.length > 1 ? `type ${type} ` : "";
+      const common = { x: at, mode: "markers", hoverinfo: "text", text: picked.map((i) => text[i]) };
+      traces.push({ ...common, y: picked.map((i) => (Number.isFinite(field.bound[i]) ? y.of(field.bound[i]) : NaN)), name: `${label}bound`, marker: { symbol: "line-ew-open", color, size: 7, line: { width: 1.5, color } } });
+      traces.push({ ...common, y: picked.map((i) => y.of(field.difference[i])), name: `${label}LAMMPS − reference`, marker: { ...marker(data, field, picked, type, look), opacity: 0.8, line: { width: 0 } } });
+    }
+    const equal = field.difference.filter((v) => v === 0).length;
+    const note = `${equal} of ${field.difference.length} atoms drawn have no difference at all${equal ? ": on the line “equal”" : ""}`;
+    const extra = { xaxis: axis(look, title, x.axis), yaxis: axis(look, `|difference of ${plain(name)}|`, y.axis) };
+    return { title: "Difference and bound", note, traces, layout: layout(look, extra) };
+  }
+
+  function outline(data, look) {
+    if (!data.box) return [];
+    const lo = data.box.slice(0, 3), hi = data.box.slice(3);
+    const corner = (bits) => [0, 1, 2].map((c) => ((bits >> c) & 1 ? hi[c] : lo[c]));
+    // A walk along the edges that meets them all; in 2D the first five corners are the rectangle.
+    const walk = [0, 1, 3, 2, 0, ...(data.x.length === 3 ? [4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4] : [])].map(corner);
+    const [x, y, z] = [0, 1, 2].map((c) => walk.map((point) => point[c]));
+    return [{ ...place(data, [x, y, z]), mode: "lines", hoverinfo: "skip", showlegend: false, line: { color: look.axis, width: 1.5 } }];
+  }
+
+  function place(data, [x, y, z]) {
+    return data.x.length === 3 ? { type: "scatter3d", x, y, z } : { type: "scatter", x, y };
+  }
+
+  function particles(data, picked, text, marker, name) {
+    const at = data.x.map((column) => picked.map((i) => column[i]));
+    return { ...place(data, at), mode: "markers", hoverinfo: "text", text: picked.map((i) => text[i]), marker, name, showlegend: false };
+  }
+
+  function points(data, picked, look) {
+    // The symbols of the types, as in the plots of the laws; 3D has too few of them.
+    return data.x.length === 3 ? { size: 4 } : { size: 6, symbol: picked.map((i) => style(data.type[i], data.types, look).symbol) };
+  }
+
+  function particleLayout(data, look) {
+    const names = ["x", "y", "z"];
+    if (data.x.length !== 3) {
+      const equal = { scaleanchor: "x", scaleratio: 1 };
+      return layout(look, { xaxis: axis(look, "x", { constrain: "domain" }), yaxis: axis(look, "y", { ...equal, constrain: "domain" }) });
+    }
+    const axes = names.map((name) => [`${name}axis`, { title: { text: name }, gridcolor: look.line, color: look.ink, backgroundcolor: look.paper, zeroline: false }]);
+    const camera = { eye: { x: 1.5, y: 1.5, z: 1.1 } };
+    return layout(look, { margin: { l: 0, r: 0, t: 6, b: 6 }, scene: { ...Object.fromEntries(axes), aspectmode: "data", camera } });
+  }
+
+  function valueFigure(data, name, look) {
+    const field = data.fields[name];
+    const scale = scaled(field.scale, field.lammps);
+    const finite = [...data.id.keys()].filter((i) => Number.isFinite(field.lammps[i]));
+    const others = [...data.id.keys()].filter((i) => !Number.isFinite(field.lammps[i]));
+    const text = hover(data, name);
+    const colorbar = { thickness: 12, outlinewidth: 0, len: 0.9, exponentformat: "power", ...(scale.axis.tickvals ? { tickmode: "array", tickvals: scale.axis.tickvals, ticktext: scale.axis.ticktext } : {}) };
+    const shown = { ...points(data, finite, look), color: finite.map((i) => scale.of(field.lammps[i])), colorscale: "Cividis", colorbar, line: { width: 0.5, color: look.axis } };
+    const traces = [...outline(data, look), particles(data, finite, text, shown, plain(name))];
+    if (others.length) traces.push(particles(data, others, text, { size: 9, symbol: "x", color: OUTSIDE }, "not finite"));
+    const note = others.length ? `${others.length} not finite: orange crosses` : "";
+    return { title: `Particles: ${plain(name)} of LAMMPS`, note, traces, layout: particleLayout(data, look) };
+  }
+
+  function ratioFigure(data, name, look) {
+    const field = data.fields[name];
+    const inside = [...data.id.keys()].filter((i) => field.ratio[i] <= 1);
+    const outside = [...data.id.keys()].filter((i) => !(field.ratio[i] <= 1));
+    const text = hover(data, name);
+    const colorbar = { thickness: 12, outlinewidth: 0, len: 0.9 };
+    const top = Math.max(...inside.map((i) => field.ratio[i]), 0) || 1;
+    const shown = { ...points(data, inside, look), color: inside.map((i) => field.ratio[i]), cmin: 0, cmax: top, colorscale: "Cividis", colorbar, line: { width: 0.5, color: look.axis } };
+    const traces = outline(data, look);
+    if (inside.length) traces.push(particles(data, inside, text, shown, "inside the bound"));
+    if (outside.length) traces.push(particles(data, outside, text, { size: 8, symbol: "diamond", color: OUTSIDE, line: { width: 1, color: look.ink } }, "outside the bound"));
+    const note = outside.length ? `${outside.length} atoms drawn lie outside the bound: orange diamonds` : `all inside the bound; largest ratio ${short(Math.max(...field.ratio))}`;
+    return { title: "Particles: difference/bound", note, traces, layout: particleLayout(data, look) };
+  }
+
+  function checksFigure(checks, look) {
+    const y = sizes([...checks.ratio, 1], "equal", "not finite");
+    const keys = [...new Set(checks.type.map((type, i) => `${type}/${checks.run[i]}`))].sort();
+    const runs = new Set(checks.run).size > 1;
+    const types = [...new Set(checks.type)].sort((a, b) => a - b);
+    const traces = keys.map((key) => {
+      const [type, run] = key.split("/").map(Number);
+      const picked = [...checks.step.keys()].filter((i) => checks.type[i] === type && checks.run[i] === run).sort((a, b) => checks.step[a] - checks.step[b]);
+      return {
+        x: picked.map((i) => checks.step[i]), y: picked.map((i) => y.of(checks.ratio[i])), mode: "lines+markers", line: { width: 1 },
+        marker: { size: 5, ...style(type, types, look) }, name: `type ${type}${runs ? `, run ${run}` : ""}`, hoverinfo: "text",
+        text: picked.map((i) => `step ${checks.step[i]}, run ${run}, type ${type}<br>largest difference/bound ${short(checks.ratio[i])}`),
+      };
+    });
+    const limit = { type: "line", xref: "paper", x0: 0, x1: 1, y0: 0, y1: 0, line: { color: OUTSIDE, width: 1.5, dash: "dash" } };
+    const label = { xref: "paper", x: 0.01, xanchor: "left", y: 0, yanchor: "bottom", text: "bound", showarrow: false, font: { color: OUTSIDE, size: 11 } };
+    const extra = { shapes: [limit], annotations: [label], xaxis: axis(look, "step", {}), yaxis: axis(look, "largest difference/bound", y.axis) };
+    const note = checks.total > checks.step.length ? `${checks.step.length} of ${checks.total} looks shown: the worst, the others evenly` : "";
+    return { title: "Checks over time", note, traces, layout: layout(look, extra) };
+  }
+
+  // ---- drawing
+
+  function figures(data, name, look) {
+    const found = data.checks ? [checksFigure(data.checks, look)] : [];
+    if (!name) return found;
+    if (name === "pressure") found.push(...data.laws.map((law) => lawFigure(data, law, look)));
+    return [...found, errorFigure(data, name, look), valueFigure(data, name, look), ratioFigure(data, name, look)];
+  }
+
+  function element(tag, name, text) {
+    const made = document.createElement(tag);
+    if (name) made.className = name;
+    if (text) made.textContent = text;
+    return made;
+  }
+
+  function load(article) {
+    const script = article.querySelector("script.data");
+    if (!script) return null;
+    const data = JSON.parse(script.textContent);
+    for (const key of ["x", "box", "id", "type", "rho", "delta", "energy"]) if (data[key]) data[key] = unpack(data[key]);
+    for (const field of Object.values(data.fields ?? {})) for (const key of ["lammps", "difference", "bound", "ratio"]) field[key] = numbers(field[key]);
+    for (const law of data.laws ?? []) { law.x = numbers(law.x); law.p = numbers(law.p); }
+    if (data.checks) for (const key of ["step", "run", "type", "ratio"]) data.checks[key] = numbers(data.checks[key]);
+    return data;
+  }
+
+  function choice(article, names, chosen) {
+    const label = element("label", "choice", "Field ");
+    const select = element("select");
+    for (const name of names) select.append(new Option(name, name, false, name === chosen));
+    select.addEventListener("change", () => draw(article, { name: select.value }));
+    label.append(select);
+    return label;
+  }
+
+  function draw(article, { name, print = false } = {}) {
+    const data = load(article);
+    if (!data) return;
+    remove(article);
+    const panel = article.querySelector(".plots");
+    const names = Object.keys(data.fields ?? {});
+    const field = name ?? panel.dataset.field ?? (names.includes("pressure") ? "pressure" : names[0]);
+    if (field) panel.dataset.field = field;
+    if (names.length > 1) panel.append(choice(article, names, field));
+    if (data.id) {
+      const thinned = data.id.length < data.natoms ? ": the worst by difference/bound, the others evenly by density" : "";
+      panel.append(element("p", "note", `${data.id.length} of ${data.natoms} atoms shown in the plots${thinned}.`));
+    }
+    for (const { title, note, traces, layout } of figures(data, field, theme(print))) {
+      const figure = element("figure");
+      const caption = element("figcaption", "", title);
+      if (note) caption.append(element("small", "", note));
+      const plot = element("div", "plot");
+      figure.append(caption, plot);
+      panel.append(figure);
+      const buttons = layout.scene ? ["orbitRotation", "pan3d", "resetCameraDefault3d"] : ["zoom2d", "pan2d", "resetScale2d"];
+      // Before printing the window still has its own width: draw for the paper's.
+      const size = print ? { width: 640, height: 400, autosize: false } : {};
+      Plotly.newPlot(plot, traces, { ...layout, ...size }, { responsive: true, displaylogo: false, modeBarButtons: [["toImage", ...buttons]] });
+    }
+  }
+
+  function remove(article) {
+    const panel = article.querySelector(".plots");
+    if (!panel) return;
+    for (const canvas of panel.querySelectorAll("canvas")) {
+      // A browser keeps only some 16 WebGL contexts, and purge leaves them to the garbage collector.
+      (canvas.getContext("webgl2") ?? canvas.getContext("webgl"))?.getExtension("WEBGL_lose_context")?.loseContext();
+    }
+    for (const plot of panel.querySelectorAll(".plot")) Plotly.purge(plot);
+    panel.replaceChildren();
+  }
+
+  function again(print) {
+    const open = document.querySelector("article.case:not([hidden])");
+    if (open) draw(open, { print });
+  }
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => again(false));
+  window.addEventListener("beforeprint", () => again(true));
+  window.addEventListener("afterprint", () => again(false));
+
+  return { draw, remove };
+})();

@@ -1,0 +1,88 @@
+"""``junit.xml``: a run as CI servers read it."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+from lammps_cases.records import CaseRecord, RunRecord
+from lammps_cases.report import wording
+
+# XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.
+_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def document(run: RunRecord) -> bytes:
+    """A run as JUnit XML: one testcase per case, in the class of the first part of its name."""
+    outcomes = [_outcome(case, run) for case in run.cases]
+    totals = {
+        "tests": len(run.cases),
+        "failures": outcomes.count("failure"),
+        "errors": outcomes.count("error"),
+    }
+    attributes = {name: str(value) for name, value in totals.items()}
+    attributes |= {"skipped": str(outcomes.count("skipped")), "time": f"{run.seconds:.6f}"}
+    root = ET.Element("testsuites", {"name": "eos-ref", **attributes})
+    suite = ET.SubElement(root, "testsuite", {"name": "eos-ref", **attributes})
+    if run.date:
+        suite.set("timestamp", _legal(run.date))
+    properties = ET.SubElement(suite, "properties")
+    for name, value in _properties(run).items():
+        ET.SubElement(properties, "property", {"name": _legal(name), "value": _legal(value)})
+    for case, outcome in zip(run.cases, outcomes, strict=True):
+        _add(suite, case, outcome)
+    ET.indent(root)
+    return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
+
+
+def _outcome(case: CaseRecord, run: RunRecord) -> str:
+    if case.verdict == "skipped":
+        return "skipped"
+    if wording.accepted(case, run):
+        return "passed"
+    return "failure" if case.verdict in ("differs", "explained") else "error"
+
+
+def _add(suite: ET.Element, case: CaseRecord, outcome: str) -> None:
+    name = _legal(case.case)
+    attributes = {
+        "classname": f"eos-ref.{name.split('.')[0]}",
+        "name": name,
+        "time": f"{case.seconds.total:.6f}",
+    }
+    testcase = ET.SubElement(suite, "testcase", attributes)
+    text = _text(case)
+    if outcome == "passed":
+        if text and case.verdict in ("explained", "refused"):
+            ET.SubElement(testcase, "system-out").text = text
+        return
+    result = ET.SubElement(testcase, outcome, {"message": _legal(case.message) or case.verdict})
+    if outcome != "skipped":
+        result.set("type", case.verdict)
+        result.text = text
+
+
+def _text(case: CaseRecord) -> str:
+    lines = [f"{wording.kind(case)}: {case.message}" if case.message else wording.kind(case)]
+    if case.expects:
+        lines.append(f"expected refusal: {case.expects}")
+    if case.explained_by:
+        lines.append(f"explained by {case.explained_by}")
+    for field in case.fields:
+        ratio = wording.number(field.max_over_bound)
+        line = f"{field.field} (stage {field.stage}): {field.verdict}, difference/bound {ratio}"
+        line += "" if field.worst_id is None else f", atom {field.worst_id}"
+        lines.append(line + (f", explained by {field.explained_by}" if field.explained_by else ""))
+    if case.reproduce:
+        lines.append(f"reproduce: {case.reproduce}")
+    return _legal("\n".join(lines))
+
+
+def _properties(run: RunRecord) -> dict[str, str]:
+    found = {f"engine.{name}": str(value) for name, value in run.engine.model_dump().items() if value}
+    found |= {f"reference.{name}": version for name, version in run.reference.items()}
+    return found | ({"command": run.command} if run.command else {})
+
+
+def _legal(text: str) -> str:
+    return _ILLEGAL.sub("", text)

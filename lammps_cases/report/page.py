@@ -1,0 +1,146 @@
+"""``report.html``: one page that opens offline, with everything inside."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from eos_ref.eos import FloatArray
+from eos_ref.errors import InputError
+from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord
+from lammps_cases.report import plots, wording
+from lammps_cases.report.arrays import read_arrays
+
+ASSETS = Path(__file__).parent / "assets"
+ROWS = 200  # checks of an audit listed per case
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Exact numbers of the worst atom of a field."""
+
+    field: str
+    values: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A case as the page shows it."""
+
+    record: CaseRecord
+    kind: str
+    rank: int
+    accepted: bool
+    blame: FieldRecord | None
+    ratio: float | None
+    lost: tuple[float | None, float | None]
+    styles: str
+    text: str
+    checks: list[CheckRecord]
+    worst: list[Worst]
+    data: Markup | None
+
+
+def render(run: RunRecord, fields: Path) -> str:
+    """The page of a run; per-atom arrays are read from the folder ``fields``."""
+    loader = jinja2.FileSystemLoader(ASSETS)
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["number"] = wording.number
+    environment.filters["sortable"] = _sortable
+    return environment.get_template("report.html.j2").render(
+        run=run,
+        status=wording.status(run),
+        stamp=wording.stamp(run),
+        sentence=wording.sentence(run),
+        engine=wording.engine(run),
+        counts=wording.counts(run),
+        entries=[_entry(case, run, fields) for case in run.cases],
+        provenance=dict(_provenance(run)),
+        seeds={case.case: case.seed for case in run.cases if case.seed is not None},
+        css=Markup((ASSETS / "report.css").read_text(encoding="utf-8")),
+        scripts=[_script(path) for path in (_plotly(), ASSETS / "plots.js", ASSETS / "report.js")],
+    )
+
+
+def embedded(data: Any) -> Markup:
+    """JSON that cannot end the script element it stands in, nor open a comment there."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _entry(case: CaseRecord, run: RunRecord, fields: Path) -> Entry:
+    arrays = _arrays(case, fields)
+    found = {} if arrays is None else plots.differences(arrays)
+    data = plots.payload(case, arrays, found)
+    words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message)
+    return Entry(
+        record=case,
+        kind=wording.kind(case),
+        rank=wording.rank(case, run),
+        accepted=wording.accepted(case, run),
+        blame=wording.worst_field(case),
+        ratio=wording.worst_ratio(case),
+        lost=(wording.digits_lost(case, "lammps"), wording.digits_lost(case, "reference")),
+        styles=wording.styles(case),
+        text=" ".join(words).lower(),
+        checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
+        worst=[_worst(case, arrays, field, *of) for field, of in found.items() if arrays and of[0].any()],
+        data=None if data is None else embedded(data),
+    )
+
+
+def _arrays(case: CaseRecord, fields: Path) -> plots.Arrays | None:
+    # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
+    path = fields / f"{case.case}.npz"
+    if not case.fields or not path.is_file():
+        return None
+    arrays = read_arrays(path)
+    return arrays if arrays["id"].size else None
+
+
+def _worst(case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: FloatArray, ratio_n: FloatArray) -> Worst:
+    at = int(np.argmax(ratio_n))
+    names = ("id", "type", "rho", "e", f"{field}.lammps", f"{field}.reference", f"{field}.bound")
+    values = {name.removeprefix(f"{field}."): repr(arrays[name][at].item()) for name in names if name in arrays}
+    values |= {"difference": repr(difference_n[at].item()), "difference/bound": repr(ratio_n[at].item())}
+    delta_n = plots.offsets(case, arrays["type"][at : at + 1], np.asarray(arrays["rho"][at : at + 1], float))
+    values |= {"(rho - rho0)/rho0": repr(delta_n[0].item())}
+    values["position"] = ", ".join(repr(float(c)) for c in arrays["x"][at])
+    return Worst(field, values)
+
+
+def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
+    yield "command", run.command
+    yield "date", run.date
+    yield "wall time", f"{run.seconds:.2f} s"
+    yield "strict", "yes: explained differences are not accepted" if run.strict else "no"
+    for part in ("engine", "reference", "machine"):
+        values = getattr(run, part)
+        for name, value in (values if isinstance(values, dict) else values.model_dump()).items():
+            if value:
+                yield f"{part}: {name.replace('_', ' ')}", str(value)
+    yield "record", run.schema_
+
+
+def _sortable(value: float | None) -> str:
+    return "" if value is None else repr(float(value)).replace("inf", "Infinity").replace("nan", "Infinity")
+
+
+def _plotly() -> Path:
+    """Plotly's script inside its Python package, found without importing that (0.3 s)."""
+    spec = importlib.util.find_spec("plotly")
+    if spec is None or not spec.submodule_search_locations:
+        raise InputError("plotly", "must be installed: its script draws the plots of report.html")
+    return Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js"
+
+
+def _script(path: Path) -> Markup:
+    return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

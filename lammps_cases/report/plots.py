@@ -1,0 +1,215 @@
+"""The numbers that the page draws from: a few hundred atoms of a case, the curves of its laws, its checks.
+
+Arrays travel as base64 of little-endian float64: exact, NaN and infinity included, no longer than six-digit
+text and far faster to write. The drawing itself happens in the browser, when a case is opened.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.eos import EOS, FloatArray, Style
+from eos_ref.errors import InputError
+from lammps_cases.compare import excess
+from lammps_cases.records import CaseRecord, CheckRecord, LawRecord
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+Differences = Mapping[str, tuple[FloatArray, FloatArray]]
+ATOMS = 400  # atoms embedded per case
+CHECKS = 600  # looks of an audit embedded per case
+GRID = 200  # points of a curve
+
+
+def payload(case: CaseRecord, arrays: Arrays | None, found: Differences) -> dict[str, Any] | None:
+    """What the page needs to draw a case, as JSON data; None if there is nothing to draw."""
+    data: dict[str, Any] = {}
+    if arrays is not None:
+        data |= _atoms(case, arrays, found)
+    if case.checks:
+        data["checks"] = _checks(case.checks)
+    return data or None
+
+
+def differences(arrays: Arrays) -> Differences:
+    """Absolute difference and its ratio to the bound, per atom, with the rule of the comparison.
+
+    Of every field of which both sides and the bound are present, in the order of the names.
+    """
+    names = sorted(name.removesuffix(".lammps") for name in arrays if name.endswith(".lammps"))
+    sides = {field: [arrays.get(f"{field}.{side}") for side in ("lammps", "reference", "bound")] for field in names}
+    return {
+        field: excess(*(np.asarray(values, float) for values in found))
+        for field, found in sides.items()
+        if all(values is not None for values in found)
+    }
+
+
+def thinned(ratio_n: FloatArray, key_n: FloatArray, group_n: npt.NDArray[Any], limit: int) -> npt.NDArray[np.intp]:
+    """Positions of at most ``limit`` points: the worst quarter by ratio, others evenly by group and key."""
+    if ratio_n.size <= limit:
+        return np.arange(ratio_n.size)
+    worst = np.argsort(-ratio_n, kind="stable")[: limit // 4]
+    others = np.lexsort((key_n, group_n))
+    kept = np.ones(ratio_n.size, bool)
+    kept[worst] = False
+    others = others[kept[others]]
+    even = np.linspace(0, others.size - 1, limit - worst.size).astype(int)
+    return np.sort(np.concatenate([worst, others[even]]))
+
+
+def many_decades(values: FloatArray) -> bool:
+    """Whether a good part of the values lies three decades or more below the largest one."""
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    fifth = sizes.size // 5
+    return bool(sizes.size) and float(np.partition(sizes, fifth)[fifth]) < 1e-3 * float(sizes.max())
+
+
+def scale_of(values: FloatArray) -> dict[str, Any]:
+    """Linear, or logarithmic on both sides of zero (`symlog`) with the decade below which it is linear."""
+    if not many_decades(values):
+        return {"kind": "linear"}
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    # Never less than the smallest normal number, whose decade can still be divided by.
+    return {"kind": "symlog", "decade": max(int(np.floor(np.log10(sizes.min()))), -307)}
+
+
+def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> FloatArray:
+    """(rho - rho0)/rho0 of each atom with the rho0 of its type; NaN for a type without a law."""
+    delta_n = np.full(rho_n.shape, np.nan)
+    for law in case.laws:
+        of_type = type_n == law.type
+        with np.errstate(all="ignore"):
+            delta_n[of_type] = (rho_n[of_type] - law.rho0) / law.rho0
+    return delta_n
+
+
+def _atoms(case: CaseRecord, arrays: Arrays, found: Differences) -> dict[str, Any]:
+    # An input that LAMMPS holds exactly as given makes no picture.
+    fields = [field for field, (difference_n, _) in found.items() if field == "pressure" or difference_n.any()]
+    type_n, rho_n = arrays["type"], np.asarray(arrays["rho"], float)
+    ratio_n = np.max([found[field][1] for field in fields], axis=0) if fields else np.zeros(rho_n.shape)
+    picked = thinned(ratio_n, rho_n, type_n, ATOMS)
+    x_nc = np.asarray(arrays["x"], float)[picked]
+    dimension = case.dimension or (3 if np.ptp(x_nc[:, 2]) > 0 else 2)
+    data = {
+        "natoms": int(rho_n.size),
+        "types": [int(t) for t in np.unique(type_n)],
+        "x": [_packed(x_nc[:, c]) for c in range(dimension)],
+        "box": _packed(arrays["box"]) if "box" in arrays else None,
+        "id": _packed(arrays["id"][picked]),
+        "type": _packed(type_n[picked]),
+        "rho": _packed(rho_n[picked]),
+        "delta": _packed(offsets(case, type_n, rho_n)[picked]),
+        "fields": {field: _field(arrays, field, found[field], picked) for field in fields},
+        "laws": _curves(case, arrays) if "pressure" in fields else [],
+    }
+    if "e" in arrays:
+        data["energy"] = _packed((rho_n * arrays["e"])[picked])
+    return data
+
+
+def _field(
+    arrays: Arrays, field: str, found: tuple[FloatArray, FloatArray], picked: npt.NDArray[np.intp]
+) -> dict[str, Any]:
+    difference_n, ratio_n = found
+    lammps_n = np.asarray(arrays[f"{field}.lammps"], float)[picked]
+    return {
+        "lammps": _packed(lammps_n),
+        "difference": _packed(difference_n[picked]),
+        "bound": _packed(arrays[f"{field}.bound"][picked]),
+        "ratio": _packed(ratio_n[picked]),
+        "scale": scale_of(lammps_n),
+    }
+
+
+def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:
+    curves = []
+    for record in case.laws:
+        of_type = (arrays["type"] == record.type) & np.isfinite(arrays["rho"])
+        rho_n = np.asarray(arrays["rho"], float)[of_type]
+        energy_n = rho_n * arrays["e"][of_type] if "e" in arrays else None
+        if not rho_n.size or (record.style == "ideal/gas" and energy_n is None):
+            continue
+        try:
+            law = _law(record)
+        except InputError:  # a scene may test what LAMMPS makes of parameters outside the law's domain: no curve
+            continue
+        named = {"type": record.type, "style": record.style, "rho0": record.rho0}
+        curves.append(named | _curve(law, rho_n, energy_n))
+    return curves
+
+
+def _law(record: LawRecord) -> EOS:
+    return EOS(cast(Style, record.style), record.rho0, record.cs, record.parameter, record.background)
+
+
+def _curve(law: EOS, rho_n: FloatArray, energy_n: FloatArray | None) -> dict[str, Any]:
+    """Pressure of a law on a grid over the data, against the quantity that shows it best.
+
+    The law is evaluated by its numpy body: a curve is not worth loading the compiled one.
+    """
+    with np.errstate(all="ignore"):
+        if law.needs_energy and energy_n is not None:  # one line for all energies: P against rho e
+            quantity, scale = "energy", scale_of(energy_n)
+            grid = _grid(energy_n, scale)
+            p = law.evaluate(grid, np.ones_like(grid))
+        else:
+            quantity, scale = _abscissa(law.rho0, rho_n)
+            delta_n = (rho_n - law.rho0) / law.rho0
+            rho = {
+                "delta": lambda: law.rho0 * (1 + _grid(delta_n, scale)),
+                "ratio": lambda: law.rho0 * _grid(rho_n / law.rho0, scale),
+                "rho": lambda: _grid(rho_n, scale),
+            }[quantity]()
+            p = law.evaluate(rho)
+            # From the rounded density, so that points and curve agree even where rho - rho0 has few digits.
+            grid = {"delta": (rho - law.rho0) / law.rho0, "ratio": rho / law.rho0, "rho": rho}[quantity]
+    return {"quantity": quantity, "scale": scale, "x": _packed(grid), "p": _packed(p), "pscale": scale_of(p)}
+
+
+def _abscissa(rho0: float, rho_n: FloatArray) -> tuple[str, dict[str, Any]]:
+    """Offset from rho0 if that is small or spans many decades, rho/rho0 if that does, else the density."""
+    delta_n = (rho_n - rho0) / rho0
+    if many_decades(delta_n) or float(np.abs(delta_n).max()) <= 1e-3:
+        return "delta", scale_of(delta_n)
+    if rho_n.min() > 0 and rho_n.max() > 100 * rho_n.min():
+        return "ratio", {"kind": "log"}
+    return "rho", {"kind": "linear"}
+
+
+def _grid(values: FloatArray, scale: dict[str, Any]) -> FloatArray:
+    """Grid over the values, even on the axis they are drawn on."""
+    low, high = float(values.min()), float(values.max())
+    if scale["kind"] == "log":
+        return np.geomspace(low, high, GRID)
+    if scale["kind"] == "linear":
+        return np.linspace(low, high, GRID)
+    small = 10.0 ** scale["decade"]
+    ends = np.array([low, high])
+    with np.errstate(divide="ignore"):
+        beyond = np.sign(ends) * (1 + np.log10(np.abs(ends) / small))
+    first, last = np.where(np.abs(ends) > small, beyond, ends / small)
+    even = np.linspace(float(first), float(last), GRID)
+    return np.asarray(np.where(np.abs(even) > 1, np.sign(even) * small * 10 ** (np.abs(even) - 1), even * small))
+
+
+def _checks(checks: list[CheckRecord]) -> dict[str, Any]:
+    picked = [checks[i] for i in thinned_checks(checks, CHECKS)]
+    columns = {name: _packed([getattr(check, name) for check in picked]) for name in ("step", "run", "type")}
+    return columns | {"ratio": _packed([check.max_over_bound for check in picked]), "total": len(checks)}
+
+
+def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
+    """Positions of at most ``limit`` looks of an audit: the worst, others evenly over type and time."""
+    ratio = np.nan_to_num(np.array([check.max_over_bound for check in checks], float), nan=np.inf)
+    group = np.array([check.type for check in checks])
+    return [int(i) for i in thinned(ratio, np.arange(len(checks), dtype=float), group, limit)]
+
+
+def _packed(values: npt.ArrayLike) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode("ascii")

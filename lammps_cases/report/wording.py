@@ -1,0 +1,106 @@
+"""What every report says in the same words: verdict of the run, order of the cases, numbers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Literal
+
+from lammps_cases.records import VERDICTS, CaseRecord, FieldRecord, RunRecord, Verdict, worst
+
+# From best to worst, by the order in which `worst` of the records ranks them.
+SEVERITY: dict[Verdict, int] = {v: sum(worst([v, other]) == v for other in VERDICTS) for v in VERDICTS}
+EXPECTED_REFUSAL = "refused as expected"
+
+
+def kind(case: CaseRecord) -> str:
+    """The verdict, with an expected refusal kept apart from one that nobody expected."""
+    return EXPECTED_REFUSAL if case.verdict == "refused" and case.as_expected else case.verdict
+
+
+def accepted(case: CaseRecord, run: RunRecord) -> bool:
+    """Whether a case leaves this run green; a strict run does not accept `explained`."""
+    return case.as_expected and not (run.strict and case.verdict == "explained")
+
+
+def rank(case: CaseRecord, run: RunRecord) -> int:
+    """Place of a case in a list by severity; all that is not accepted comes after all that is."""
+    if kind(case) == EXPECTED_REFUSAL:
+        return SEVERITY["pass"]
+    return SEVERITY[case.verdict] + (0 if accepted(case, run) else len(VERDICTS))
+
+
+def unaccepted(run: RunRecord) -> list[CaseRecord]:
+    """The cases that turn a run red, worst first."""
+    return sorted((c for c in run.cases if not accepted(c, run)), key=lambda c: -rank(c, run))
+
+
+def counts(run: RunRecord) -> dict[str, int]:
+    """Number of cases of each kind, in the order of severity; what was skipped comes last."""
+    found = Counter(kind(case) for case in run.cases)
+    first = {kind(case): rank(case, run) for case in run.cases}
+    return {name: found[name] for name in sorted(found, key=lambda name: (name == "skipped", first[name]))}
+
+
+def status(run: RunRecord) -> Literal["good", "bad", "empty"]:
+    """Colour of a run; one that compared nothing is not green."""
+    if unaccepted(run):
+        return "bad"
+    return "good" if any(case.verdict != "skipped" for case in run.cases) else "empty"
+
+
+def stamp(run: RunRecord) -> str:
+    """The run in one word."""
+    return {"good": "PASS", "bad": "FAIL", "empty": "EMPTY"}[status(run)]
+
+
+def sentence(run: RunRecord) -> str:
+    """The run in one sentence."""
+    total = f"{len(run.cases)} case{'' if len(run.cases) == 1 else 's'}"
+    parts = ", ".join(f"{number} {name}" for name, number in counts(run).items())
+    bad = len(unaccepted(run))
+    end = {"good": "all as expected", "empty": "nothing was compared", "bad": f"{bad} not as expected"}[status(run)]
+    strict = " (strict: explained differences are not accepted)" if run.strict else ""
+    return f"{total}: {parts}; {end}{strict}." if parts else f"{total}; {end}."
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number for reading; empty for None."""
+    if value is None:
+        return ""
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:.{digits}g}"
+
+
+def worst_field(case: CaseRecord) -> FieldRecord | None:
+    """The field to blame: worst verdict, then largest difference in units of the bound."""
+    return max(case.fields, key=lambda f: (SEVERITY[f.verdict], _size(f.max_over_bound)), default=None)
+
+
+def worst_ratio(case: CaseRecord) -> float | None:
+    """Largest difference in units of the bound, over the fields and checks of a case."""
+    ratios = [f.max_over_bound for f in case.fields if f.max_over_bound is not None]
+    ratios += [check.max_over_bound for check in case.checks]
+    return max(ratios, key=_size, default=None)
+
+
+def digits_lost(case: CaseRecord, side: Literal["lammps", "reference"]) -> float | None:
+    """Decimal digits that a side loses in the worst field of a case."""
+    lost = [getattr(field.digits_lost, side) for field in case.fields]
+    return max((value for value in lost if value is not None), default=None)
+
+
+def styles(case: CaseRecord) -> str:
+    """The laws of a case, each named once, in the order of the types."""
+    return ", ".join(dict.fromkeys(law.style for law in case.laws))
+
+
+def engine(run: RunRecord) -> str:
+    """Which LAMMPS answered, in one line."""
+    parts = (run.engine.name, run.engine.distribution, run.engine.version_string, run.engine.git)
+    return " · ".join(part for part in parts if part)
+
+
+def _size(ratio: float | None) -> float:
+    return -1.0 if ratio is None else math.inf if math.isnan(ratio) else ratio

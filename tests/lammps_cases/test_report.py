@@ -1,0 +1,491 @@
+"""The reports of a run: what is written, that it is well formed, and that no text in it acts as markup."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS, EOSTable
+from eos_ref.errors import InputError
+from lammps_cases import compare, records
+from lammps_cases.records import (
+    CaseRecord,
+    CheckRecord,
+    EngineRecord,
+    FieldRecord,
+    LawRecord,
+    RunRecord,
+    Seconds,
+)
+from lammps_cases.report import markdown, page, plots, wording, write_report
+from lammps_cases.report.arrays import read_arrays
+
+HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
+WATER = EOS("tait/water", rho0=1000.0, cs=10.0)
+
+
+def _laws(table: EOSTable) -> list[LawRecord]:
+    return [
+        LawRecord(
+            type=t,
+            style=w.style,
+            rho0=w.rho0,
+            cs=w.cs,
+            parameter=w.parameter,
+            background=w.background,
+            mass=1.5,
+        )
+        for t, w in enumerate(table.laws, 1)
+    ]
+
+
+def _positions(count: int, dimension: int) -> np.ndarray:
+    side = int(np.ceil(count ** (1 / dimension)))
+    axes = [np.arange(side) * 0.5] * dimension
+    x = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)[:count]
+    return np.pad(x, ((0, 0), (0, 3 - dimension)))
+
+
+def scene(
+    folder: Path,
+    name: str,
+    table: EOSTable,
+    rho_n: np.ndarray,
+    *,
+    types: np.ndarray | None = None,
+    e_n: np.ndarray | None = None,
+    dimension: int = 2,
+    noise: float = 0.3,
+    spoil: dict[int, float] | None = None,
+    **more: Any,
+) -> CaseRecord:
+    """A case whose "LAMMPS" is the reference moved by a part of the bound, and spoiled on some atoms."""
+    count = rho_n.size
+    type_n = np.ones(count, int) if types is None else types
+    id_n, mass_n = np.arange(1, count + 1), np.full(count, 1.5)
+    energy_n = None if e_n is None else e_n * mass_n
+    state = compare.State(id_n, type_n, rho_n, mass_n, energy_n)
+    bound_n = compare.bounds.comparison(table, rho_n, type_n, state.e_n)
+    wiggle = np.random.default_rng(7).uniform(-noise, noise, count)
+    lammps_n = table.pressure(rho_n, type_n, state.e_n) + wiggle * bound_n
+    for at, value in (spoil or {}).items():
+        lammps_n[at] = value
+    found = compare.compare_pressure(table, state, lammps_n)
+    x_nc = _positions(count, dimension)
+    arrays = {
+        "id": id_n,
+        "type": type_n,
+        "x": x_nc,
+        "rho": rho_n,
+        "box": np.stack([x_nc.min(0) - 0.25, x_nc.max(0) + 0.25]),
+    }
+    arrays |= {
+        "pressure.lammps": found.lammps_n,
+        "pressure.reference": found.reference_n,
+        "pressure.bound": found.bound_n,
+    }
+    arrays |= {"rho.lammps": rho_n, "rho.reference": rho_n, "rho.bound": np.zeros(count)}
+    if state.e_n is not None:
+        arrays["e"] = state.e_n
+    records.write_arrays(folder / "fields" / f"{name}.npz", arrays)
+    return CaseRecord(
+        case=name,
+        verdict=found.record.verdict,
+        natoms=count,
+        steps=1,
+        dimension=dimension,
+        units="lj",
+        seconds=Seconds(lammps=0.01, reference=0.002, total=0.02),
+        fields=[found.record],
+        laws=_laws(table),
+        reproduce=f"eos-ref run '{name}'",
+        **more,
+    )
+
+
+def ended() -> list[CaseRecord]:
+    """Cases without arrays, of every verdict that such a case can have."""
+    illegal = "Illegal fix rheo/pressure"
+    unknown = "ERROR: Unknown fix style rheo | (src/modify.cpp:1)"
+    name = f"hostile.{HOSTILE}".replace("/", "")
+    shift = FieldRecord(field="shift", stage="kernel", verdict="explained", max_over_bound=1e6, explained_by="F-3")
+    return [
+        CaseRecord(case="refuse.gamma", verdict="refused", expects=illegal, message=f"ERROR: {illegal} command"),
+        CaseRecord(case="refuse.surprise", verdict="refused", message=unknown),
+        CaseRecord(case="crash.segfault", verdict="crashed", message=HOSTILE, reproduce="eos-ref run crash.segfault"),
+        CaseRecord(case="slow.timeout", verdict="timeout", message="no answer in 60 s"),
+        CaseRecord(case="skip.plugin", verdict="skipped", message="no RHEO in this engine"),
+        CaseRecord(case=name, verdict="pass", about=HOSTILE, tags=[HOSTILE], lint=[HOSTILE]),
+        CaseRecord(case="ledger.artificial", verdict="explained", explained_by="F-3", fields=[shift]),
+    ]
+
+
+def audit() -> CaseRecord:
+    """An audited deck: looks over time, no arrays."""
+    common = {"run": 1, "natoms": 400, "verdict": "pass", "max_abs": 1e-13}
+    checks = [
+        CheckRecord(step=10 * k, type=t, max_over_bound=0.07 * t * (k % 7), worst_id=k, **common)
+        for k in range(400)
+        for t in (1, 2)
+    ]
+    worst = {"max_over_bound": 0.84, "atom_type": 2, "worst_step": 60, "worst_id": 6}
+    return CaseRecord(
+        case="audit.in.dam",
+        verdict="pass",
+        warnings=["cs is below 10 times the largest velocity"],
+        checks=checks,
+        laws=_laws(EOSTable((WATER,))),
+        fields=[FieldRecord(field="pressure", stage="eos", verdict="pass", **worst)],
+    )
+
+
+def example(folder: Path) -> RunRecord:
+    """A run with a case of every kind."""
+    rng = np.random.default_rng(1)
+    near = 10.0 ** rng.uniform(-12, -1, 200)
+    general = EOS("tait/general", rho0=1.3, cs=4.0, parameter=3.5, background=0.7)
+    cubic = EOS("cubic", rho0=2.0, cs=3.0, parameter=0.4)
+    gas = EOS("ideal/gas", parameter=1.4)
+    four = EOSTable((EOS("linear", rho0=1.2, cs=2.0), cubic, general, gas))
+    spoiled = {5: np.nan, 40: np.inf, 77: 3.0}
+    both_sides = 1000 * (1 + np.concatenate([near, -near, [0.0]]))
+    one = EOSTable((WATER,))
+    random = {"types": rng.integers(1, 5, 900), "e_n": rng.uniform(1, 3, 900)}
+    small = 1.3 * (1 + rng.uniform(-5e-4, 5e-4, 1000))
+    states = 10.0 ** rng.uniform(-6, 5, 100_000)
+    cases = [
+        scene(folder, "eos.water.near", one, both_sides, tags=["quick"]),
+        scene(folder, "eos.cubic.compressed", EOSTable((cubic,)), np.linspace(2.0, 6.0, 900), noise=0.0),
+        scene(folder, "eos.types", four, rng.uniform(0.9, 1.6, 900), **random),
+        scene(folder, "flow.block3d", EOSTable((general,)), small, dimension=3),
+        scene(folder, "eos.states", one, states, lint=["m/rho is 1: V cannot be told from 1"]),
+        scene(folder, "eos.broken", EOSTable((general,)), rng.uniform(1.0, 1.6, 400), spoil=spoiled),
+        audit(),
+        *ended(),
+    ]
+    cases[5].message = "pressure of atom 6 at stage eos is NaN"
+    engine = EngineRecord(
+        version_string="22 Jul 2025",
+        distribution="2025.7.22.4.0",
+        library="liblammps.so",
+        library_sha256="ab" * 32,
+    )
+    run = RunRecord(
+        engine=engine,
+        reference={"eos-ref": "0.1.0", "numpy": np.__version__},
+        machine={"cpu": "some cpu"},
+        date="2026-01-02T03:04:05+00:00",
+        command="eos-ref run --tag quick",
+        cases=cases,
+        seconds=2.5,
+    )
+    return run.counted()
+
+
+class Page(HTMLParser):
+    """What a browser would take from the page: elements with attributes, and the scripts' text."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.data: dict[str, Any] = {}
+        self.scripts = 0
+        self._case = ""
+        self._inside: str | None = None
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        attributes = dict(attrs)
+        self.elements.append((tag, attributes))
+        if tag == "article":
+            self._case = attributes["data-case"] or ""
+        if tag == "script":
+            self.scripts += 1
+            self._inside = attributes.get("type", "text/javascript")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "script":
+            self._inside = None
+
+    def handle_data(self, data: str) -> None:
+        if self._inside == "application/json":
+            self.data[self._case] = json.loads(data)
+
+
+def numbers(text: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), "<f8")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="module")
+def run(folder: Path) -> RunRecord:
+    run = example(folder)
+    assert write_report(run, folder) == folder / "report.html"
+    return run
+
+
+@pytest.fixture(scope="module")
+def html(run: RunRecord, folder: Path) -> str:
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def parsed(html: str) -> Page:
+    return Page(html)
+
+
+def test_the_page_loads_nothing_from_elsewhere(parsed: Page, html: str) -> None:
+    for tag, attributes in parsed.elements:
+        assert tag not in ("link", "iframe", "img", "object", "embed", "base"), tag
+        assert "src" not in attributes and "srcset" not in attributes
+        assert (attributes.get("href") or "#").startswith("#")
+    assert "default-src 'none'" in html
+    style = html[html.index("<style>") : html.index("</style>")]
+    assert "url(" not in style and "@import" not in style
+
+
+def test_every_case_has_a_row_and_a_page(parsed: Page, run: RunRecord) -> None:
+    shown = {a["data-case"] for tag, a in parsed.elements if tag == "article"}
+    rows = [a for tag, a in parsed.elements if tag == "tr" and "data-kind" in a]
+    assert shown == {case.case for case in run.cases}
+    assert [row["data-kind"] for row in rows] == [wording.kind(case) for case in run.cases]
+
+
+def test_embedded_points(parsed: Page, run: RunRecord) -> None:
+    shown = {case: len(numbers(data["id"])) for case, data in parsed.data.items() if "id" in data}
+    assert shown == {
+        "eos.water.near": 400,
+        "eos.cubic.compressed": 400,
+        "eos.types": 400,
+        "flow.block3d": 400,
+        "eos.states": 400,
+        "eos.broken": 400,
+    }
+    for case, count in shown.items():
+        data = parsed.data[case]
+        columns = [data["type"], data["rho"], data["delta"], *data["x"], *data["fields"]["pressure"].values()]
+        assert {len(numbers(column)) for column in columns if isinstance(column, str)} == {count}
+    assert parsed.data["eos.states"]["natoms"] == 100_000
+    assert [len(parsed.data[case]["x"]) for case in ("eos.states", "flow.block3d")] == [2, 3]
+    assert set(parsed.data) == {*shown, "audit.in.dam"}
+
+
+def test_an_input_that_is_equal_is_not_drawn(parsed: Page, html: str) -> None:
+    assert all(set(data["fields"]) == {"pressure"} for data in parsed.data.values() if "fields" in data)
+    assert "Worst atom of pressure" in html and "Worst atom of rho" not in html
+
+
+def test_the_worst_atoms_and_both_ends_are_kept(parsed: Page, folder: Path) -> None:
+    with np.load(folder / "fields" / "eos.states.npz") as arrays:
+        rho_n, id_n = arrays["rho"], arrays["id"]
+        _, ratio_n = plots.differences(arrays)["pressure"]
+    data = parsed.data["eos.states"]
+    drawn = set(numbers(data["id"]))
+    assert drawn >= {float(i) for i in id_n[np.argsort(ratio_n)[-100:]]}
+    assert numbers(data["rho"]).max() > np.quantile(rho_n, 0.99)
+    assert numbers(data["rho"]).min() < np.quantile(rho_n, 0.01)
+
+
+def test_points_are_exact_and_not_finite_values_survive(parsed: Page, folder: Path) -> None:
+    with np.load(folder / "fields" / "eos.broken.npz") as arrays:
+        lammps_n = arrays["pressure.lammps"]
+    field = parsed.data["eos.broken"]["fields"]["pressure"]
+    np.testing.assert_array_equal(numbers(field["lammps"]), lammps_n)
+    assert np.isnan(numbers(field["lammps"])[5])
+    assert np.isinf(numbers(field["ratio"])[[5, 40]]).all()
+
+
+def test_near_rho0_keeps_its_offsets(parsed: Page) -> None:
+    data = parsed.data["eos.water.near"]
+    delta, rho = numbers(data["delta"]), numbers(data["rho"])
+    np.testing.assert_array_equal(delta, (rho - 1000.0) / 1000.0)
+    assert np.abs(delta[delta != 0]).min() < 1e-11
+
+
+def test_curves_are_the_reference_on_a_fitting_axis(parsed: Page) -> None:
+    laws = {case: parsed.data[case]["laws"] for case in parsed.data if "laws" in parsed.data[case]}
+    axes = {case: [(law["quantity"], law["scale"]["kind"]) for law in found] for case, found in laws.items()}
+    assert axes["eos.water.near"] == [("delta", "symlog")]
+    assert axes["eos.cubic.compressed"] == [("rho", "linear")]
+    assert axes["flow.block3d"] == [("delta", "linear")]
+    assert axes["eos.states"] == [("ratio", "log")]
+    assert [quantity for quantity, _ in axes["eos.types"]] == ["rho", "rho", "rho", "energy"]
+    near = laws["eos.water.near"][0]
+    x = numbers(near["x"])
+    np.testing.assert_allclose(numbers(near["p"]), WATER.pressure(1000 * (1 + x)), rtol=1e-12, atol=1e-10)
+    assert x.min() < -0.05 < 0.05 < x.max() and np.abs(x[x != 0]).min() < 1e-11
+    gas = laws["eos.types"][3]
+    np.testing.assert_allclose(numbers(gas["p"]), 0.4 * numbers(gas["x"]), rtol=1e-14)
+
+
+def test_no_curve_for_a_law_outside_its_domain() -> None:
+    case = CaseRecord(
+        case="x",
+        verdict="pass",
+        laws=[LawRecord(type=1, style="tait/general", rho0=-1.0, cs=1.0, parameter=0.0)],
+    )
+    side = {f"pressure.{name}": np.ones(3) for name in ("lammps", "reference", "bound")}
+    arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3), **side}
+    data = plots.payload(case, arrays, plots.differences(arrays))
+    assert data is not None and data["laws"] == []
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("parameter", [0.4, -1.5, 120.0])
+def test_extreme_states_are_packed(parameter: float) -> None:
+    rho_n = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, -1.0, 5e-324, 1e-300, 1.0, 1e300])
+    styles = ("linear", "cubic", "tait/water", "tait/general", "ideal/gas")
+    laws = [LawRecord(type=t, style=s, rho0=1.0, cs=2.0, parameter=parameter) for t, s in enumerate(styles, 1)]
+    laws[0].parameter = laws[2].parameter = None
+    count = len(laws) * rho_n.size
+    arrays = {"id": np.arange(count), "type": np.repeat([1, 2, 3, 4, 5], rho_n.size), "x": np.zeros((count, 3))}
+    arrays |= {"rho": np.tile(rho_n, len(laws)), "e": np.ones(count)}
+    arrays |= {f"pressure.{side}": arrays["rho"] for side in ("lammps", "reference", "bound")}
+    case = CaseRecord(case="x", verdict="pass", laws=laws)
+    data = plots.payload(case, arrays, plots.differences(arrays))
+    assert data is not None and json.loads(page.embedded(data)) == data
+    assert {law["type"] for law in data["laws"]} >= {1, 2, 3, 4}
+
+
+def test_checks_of_an_audit(parsed: Page, html: str) -> None:
+    checks = parsed.data["audit.in.dam"]["checks"]
+    assert len(numbers(checks["ratio"])) == plots.CHECKS and checks["total"] == 800
+    assert "cs is below 10 times the largest velocity" in html
+    assert f"{page.ROWS} of 800 shown" in html
+
+
+def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> None:
+    assert "<img" not in html.lower()
+    assert "<script>alert" not in html
+    assert not any(name.startswith("on") for _, attributes in parsed.elements for name in attributes)
+    assert parsed.scripts == 3 + len(parsed.data)
+    text = (Path("x") / markdown.summary(run)).as_posix()
+    assert "<img" not in text and "<script" not in text
+    assert page.embedded({"a": "</script><!--"}).count("<") == 0
+    assert json.loads(page.embedded({"a": "</script>&"})) == {"a": "</script>&"}
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium here")
+def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--virtual-time-budget=8000"]
+    options += ["--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={tmp_path}"]
+    address = f"{(folder / 'report.html').as_uri()}#case=eos.types"
+    done = subprocess.run(["chromium", *options, "--dump-dom", address], capture_output=True, text=True, timeout=120)
+    shown = Page(done.stdout[: done.stdout.rindex("</html>")])
+    assert [a["data-case"] for t, a in shown.elements if t == "article" and "hidden" not in a] == ["eos.types"]
+    plotted = [a for t, a in shown.elements if t == "div" and "js-plotly-plot" in (a.get("class") or "")]
+    assert len(plotted) == 4 + 3  # a law per type; difference and bound, pressure, ratio
+    assert not re.findall(r"CONSOLE.*(?:Uncaught|Error|Refused)", done.stderr)
+
+
+def test_a_case_without_fields_does_not_show_an_older_run(tmp_path: Path) -> None:
+    case = scene(tmp_path, "a", EOSTable((WATER,)), np.linspace(990, 1010, 10))
+    case.fields, case.verdict = [], "crashed"
+    write_report(RunRecord(engine=EngineRecord(), reference={}, cases=[case]), tmp_path)
+    assert Page((tmp_path / "report.html").read_text()).data == {}
+
+
+def test_junit(run: RunRecord, folder: Path) -> None:
+    suite = ET.parse(folder / "junit.xml").getroot()[0]
+    outcomes = {c.get("name"): {child.tag for child in c} for c in suite.iter("testcase")}
+    assert len(outcomes) == len(run.cases) == int(suite.get("tests", 0))
+    assert outcomes["eos.broken"] == {"failure"}
+    assert all(outcomes[name] == {"error"} for name in ("refuse.surprise", "crash.segfault", "slow.timeout"))
+    assert outcomes["skip.plugin"] == {"skipped"}
+    assert outcomes["refuse.gamma"] == outcomes["ledger.artificial"] == {"system-out"}
+    assert outcomes["eos.types"] == set()
+    assert [suite.get(name) for name in ("failures", "errors", "skipped")] == ["1", "3", "1"]
+    classes = {c.get("name"): c.get("classname") for c in suite.iter("testcase")}
+    assert classes["eos.water.near"] == "eos-ref.eos"
+    crash = suite.find("testcase[@name='crash.segfault']/error")
+    assert crash is not None and crash.get("message") == HOSTILE.replace("\x1b", "")
+    assert suite.find("properties/property[@name='engine.distribution']") is not None
+
+
+def test_summary(run: RunRecord, folder: Path) -> None:
+    text = (folder / "summary.md").read_text(encoding="utf-8")
+    assert text.startswith("## eos-ref: FAIL") and "4 not as expected" in text
+    table = text[text.index("### Not as expected") : text.index("### Slowest")]
+    rows = [line for line in table.splitlines() if line.startswith("|")]
+    assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {8}
+    assert [row.split("`")[1] for row in rows[2:]] == [
+        "crash.segfault",
+        "slow.timeout",
+        "eos.broken",
+        "refuse.surprise",
+    ]
+    assert "| differs | pressure | eos | 6 | ∞ |" in table
+    assert "### Most digits lost" in text and "2025.7.22.4.0" in text
+
+
+def test_verdict_of_the_run() -> None:
+    def of(*cases: CaseRecord, strict: bool = False) -> RunRecord:
+        return RunRecord(engine=EngineRecord(), reference={}, cases=list(cases), strict=strict)
+
+    good = CaseRecord(case="a", verdict="exact")
+    explained = CaseRecord(case="b", verdict="explained")
+    refused = CaseRecord(case="c", verdict="refused", expects="Illegal")
+    assert wording.sentence(of(good, refused)) == "2 cases: 1 exact, 1 refused as expected; all as expected."
+    assert wording.status(of(good, explained)) == "good"
+    assert wording.status(of(good, explained, strict=True)) == "bad"
+    assert wording.status(of()) == wording.status(of(CaseRecord(case="d", verdict="skipped"))) == "empty"
+    for run in (
+        of(good, refused),
+        of(good, explained),
+        of(good, explained, strict=True),
+        of(CaseRecord(case="e", verdict="differs")),
+    ):
+        assert (wording.status(run) == "good") == (run.exit_code == 0)
+
+
+def test_arrays_are_read_as_numpy_reads_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    written = {
+        "f.lammps": np.array([np.nan, -0.0, 1e-310]),
+        "x": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    }
+    written |= {"id": np.arange(3), "type": np.arange(3, dtype=np.int32), "none": np.empty((0, 3))}
+    records.write_arrays(path, written)
+    found = read_arrays(path)
+    with np.load(path) as loaded:
+        assert found.keys() == set(loaded.files)
+        for name in loaded.files:
+            np.testing.assert_array_equal(found[name], loaded[name])
+            assert found[name].dtype == loaded[name].dtype
+
+
+def test_thinning() -> None:
+    ratio_n = np.zeros(1000)
+    ratio_n[[3, 500]] = np.inf, 2.0
+    picked = plots.thinned(ratio_n, np.arange(1000.0), np.ones(1000), 40)
+    assert picked.size == np.unique(picked).size == 40
+    assert {3, 500, 999} <= set(picked.tolist())
+    assert plots.thinned(ratio_n, np.arange(1000.0), np.ones(1000), 1000).size == 1000
+
+
+def test_same_bytes_again(run: RunRecord, folder: Path) -> None:
+    names = ("report.html", "summary.md", "junit.xml")
+    before = [(folder / name).read_bytes() for name in names]
+    write_report(run, folder)
+    assert [(folder / name).read_bytes() for name in names] == before
+    assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "fields"])
+
+
+def test_plotly_must_be_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="plotly"):
+        write_report(RunRecord(engine=EngineRecord(), reference={}), tmp_path)

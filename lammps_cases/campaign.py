@@ -85,7 +85,9 @@ def run_cases(
             if progress:
                 progress(record, len(records), len(queue))
         who = workers.outcome(identity)
-        run = provenance(EngineRecord(name=engine.name) if isinstance(who, Failure) else _engine(engine, who), command)
+        run = provenance(
+            EngineRecord(name=engine.name) if isinstance(who, Failure) else engine_record(engine, who), command
+        )
         run.strict = strict
         run.cases = sorted(records, key=lambda record: record.case)
         run.seconds = round(time.perf_counter() - begin, 3)
@@ -98,8 +100,9 @@ def _last(case: Case) -> int:
     return 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
 
 
-def _engine(engine: Engine, who: dict[str, str]) -> EngineRecord:
-    return EngineRecord(name=engine.name, library_sha256=library_sha256(who["library"]), **who)
+def engine_record(engine: Engine, who: dict[str, str]) -> EngineRecord:
+    """Who answered (nothing is known of one that died), with the hash of its library."""
+    return EngineRecord(name=engine.name, library_sha256=library_sha256(who.get("library", "")), **who)
 
 
 def provenance(engine: EngineRecord, command: str) -> RunRecord:

@@ -6,11 +6,13 @@ import json
 
 import click
 
+from lammps_cases.cli_shared import json_option
+
 
 @click.command("bench", short_help="Speed against peers, as ratios.")
 @click.option("--states", type=click.IntRange(1000), default=10_000_000, show_default=True, help="States per law.")
 @click.option("--repeats", type=click.IntRange(1), default=7, show_default=True, help="Measurements of each side.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+@json_option
 def bench_command(states: int, repeats: int, as_json: bool) -> int:
     """Measure speed in one run against peers, as ratios ours/peer: copies for the laws, LAMMPS alone for a run.
 

@@ -9,14 +9,7 @@ from typing import Any
 
 import click
 
-_paths = click.option(
-    "--cases",
-    "paths",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Case file or folder of your own.",
-)
-_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+from lammps_cases.cli_shared import json_option, paths_option
 
 
 def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
@@ -38,8 +31,8 @@ def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]
 @click.command("list", short_help="List the cases.")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
 @click.option("--tag", help="Only cases with this tag.")
-@_paths
-@_json
+@paths_option
+@json_option
 def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
     """List the cases with their tags.
 
@@ -69,8 +62,8 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
 
 @click.command("explain", short_help="What a case models, and why.")
 @click.argument("name", metavar="CASE")
-@_paths
-@_json
+@paths_option
+@json_option
 def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
     """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
 
@@ -152,7 +145,7 @@ def _show(explanation: dict[str, Any]) -> None:
 
 
 @click.command("ledger", short_help="List the findings.")
-@_json
+@json_option
 def ledger_command(as_json: bool) -> int:
     """List the findings: where LAMMPS differs from its manual, with the argument and what to do meanwhile.
 

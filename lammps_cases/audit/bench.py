@@ -1,0 +1,66 @@
+"""What the looks cost: processor time of a deck's first run with and without them, in turns.
+
+``python -m lammps_cases.audit.bench DECK [STEPS [EVERY [REPEATS]]]`` prints both times of every turn and the ratio of
+the smallest ones. The deck's first run is cut to STEPS steps on both sides; each measurement is a process of its own.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from lammps_cases.audit.follow import Follower
+from lammps_cases.audit.scratch import copy_folder
+from lammps_cases.audit.watch import Watch
+from lammps_cases.engine import open_lammps
+
+
+class _First(Watch):
+    """Times the first run and ends the deck with it."""
+
+    audited = True
+    spent = 0.0
+
+    def run(self, values: list[str], execute: Callable[[], None]) -> bool:
+        if self.audited:
+            self._begin(["run"])
+        begin = time.process_time()
+        self.lmp.command(f"run {self.limit}")
+        self.spent = time.process_time() - begin
+        return True
+
+
+def first_run(deck: str, steps: int, every: int, audited: bool) -> float:
+    """Processor seconds of a deck's first run, cut to ``steps`` steps."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy_folder(Path(deck).resolve().parent, Path(folder))
+        os.chdir(folder)
+        lmp = open_lammps()
+        watch = _First(lmp, every, steps, lambda message: None)
+        watch.audited = audited
+        Follower(lmp, watch, lambda where, command: None).deck(Path(Path(deck).name))
+        lmp.close()
+        os.chdir("/")
+    return watch.spent
+
+
+def main(deck: str, steps: str = "400", every: str = "10", repeats: str = "5") -> None:
+    """Measure and print."""
+    seconds: dict[bool, list[float]] = {True: [], False: []}
+    context = multiprocessing.get_context("spawn")
+    for _ in range(int(repeats)):
+        for audited in (False, True):
+            with context.Pool(1) as pool:
+                task = (deck, int(steps), int(every), audited)
+                seconds[audited].append(pool.apply(first_run, task))
+        print(f"plain {seconds[False][-1]:.3f} s, audited {seconds[True][-1]:.3f} s", flush=True)
+    print(f"{Path(deck).name}: ratio of the smallest {min(seconds[True]) / min(seconds[False]):.4f}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

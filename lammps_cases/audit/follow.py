@@ -1,0 +1,185 @@
+"""The flow of a deck: which command comes next, and the hook before every run.
+
+LAMMPS executes every command; only label, jump, include, if, next's consequence and quit are followed here, so
+that runs inside them are met, fixes are known as LAMMPS got them, and no command passes unjudged. Conditions,
+variables and substitution remain LAMMPS' own: an ``if`` is handed to LAMMPS with each branch replaced by a
+number, and a line is substituted once, by LAMMPS (a random variable must not advance twice).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from eos_ref.errors import InputError
+from lammps_cases.audit import guard, text
+from lammps_cases.audit.watch import Watch
+from lammps_cases.engine import EngineRefused
+
+BRANCH = "eosref_branch"  # names of variables that decks will not use
+LINE = "eosref_line"
+_FLOW = frozenset({"jump", "include", "label", "next", "clear", "run", "partition"})
+
+
+class Finished(Exception):
+    """The deck ends here: quit, or as many steps as asked for."""
+
+
+class _Script:
+    """A file being read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines = iter(text.read_lines(path))
+
+
+class Follower:
+    """Executes a deck command by command.
+
+    Parameters
+    ----------
+    lmp : lammps
+        An open instance; the current folder is the deck's.
+    watch : Watch
+        Told of every command, and given the runs.
+    report : callable
+        Called with place and text of every command before LAMMPS gets it.
+    allow_shell : bool
+        Whether commands are not judged by `guard`.
+    """
+
+    def __init__(self, lmp: Any, watch: Watch, report: Callable[[str, str], None], allow_shell: bool = False) -> None:
+        self.lmp, self.watch, self.report, self.allow_shell = lmp, watch, report, allow_shell
+        self.scripts: list[_Script] = []
+        self.seeking: str | None = None
+        self.skip_jump = False
+        self.where = ""
+        lmp.command(f'variable {LINE} string ""')
+
+    def deck(self, path: Path) -> None:
+        """Execute a deck to its end.
+
+        Raises
+        ------
+        EngineRefused
+            With LAMMPS' own error text and the place.
+        InputError
+            A command that is not allowed, or that cannot be followed.
+        """
+        try:
+            self._file(path)
+        except Finished:
+            return
+
+    def _file(self, path: Path) -> None:
+        self.scripts.append(self._script(path))
+        while (line := next(self.scripts[-1].lines, None)) is not None:
+            self.where = f"{self.scripts[-1].path}:{line.number}"
+            self._line(line.text)
+        self.scripts.pop()
+        if self.seeking is not None:
+            raise EngineRefused(f"ERROR: Label wasn't found in input script: {self.seeking} ({self.where})")
+
+    def _script(self, path: Path) -> _Script:
+        try:
+            return _Script(path)
+        except OSError as error:
+            raise EngineRefused(f"ERROR: Cannot open input script {path}: {error.strerror} ({self.where})") from None
+
+    def _line(self, line: str) -> None:
+        command = text.without_comment(line)
+        found = text.words(command)
+        if not found:
+            return
+        if self.seeking is not None:  # lines on the way to a label are not substituted
+            if [word.value for word in found] == ["label", self.seeking]:
+                self.seeking = None
+            return
+        self.report(self.where, command)
+        if "$" in command:
+            command = self._ask(lambda: self.lmp.expand(command))
+            found = text.words(command)
+        if not self.allow_shell:
+            guard.check(found, self.where)
+        if found:
+            self._dispatch(command, found)
+
+    def _dispatch(self, command: str, found: list[text.Word]) -> None:
+        values = [word.value for word in found]
+        match values:
+            case ["label", _]:
+                pass
+            case ["quit", *_]:
+                raise Finished
+            case ["jump", file] | ["jump", file, _]:
+                self._jump(file, values[2:])
+            case ["include", file]:
+                self._file(Path(file))
+            case ["if", *_]:
+                self._if(found)
+            case ["next", *names]:
+                self.execute(command)
+                self.skip_jump = any(not self.lmp.has_id("variable", name) for name in names)
+            case ["run", *_]:
+                self._hidden(found)
+                if self.watch.run(values, lambda: self.execute(command)):
+                    raise Finished
+            case _:
+                self._hidden(found)
+                self.execute(command)
+                self.watch.note(values)
+
+    def _jump(self, file: str, label: list[str]) -> None:
+        if self.skip_jump:  # once, after next has used up its variable
+            self.skip_jump = False
+            return
+        self.scripts[-1] = self._script(self.scripts[-1].path if file == "SELF" else Path(file))
+        self.seeking = label[0] if label else None
+
+    def _if(self, found: list[text.Word]) -> None:
+        try:
+            conditions, commands = text.branches(found)
+        except ValueError:
+            raise EngineRefused(f"ERROR: Illegal if command ({self.where})") from None
+        numbered = [f'"variable {BRANCH} internal {k}"' for k in range(1, len(commands) + 1)]
+        asked = f"if {conditions[0]} then {numbered[0]}"
+        for condition, branch in zip(conditions[1:], numbered[1:], strict=False):
+            asked += f" elif {condition} {branch}"
+        if len(commands) > len(conditions):
+            asked += f" else {numbered[-1]}"
+        self.execute(f"variable {BRANCH} internal 0")
+        self.execute(asked)
+        taken = round(self.lmp.extract_variable(BRANCH))
+        for inner in commands[taken - 1] if taken else ():
+            self._line(inner)
+
+    def _hidden(self, found: list[text.Word]) -> None:
+        """Refuse to go on where LAMMPS would change flow or laws unseen, or execute what cannot be judged."""
+        for inner in guard.nested(found):
+            words = text.words(text.without_comment(inner))
+            values = [word.value for word in words]
+            if values[:1] == ["if"]:
+                self._hidden(words)
+            elif values and (values[0] in _FLOW or guard.is_open(values) or self.watch.concerns(values)):
+                raise InputError(
+                    f"command {found[0].value}",
+                    "may not hold a command that the audit has to follow",
+                    inner,
+                    self.where,
+                )
+
+    def execute(self, command: str) -> None:
+        """Hand over a substituted command; LAMMPS may neither substitute it again nor see a comment in it."""
+        if "#" in command or "$" in command:
+            self._ask(lambda: self.lmp.set_string_variable(LINE, command))
+            command = f"${{{LINE}}}"
+        self._ask(lambda: self.lmp.command(command))
+
+    def _ask(self, call: Callable[[], Any]) -> Any:
+        try:
+            return call()
+        except (EngineRefused, InputError):
+            raise
+        except Exception as error:  # lammps raises plain Exception with LAMMPS' message
+            raise EngineRefused(f"{' '.join(str(error).split())} ({self.where})") from None

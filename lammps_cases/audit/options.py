@@ -1,0 +1,148 @@
+"""What an audit is asked for, what it gives back, and what passes between its two processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy.typing as npt
+
+from eos_ref.errors import InputError
+from lammps_cases.records import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
+
+Progress = Callable[[int, int | None], None]
+
+
+@dataclass(frozen=True)
+class AuditOptions:
+    """How a deck is audited.
+
+    Attributes
+    ----------
+    every : int
+        Look at all atoms on every time step divisible by this, and on the first step of every run.
+    steps : int, optional
+        Stop after so many time steps, all runs together; the whole deck by default.
+    timeout : float, optional
+        Wall seconds after which LAMMPS is stopped; none by default.
+    allow_shell : bool
+        Let the deck run shell commands, Python and plugins, and write outside its folder's copy.
+    engine : str, optional
+        Folder (for ``sys.path``) of another lammps package.
+    progress : callable, optional
+        Called with the number of steps done and the number to do (None: unknown).
+    keep : Path, optional
+        Run in this folder and leave it, with what the deck wrote; by default a temporary one.
+
+    Raises
+    ------
+    InputError
+        A number that is not positive.
+    """
+
+    every: int = 10
+    steps: int | None = None
+    timeout: float | None = None
+    allow_shell: bool = False
+    engine: str | None = None
+    progress: Progress | None = field(default=None, compare=False)
+    keep: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise InputError("every", "must be at least 1 time step", self.every, "option --every")
+        if self.steps is not None and self.steps < 1:
+            raise InputError("steps", "must be at least 1 time step", self.steps, "option --steps")
+        if self.timeout is not None and not self.timeout > 0:
+            raise InputError("timeout", "must be a positive number of seconds", self.timeout, "option --timeout")
+
+
+@dataclass(frozen=True)
+class AuditResult:
+    """The record of an audit, which LAMMPS it was, and the per-atom arrays of its last look, sorted by id.
+
+    ``arrays`` has ``id``, ``type``, ``x``, ``rho``, ``box`` (low and high corner), ``step``, ``pressure.lammps``,
+    ``pressure.reference``, ``pressure.bound``, and ``e`` if a law needs it; it is empty if nothing was looked at or
+    LAMMPS died.
+    """
+
+    record: RunRecord
+    who: dict[str, str]
+    arrays: dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What the child process is told."""
+
+    deck: str
+    folder: str
+    every: int
+    steps: int | None
+    allow_shell: bool
+    engine: str | None
+    output: str
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which LAMMPS runs the deck; see `engine.describe`."""
+
+    who: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Place:
+    """The command that LAMMPS is about to execute, and where it stands."""
+
+    where: str
+    command: str
+
+
+class Row(NamedTuple):
+    """One atom type in one look; a plain tuple, as sending a model takes ten times longer."""
+
+    natoms: int
+    verdict: Verdict
+    max_abs: float
+    max_over_bound: float
+    bound: float
+    worst_id: int
+    outside: int
+    first_id: int | None
+
+
+@dataclass(frozen=True)
+class Look:
+    """One look: every atom type at one step, and the number of steps done."""
+
+    step: int
+    run: int
+    done: int
+    rows: dict[int, Row]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a run at its start."""
+
+    natoms: int
+    dimension: int
+    units: str
+    laws: list[LawRecord]
+    derivations: list[str]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The deck came to its end, or to the error ``refused``; with the arrays and fields of the last look."""
+
+    done: int
+    runs: int
+    seconds: Seconds
+    warnings: list[str]
+    arrays: dict[str, npt.NDArray[Any]]
+    last: dict[int, FieldRecord]
+    refused: str = ""

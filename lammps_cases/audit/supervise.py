@@ -1,0 +1,177 @@
+"""`audit_deck`: the copy, the process that runs the deck in it, and what becomes of its messages."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import re
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from eos_ref.errors import InputError
+from lammps_cases.audit.guard import check_script
+from lammps_cases.audit.options import AuditOptions, AuditResult, Look, Task
+from lammps_cases.audit.scratch import copy_folder
+from lammps_cases.audit.verdict import Findings
+from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, Verdict
+
+PATIENCE = 0.5  # seconds between two looks at the clock
+
+
+def run_child(task: Task, connection: Connection) -> None:
+    """Entry of the child process; the heavy imports stay out of the parent."""
+    from lammps_cases.audit import child
+
+    child.main(task, connection)
+
+
+ENTRY: Callable[[Task, Connection], None] = run_child
+
+
+def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
+    """Run a deck, unchanged, in a copy of its folder, and check the pressure that the forces use.
+
+    Checked is P = EOS(rho, e) for every atom, with the laws that fix rheo and fix rheo/pressure hold at that moment,
+    every so many steps (`AuditOptions`) and at the start of every run, where the force evaluation has just used P.
+
+    Parameters
+    ----------
+    deck : Path
+        The input script.
+    options : AuditOptions, optional
+
+    Returns
+    -------
+    AuditResult
+        One case: a field per atom type, a check per look and type, and warnings. LAMMPS' own error makes it
+        ``refused``; its death ``crashed`` or ``timeout``, with what had been checked before.
+
+    Raises
+    ------
+    InputError
+        The deck cannot be read, is not allowed to run, cannot be followed, or has nothing to check.
+    EngineMissing
+        There is no LAMMPS with RHEO.
+    """
+    options = options or AuditOptions()
+    deck = Path(deck)
+    if not deck.is_file():
+        raise InputError("deck", "must be a readable file", where=str(deck))
+    try:
+        if not options.allow_shell:
+            check_script(deck)
+    except OSError as error:
+        raise InputError("deck", f"cannot be read: {error.strerror}", where=str(deck)) from None
+    begin = time.perf_counter()
+    findings, verdict, message = _run(deck, options)
+    name = re.sub(r"[^A-Za-z0-9._-]+", "_", deck.name).lstrip(".-") or "deck"
+    case = findings.case(name, verdict, message)
+    case.source = str(deck)
+    case.reproduce = f"eos-ref audit {deck}"
+    _require_something(findings, case, deck)
+    case.seconds.total = time.perf_counter() - begin
+    record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
+    return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
+
+
+def _require_something(findings: Findings, case: CaseRecord, deck: Path) -> None:
+    if findings.checks or case.verdict != "skipped":
+        return
+    assert findings.ended is not None
+    if not findings.ended.runs:
+        raise InputError("deck", "must reach a run command", where=str(deck))
+    raise InputError("deck", "must define fix rheo and fix rheo/pressure before a run", where=str(deck))
+
+
+def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Verdict, str]:
+    findings = Findings()
+    with contextlib.ExitStack() as stack:
+        folder = options.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
+        outside = stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-"))
+        copy_folder(deck.resolve().parent, folder.resolve())
+        output = Path(outside) / "output"
+        task = Task(
+            deck.name,
+            str(folder.resolve()),
+            options.every,
+            options.steps,
+            options.allow_shell,
+            options.engine,
+            str(output),
+        )
+        context = multiprocessing.get_context("spawn")
+        receiver, sender = context.Pipe(duplex=False)
+        process = context.Process(target=ENTRY, args=(task, sender), daemon=True)
+        process.start()
+        sender.close()  # the child holds the only other end: its death ends the messages
+        try:
+            return findings, *_listen(receiver, findings, options, process.join, lambda: process.exitcode, output)
+        finally:
+            process.kill()
+            process.join()
+
+
+def _messages(receiver: Connection, deadline: float | None) -> Iterator[object]:
+    """Messages until the other side ends.
+
+    Raises
+    ------
+    TimeoutError
+    """
+    while True:
+        left = PATIENCE if deadline is None else deadline - time.monotonic()
+        if left <= 0:
+            raise TimeoutError
+        if receiver.poll(min(PATIENCE, left)):
+            try:
+                yield receiver.recv()
+            except EOFError:
+                return
+
+
+def _listen(
+    receiver: Connection,
+    findings: Findings,
+    options: AuditOptions,
+    join: Callable[[float], None],
+    exit_code: Callable[[], int | None],
+    output: Path,
+) -> tuple[Verdict, str]:
+    deadline = None if options.timeout is None else time.monotonic() + options.timeout
+    try:
+        for message in _messages(receiver, deadline):
+            if isinstance(message, Exception):
+                raise message
+            findings.take(message)
+            if options.progress is not None and isinstance(message, Look):
+                options.progress(message.done, options.steps)
+    except TimeoutError:
+        return "timeout", f"stopped after {options.timeout:g} s, {_at(findings)}"
+    if findings.ended is not None:
+        return ("refused", findings.ended.refused) if findings.ended.refused else ("skipped", "")
+    join(5.0)
+    return "crashed", f"LAMMPS {_death(exit_code())}, {_at(findings)}{_tail(output)}"
+
+
+def _at(findings: Findings) -> str:
+    place = findings.place
+    if not place.where:
+        return "before the first command"
+    return f"after step {findings.done} of the audit, in: {' '.join(place.command.split())} ({place.where})"
+
+
+def _death(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"died of {signal.Signals(-code).name}"
+    return f"ended the process with exit status {code}"
+
+
+def _tail(output: Path) -> str:
+    """The last line that the dying process printed."""
+    lines = output.read_text(errors="replace").split("\n") if output.exists() else []
+    said = [line.strip() for line in lines if line.strip()]
+    return f": {said[-1][:300]}" if said else ""

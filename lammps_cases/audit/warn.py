@@ -1,0 +1,135 @@
+"""Questionable set-ups of a deck, seen in the commands and in the looks; each said in one plain line with numbers.
+
+Judged over fluid particles only: the density of a solid is made up (by reconstruction, or by a sum over half a
+neighbourhood) and may lie anywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref import EOS
+from eos_ref.eos import FloatArray
+
+DEFAULT_RHO = 1.0  # what LAMMPS 22Jul2025 gives an atom whose density nobody sets
+SOLID = 1  # bit of rheo_status
+OFFSET = 10  # a pressure is offset if its mean is this many times its range
+_FROM_FILE = frozenset({"read_data", "read_restart", "read_dump"})
+
+
+@dataclass
+class _Range:
+    """Smallest and largest value, and the mean, of all that was seen."""
+
+    low: float = math.inf
+    high: float = -math.inf
+    total: float = 0.0
+    count: int = 0
+
+    def add(self, values_n: FloatArray) -> None:
+        self.low = min(self.low, float(values_n.min()))
+        self.high = max(self.high, float(values_n.max()))
+        self.total += float(values_n.sum())
+        self.count += values_n.size
+
+    @property
+    def width(self) -> float:
+        return self.high - self.low
+
+    @property
+    def mean(self) -> float:
+        return self.total / self.count
+
+
+@dataclass
+class _Seen:
+    """One type under one law."""
+
+    law: EOS
+    default: int = 0  # atoms that begin with the default density, if all do
+    looks: int = 0
+    rho: _Range = field(default_factory=_Range)
+    p: _Range = field(default_factory=_Range)
+
+
+@dataclass
+class Questions:
+    """Collects evidence; `lines` says what is questionable."""
+
+    _rho_set: bool = False
+    _seen: dict[tuple[int, EOS], _Seen] = field(default_factory=dict)
+    _said: list[str] = field(default_factory=list)
+
+    def note(self, values: list[str]) -> None:
+        """Take a command that LAMMPS has executed."""
+        if values[0] == "clear":  # another system: what is known of the first one ends here
+            self._said = self.lines()
+            self._rho_set = False
+            self._seen.clear()
+        if values[0] in _FROM_FILE or (values[0] == "set" and "rheo/rho" in values):
+            self._rho_set = True
+
+    def unwatched(self, run: int) -> None:
+        """A run without laws."""
+        self._said.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
+
+    def look(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:
+        """Take density and pressure of all atoms of one type."""
+        fluid = status_n & SOLID == 0
+        if not fluid.all():
+            rho_n, p_n = rho_n[fluid], p_n[fluid]
+        if not rho_n.size:
+            return
+        first = not any(seen_type == t for seen_type, _ in self._seen)
+        seen = self._seen.setdefault((t, law), _Seen(law))
+        if first and not self._rho_set and bool(np.all(rho_n == DEFAULT_RHO)):
+            seen.default = rho_n.size
+        seen.looks += 1
+        seen.rho.add(rho_n)
+        seen.p.add(p_n)
+
+    def lines(self) -> list[str]:
+        """The warnings, in the order of systems and types; the same line is not said twice."""
+        said = list(self._said)
+        for (t, law), seen in self._seen.items():
+            if law.style != "ideal/gas":  # has neither rho0 nor a pressure around 0
+                questions = [_unset(seen)] if _unset(seen) else [_unreached(seen), _offset(seen)]
+                said += [f"type {t}: {line}" for line in questions if line]
+        return list(dict.fromkeys(said))
+
+
+def _unset(seen: _Seen) -> str:
+    law = seen.law
+    if not seen.default or law.rho0 == DEFAULT_RHO:
+        return ""
+    return (
+        f"rho was never set: all {seen.default} fluid atoms begin with the default density {DEFAULT_RHO:g} while "
+        f"rho0 = {law.rho0:g}, so their pressure begins at {float(law.pressure(DEFAULT_RHO)):.4g}"
+    )
+
+
+def _unreached(seen: _Seen) -> str:
+    rho, rho0 = seen.rho, seen.law.rho0
+    gap = max(rho.low - rho0, rho0 - rho.high)
+    if not gap > max(rho.width, 1e-6 * rho0):  # nearer than the density varies, a longer run may reach it
+        return ""
+    return (
+        f"rho0 = {rho0:g} was never reached: the density of the fluid stayed within {rho.low:.6g} to {rho.high:.6g} "
+        f"in all {seen.looks} looks"
+    )
+
+
+def _offset(seen: _Seen) -> str:
+    p, background = seen.p, seen.law.background
+    natural = 1e-6 * seen.law.rho0 * seen.law.cs**2  # a smaller pressure is no offset but the start of a flow
+    if not abs(p.mean) > max(OFFSET * p.width, natural):
+        return ""
+    return (
+        f"fixed pressure offset: the pressure of the fluid averages {p.mean:.4g} and varies by only {p.width:.4g} "
+        f"({background:.4g} of it is the background, {p.mean - background:.4g} comes from the density)"
+    )

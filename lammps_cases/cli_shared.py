@@ -1,0 +1,72 @@
+"""What the commands share: options, a progress bar, and how a command that writes a report ends."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import click
+
+from lammps_cases.records import RunRecord
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
+strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
+out_option = click.option(
+    "--out", type=click.Path(path_type=Path), default="reports/latest", show_default=True, help="Report folder."
+)
+paths_option = click.option(
+    "--cases", "paths", multiple=True, type=click.Path(path_type=Path), help="Case file or folder of your own."
+)
+
+
+def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
+    """End of every command that writes a report: the verdict, where the report lies, the exit code."""
+    if as_json:
+        click.echo(run.to_json(), nl=False)
+        return run.exit_code
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
+    click.secho(f"{len(run.cases)} cases: {counts} ({run.seconds:.1f} s)", bold=True)
+    for case in run.cases:
+        if not case.as_expected:
+            click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")
+    explained = sum(case.verdict == "explained" for case in run.cases)
+    if explained:
+        click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")
+    click.echo(f"report: {directory / 'report.html'}")
+    return run.exit_code
+
+
+class Bar:
+    """A progress bar on a terminal's standard error, nothing elsewhere; a context manager."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._bar: Any = None
+        self._task: Any = None
+        if not quiet and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+
+    def show(self, done: int, total: int | None, what: str, complaint: str = "") -> None:
+        """Move the bar; a complaint stays on the terminal above it."""
+        if self._bar:
+            self._bar.update(self._task, completed=done, total=total, description=what)
+            if complaint:
+                self._bar.console.print(complaint, style="red", highlight=False, markup=False)
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._task = self._bar.add_task("starting LAMMPS", total=None)
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar:
+            self._bar.stop()

@@ -62,12 +62,13 @@ def derivation(eos: EOS) -> RoundingBound:
 def absolute_terms(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
     """Sum of the absolute values of the terms that the documented formula adds (pressure)."""
     c2 = eos.cs * eos.cs
+    d = rho - eos.rho0
     with np.errstate(all="ignore"):
         match eos.style:
             case "linear":
                 terms = c2 * (np.abs(rho) + eos.rho0)
             case "cubic":
-                terms = c2 * (np.abs(rho) + eos.rho0) + c2 * np.abs(eos.gamma * (rho - eos.rho0) ** 3)
+                terms = c2 * (np.abs(rho) + eos.rho0) + c2 * np.abs(eos.gamma * d * d * d)
             case "tait/water" | "tait/general":
                 power = np.abs(powm1(rho, eos.rho0, eos.gamma) + 1)
                 terms = c2 * eos.rho0 / abs(eos.gamma) * (power + 1)
@@ -82,7 +83,7 @@ def power_condition(eos: EOS, rho: FloatArray) -> FloatArray:
         return np.ones_like(rho)
     with np.errstate(all="ignore"):
         # a difference of logarithms: the quotient itself may overflow or underflow
-        return 1 + np.abs(eos.gamma * (np.log(np.abs(rho)) - np.log(eos.rho0)))
+        return np.asarray(1 + np.abs(eos.gamma * (np.log(np.abs(rho)) - np.log(eos.rho0))))
 
 
 def underflow(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
@@ -90,15 +91,23 @@ def underflow(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatAr
 
     One spacing of the subnormal numbers; in the product of the ideal gas the other factors may magnify it.
     """
-    largest = 1.0 if e is None or not eos.needs_energy else 1 + (eos.gamma + 1) * (np.abs(rho) + np.abs(e))
-    return np.asarray(2.0**-1074 * largest)
+    if e is None or not eos.needs_energy:
+        return np.full_like(rho, 2.0**-1074, dtype=float)
+    return np.asarray(2.0**-1074 + (eos.gamma + 1) * (2.0**-1074 * np.abs(rho) + 2.0**-1074 * np.abs(e)))
 
 
 def engine(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
     """Bound on the rounding error of any order of evaluation of the documented formula (pressure)."""
     k = derivation(eos).operations
     gamma_k = k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
-    return gamma_k * absolute_terms(eos, rho, e) + k * underflow(eos, rho, e)
+    bound = gamma_k * absolute_terms(eos, rho, e) + k * underflow(eos, rho, e)
+    if eos.style.startswith("tait"):
+        # A quotient rho/rho0 below 2**-1022 may have lost all its digits, and its power with them.
+        with np.errstate(all="ignore"):
+            power = eos.cs * eos.cs * eos.rho0 / eos.gamma * np.abs(powm1(rho, eos.rho0, eos.gamma) + 1)
+            lost = power if eos.gamma > 0 else np.inf
+            bound = bound + np.where((rho != 0) & (np.abs(rho) / eos.rho0 < 2.0**-1022), lost, 0)
+    return bound
 
 
 def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
@@ -110,7 +119,6 @@ def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatAr
     # At rho = 0 the logarithm is infinite and the power exact; eps first, so that no finite bound overflows.
     relative = factor * EPS * terms * np.where(np.isfinite(condition), condition, 1)
     return relative + factor * underflow(eos, rho, e)
-
 
 
 def comparison(

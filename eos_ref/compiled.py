@@ -200,6 +200,24 @@ def _one_type(
     return outside
 
 
+@numba.njit(error_model="numpy")
+def _extremes(type_b: Any) -> tuple[int, int]:
+    """Lowest and highest type of a block."""
+    low = high = type_b[0]
+    for i in range(type_b.size):
+        low = type_b[i] if type_b[i] < low else low
+        high = type_b[i] if type_b[i] > high else high
+    return low, high
+
+
+@numba.njit(error_model="numpy")
+def _pick(value_b: Any, type_b: Any, t: int, out_b: Any) -> None:
+    """Take the values of one type's particles; by bit masks, as a branch on shuffled types is mispredicted."""
+    for i in range(value_b.size):
+        keep = np.uint64(type_b[i] == t) - np.uint64(1)
+        out_b[i] = _from_bits((_bits(out_b[i]) & keep) | (_bits(value_b[i]) & ~keep))
+
+
 @_jit
 def pressure(
     rho_n: Any,
@@ -223,10 +241,7 @@ def pressure(
     for start in range(0, rho_n.size, BLOCK):
         stop = min(start + BLOCK, rho_n.size)
         e_b = e_n[start:stop] if e_n.size else e_n
-        low = high = type_n[start]
-        for i in range(start, stop):
-            low = min(low, type_n[i])
-            high = max(high, type_n[i])
+        low, high = _extremes(type_n[start:stop])
         for t in range(low - 1, high):
             target = out_n[start:stop] if low == high else scratch[: stop - start]
             outside += _one_type(
@@ -240,8 +255,7 @@ def pressure(
                 target,
             )
             if low != high:
-                for i in range(start, stop):
-                    out_n[i] = target[i - start] if type_n[i] == t + 1 else out_n[i]
+                _pick(target, type_n[start:stop], t + 1, out_n[start:stop])
     return outside
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import platformdirs
 
 from eos_ref import EOSTable, InputError
 from eos_ref.eos import FloatArray
+from lammps_cases.records import write_arrays
 from lammps_cases.scene import Scene
 
 if TYPE_CHECKING:
@@ -64,41 +68,53 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
     InputError
         Unreadable, truncated, empty, without an orthogonal cell, or with particles outside of it.
     """
-    import ase.io
-
-    if not path.is_file():
-        raise InputError("extxyz", "no such file", path.name, where)
-    try:
-        atoms: Any = ase.io.read(path, index=0, format="extxyz")
-    except Exception as error:  # ASE raises many kinds for a broken file
-        raise InputError("extxyz", f"cannot be read: {error or type(error).__name__}", path.name, where) from None
-    if len(atoms) == 0:
+    arrays = _arrays(path, where)
+    x_nc, cell_cc, place = arrays["positions"], arrays["cell"], f"{where}, {path.name}"
+    if len(x_nc) == 0:
         raise InputError("extxyz", "the scene is empty: needs at least one particle", path.name, where)
-    cell_cc = atoms.cell.array
-    high_c = np.diag(cell_cc).copy()
+    low_c, high_c = np.zeros(3), np.diag(cell_cc).copy()
     if np.any(cell_cc != np.diag(high_c)) or np.any(high_c[: scene.dimension] <= 0):
-        raise InputError("Lattice", "must be orthogonal with positive edges", cell_cc.tolist(), f"{where}, {path.name}")
-    low_c = np.zeros(3)
-    x_nc = np.array(atoms.positions, float)
+        raise InputError("Lattice", "must be orthogonal with positive edges", cell_cc.tolist(), place)
     if scene.dimension == 2:
         low_c[2], high_c[2] = -0.5, 0.5
-    if not np.isfinite(x_nc).all() or np.any(x_nc < low_c) or np.any(x_nc >= high_c):
-        bad = int(np.flatnonzero(~np.all((x_nc >= low_c) & (x_nc < high_c), axis=1))[0])
-        raise InputError(
-            "position",
-            "must lie within the cell",
-            x_nc[bad].tolist(),
-            f"{where}, {path.name}, atom {bad + 1}",
-        )
+    inside_n = np.all((x_nc >= low_c) & (x_nc < high_c), axis=1)
+    if not inside_n.all():
+        bad = int(np.flatnonzero(~inside_n)[0])
+        raise InputError("position", "must lie within the cell", x_nc[bad].tolist(), f"{place}, atom {bad + 1}")
     volume = float(np.prod((high_c - low_c)[: scene.dimension]))
-    found = {
+    return {
         "x": x_nc,
         "low": low_c,
         "high": high_c,
-        "periodic": tuple(bool(p) or (c == 2 and scene.dimension == 2) for c, p in enumerate(atoms.pbc)),
-        "spacing": (volume / len(atoms)) ** (1 / scene.dimension),
+        "periodic": tuple(bool(p) or (c == 2 and scene.dimension == 2) for c, p in enumerate(arrays["pbc"])),
+        "spacing": (volume / len(x_nc)) ** (1 / scene.dimension),
+        **{name: arrays[name] for name in ("type", "rho", "e") if name in arrays},
     }
-    for name in ("type", "rho", "e"):
-        if name in atoms.arrays:
-            found[name] = np.asarray(atoms.arrays[name], int if name == "type" else float)
+
+
+def _arrays(path: Path, where: str) -> dict[str, Any]:
+    """Arrays of a file as ASE reads them, kept in the cache by content: importing ASE takes longer than most scenes."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError("extxyz", f"no such file or not readable ({error.strerror})", path.name, where) from None
+    digest = hashlib.sha256(content + version("ase").encode()).hexdigest()
+    cached = Path(platformdirs.user_cache_dir("eos-ref")) / "extxyz" / f"{digest}.npz"
+    if not cached.exists():
+        write_arrays(cached, _read_with_ase(path, where))
+    with np.load(cached) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def _read_with_ase(path: Path, where: str) -> dict[str, Any]:
+    import ase.io
+
+    try:
+        atoms: Any = ase.io.read(path, index=0, format="extxyz")
+        found = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
+        for name, kind in (("type", int), ("rho", float), ("e", float)):
+            if name in atoms.arrays:
+                found[name] = np.asarray(atoms.arrays[name]).astype(kind)
+    except Exception as error:  # ASE raises many kinds for a broken file
+        raise InputError("extxyz", f"cannot be read: {error or type(error).__name__}", path.name, where) from None
     return found

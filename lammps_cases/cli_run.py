@@ -46,6 +46,9 @@ def run_command(
     Example:  eos-ref run --tag quick
               eos-ref run 'near-rho0.*.2d' --jobs 2 --out reports/near
     """
+    from lammps_cases import prefork
+
+    prefork.context()
     from lammps_cases import campaign, casefile, engines
 
     chosen = casefile.select(casefile.load(paths), names, tag)

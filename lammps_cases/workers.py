@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import multiprocessing
 import os
 import resource
 import signal
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
+from lammps_cases import prefork
 from lammps_cases.engine import Answer, EngineMissing, EngineRefused, Job, describe, open_lammps, run
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
@@ -79,15 +79,11 @@ class Workers:
     def __init__(self, site: str | None, count: int) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-workers-")
         self._site = site
-        # Workers are forked from a clean server process that has imported what they need: as isolated as spawned ones,
-        # and back ten times sooner after a crash.
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload([__name__])
         self._pool = ProcessPool(
             max_workers=count,
             initializer=_prepare,
             initargs=(self._folder.name, _memory_share(count)),
-            context=context,
+            context=prefork.context(),
         )
 
     def submit(self, job: Job, time_limit: float) -> Future[Answer]:

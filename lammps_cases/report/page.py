@@ -11,6 +11,7 @@ from typing import Any
 
 import jinja2
 import numpy as np
+import platformdirs
 from markupsafe import Markup
 
 from eos_ref.eos import FloatArray
@@ -51,8 +52,15 @@ class Entry:
 
 def render(run: RunRecord, fields: Path) -> str:
     """The page of a run; per-atom arrays are read from the folder ``fields``."""
-    loader = jinja2.FileSystemLoader(ASSETS)
-    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    compiled = Path(platformdirs.user_cache_dir("eos-ref")) / "templates"
+    compiled.mkdir(parents=True, exist_ok=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ASSETS),
+        bytecode_cache=jinja2.FileSystemBytecodeCache(str(compiled)),  # compiling them takes a fifth of the time
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters["number"] = wording.number
     environment.filters["sortable"] = _sortable
     return environment.get_template("report.html.j2").render(

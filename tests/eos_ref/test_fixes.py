@@ -1,0 +1,397 @@
+"""The two fix commands: all that the manual's syntax accepts, and one clear line for everything else."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eos_ref import EOS, FixRheo, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.fixes import PressureEntry, Shift, SurfaceDetection
+
+PRESSURE = "fix 1 all rheo/pressure "
+RHEO = "fix 1 all rheo 3.0 quintic 0 "
+
+
+def laws(text: str, ntypes: int = 2, **per_type: Any) -> tuple[EOS, ...]:
+    return resolve(parse_fix_rheo_pressure(PRESSURE + text), ntypes, **per_type).laws
+
+
+# --- fix rheo/pressure ---
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # the examples of the manual
+        ("* linear", (EOS("linear"), EOS("linear"))),
+        ("1 linear 2 cubic 10.0", (EOS("linear"), EOS("cubic", parameter=10.0))),
+        ("* linear * background 0.1", (EOS("linear", background=0.1), EOS("linear", background=0.1))),
+        # every style
+        ("1 tait/water 2 tait/general 7.15", (EOS("tait/water"), EOS("tait/general", parameter=7.15))),
+        ("1 ideal/gas 1.4 2 cubic -1e-3", (EOS("ideal/gas", parameter=1.4), EOS("cubic", parameter=-0.001))),
+        # every form of types
+        ("*1 linear 2* tait/water", (EOS("linear"), EOS("tait/water"))),
+        ("1*2 cubic 1", (EOS("cubic", parameter=1.0), EOS("cubic", parameter=1.0))),
+        # later entries override, whole: an argument of the earlier style is gone
+        ("* cubic 3 2 linear", (EOS("cubic", parameter=3.0), EOS("linear"))),
+        ("2 linear * tait/water", (EOS("tait/water"), EOS("tait/water"))),
+        ("* cubic 3 * cubic 4", (EOS("cubic", parameter=4.0),) * 2),
+        # the background comes before or after its law, survives a new one, and the last one counts
+        ("* background -2 * linear", (EOS("linear", background=-2.0),) * 2),
+        ("* linear 2 background 5 2 tait/water", (EOS("linear"), EOS("tait/water", background=5.0))),
+        ("* linear * background 1 1 background 0", (EOS("linear"), EOS("linear", background=1.0))),
+        # numbers
+        ("* cubic 1e-3", (EOS("cubic", parameter=1e-3),) * 2),
+        ("* cubic +.5E+2", (EOS("cubic", parameter=50.0),) * 2),
+        ("* cubic 3.", (EOS("cubic", parameter=3.0),) * 2),
+    ],
+)
+def test_pressure_entries(text: str, expected: tuple[EOS, ...]) -> None:
+    assert laws(text) == expected
+
+
+def test_rho0_and_cs_go_to_their_types() -> None:
+    assert laws("1 linear 2 tait/water", rho0=(2.0, 3.0), cs=(4.0, 5.0)) == (
+        EOS("linear", 2.0, 4.0),
+        EOS("tait/water", 3.0, 5.0),
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "fix 1 all rheo/pressure 1 linear &\n   2 cubic 10.0",
+        "fix 1 all rheo/pressure 1 linear & \t\r\n 2 cubic 10.0",
+        "fix 1 all rheo/pressure 1 lin&\near 2 cubic 10.0",
+        "fix 1 all rheo/pressure 1 linear 2 cubic 10.0  # 3 nonsense &\nfix 2",
+        "# a comment\n\nfix 1 all rheo/pressure 1 linear 2 cubic 10.0\n# another\n",
+        "  fix\tmyfix   all rheo/pressure 1 linear 2 cubic 10.0\r\n",
+    ],
+)
+def test_lines_are_read_as_lammps_reads_them(text: str) -> None:
+    """& as the last printable character continues the line without a space; # ends it, joined lines included."""
+    assert parse_fix_rheo_pressure(text) == (PressureEntry("1", "linear"), PressureEntry("2", "cubic", 10.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "command: is missing"),
+        ("# only a comment", "command: is missing"),
+        ("pair_style rheo", "command: must begin with fix, found 'pair_style'"),
+        ("fix", "fix ID: is missing"),
+        ("fix 1", "group-ID: is missing"),
+        ("fix 1 water rheo/pressure * linear", "group of fix rheo/pressure: must be all, found 'water'"),
+        ("fix 1 all", "fix style: is missing"),
+        ("fix 1 all rheo 3.0 quintic 0", "fix style: must be rheo/pressure, found 'rheo'"),
+        ("fix 1 all rheo/viscosity * constant 1", "fix style: must be rheo/pressure"),
+        (PRESSURE, "types and pressure style: is missing at the end"),
+        (PRESSURE + "*", "pressure style: is missing at the end"),
+        (PRESSURE + "linear", "type range: must be .*found 'linear'"),
+        (PRESSURE + "1 linear cubic 10", "type range: must be .*found 'cubic'"),
+        (PRESSURE + "2*1 linear", "type range: must not be reversed"),
+        (PRESSURE + "* taitwater", r"did you mean tait/water\?\), found 'taitwater'"),
+        (PRESSURE + "* Linear", r"did you mean linear\?"),
+        (PRESSURE + "* tait", "pressure style: must be one of linear, cubic, tait/water, tait/general"),
+        (PRESSURE + "* xyz", "background, found 'xyz'"),
+        (PRESSURE + "* cubic", "A3 of cubic: is missing at the end"),
+        (PRESSURE + "* tait/general", "gamma of tait/general: is missing"),
+        (PRESSURE + "* ideal/gas", "gamma of ideal/gas: is missing"),
+        (PRESSURE + "* linear * background", "P_b of background: is missing"),
+        (PRESSURE + "* cubic nan", "A3 of cubic: must be a finite number, found 'nan'"),
+        (PRESSURE + "* cubic inf", "must be a finite number, found 'inf'"),
+        (PRESSURE + "* cubic -Infinity", "must be a finite number"),
+        (PRESSURE + "* cubic 1e999", "must be a finite number, found '1e999'"),
+        (PRESSURE + "* cubic 1_0", "must be a finite number, found '1_0'"),
+        (PRESSURE + "* cubic ١", "must be a finite number"),
+        (PRESSURE + "* cubic ${A3}", "must be a finite number"),
+        (PRESSURE + "* cubic linear", "must be a finite number, found 'linear'"),
+        (PRESSURE + "* linear 1.0", "type range: must be .*found '1.0'"),
+        (PRESSURE + "* linear\nfix 2 all nve", "command: must be a single one .*found 'fix 2 all nve'"),
+        (PRESSURE + "1 linear & # no continuation\n2 cubic 1", "command: must be a single one"),
+        (PRESSURE + "1 linear &", "type range"),
+    ],
+)
+def test_bad_pressure_commands(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        parse_fix_rheo_pressure(text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "message"),
+    [
+        ("1 linear", {}, "atom type 2: needs an equation of state"),
+        ("1 linear * background 3", {}, "atom type 2: needs an equation of state besides the background"),
+        ("* background 3", {}, "atom type 1: needs an equation of state besides"),
+        ("3 linear", {}, "type range: must lie within the atom types 1 to 2, found '3'"),
+        ("* linear 3* tait/water", {}, "must lie within the atom types 1 to 2"),
+        ("* tait/general 0", {}, r"gamma of tait/general: must not be 0.*\(deck, atom type 1\)"),
+        ("1 linear 2 ideal/gas 1", {}, r"gamma of ideal/gas: must exceed 1.*\(deck, atom type 2\)"),
+        ("* linear", {"rho0": (1.0,)}, r"density: needs one value per atom type \(2\), found 1"),
+        ("* linear", {"rho0": (1.0, 2.0, 3.0)}, r"density: needs one value per atom type \(2\), found 3"),
+        ("* linear", {"cs": ()}, "speed/sound: needs one value per atom type"),
+        ("* linear", {"cs": (1.0, -1.0)}, r"cs: must be positive, found -1.0 \(deck, atom type 2\)"),
+        ("* linear", {"rho0": (math.nan, 1.0)}, r"rho0: must be a finite number.*atom type 1"),
+    ],
+)
+def test_entries_that_do_not_resolve(text: str, arguments: dict[str, Any], message: str) -> None:
+    entries = parse_fix_rheo_pressure(PRESSURE + text)
+    with pytest.raises(InputError, match=message) as caught:
+        resolve(entries, 2, where="deck", **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_hand_made_entries_are_checked() -> None:
+    with pytest.raises(InputError, match="needs the argument P_b"):
+        resolve([PressureEntry("*", "linear"), PressureEntry("*", "background")], 1)
+    with pytest.raises(InputError, match="pressure style"):
+        resolve([PressureEntry("*", "tait")], 1)
+    with pytest.raises(InputError, match="needs the argument A3"):
+        resolve([PressureEntry("*", "cubic")], 1)
+    with pytest.raises(InputError, match="every atom type"):
+        resolve([], 0)
+
+
+# --- fix rheo ---
+
+PLAIN = FixRheo(3.0, "quintic", 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("fix 1 all rheo 3.0 quintic 0", PLAIN),
+        ("fix 1 all rheo 2.5e-3 RK0 1", FixRheo(2.5e-3, "RK0", 1)),
+        ("fix 1 all rheo 3 RK2 12", FixRheo(3.0, "RK2", 12)),
+        # the first example of the manual
+        (
+            "fix 1 all rheo 3.0 quintic 0 thermal density 0.1 0.1 speed/sound 10.0 1.0",
+            replace(PLAIN, thermal=True, rho0=(0.1, 0.1), cs=(10.0, 1.0)),
+        ),
+        # the second and third, as the syntax section wants them
+        (
+            "fix 1 all rheo 3.0 RK1 10 shift surface/detection coordination 40 8",
+            FixRheo(3.0, "RK1", 10, shift=Shift(), surface_detection=SurfaceDetection("coordination", 40.0, 8)),
+        ),
+        ("fix 1 all rheo 3.0 RK1 10 rho/sum self/mass", FixRheo(3.0, "RK1", 10, rho_sum=True, self_mass=True)),
+        (RHEO + "interface/reconstruct", replace(PLAIN, interface_reconstruct=True)),
+        (
+            RHEO + "surface/detection divergence 1.5 4 rho/sum",
+            replace(PLAIN, surface_detection=SurfaceDetection("divergence", 1.5, 4), rho_sum=True),
+        ),
+        (RHEO + "shift exclude/type 2", replace(PLAIN, shift=Shift(("2",)))),
+        (RHEO + "shift exclude/type 1 *2 2*", replace(PLAIN, shift=Shift(("1", "*2", "2*")))),
+        (
+            RHEO + "shift scale/cross/type 0 0.5 1e-3 thermal",
+            replace(PLAIN, shift=Shift((), (0.0, 0.5, 1e-3)), thermal=True),
+        ),
+        (
+            RHEO + "shift exclude/type * scale/cross/type 1 2 3",
+            replace(PLAIN, shift=Shift(("*",), (1.0, 2.0, 3.0))),
+        ),
+        (
+            RHEO + "shift scale/cross/type 1 2 3 exclude/type 1*2 density 1 2",
+            replace(PLAIN, shift=Shift(("1*2",), (1.0, 2.0, 3.0)), rho0=(1.0, 2.0)),
+        ),
+        (RHEO + "density 1 2 & # not continued", None),
+        ("fix 1 all rheo 3.0 &\n quintic 0 & \n thermal # warm", replace(PLAIN, thermal=True)),
+    ],
+)
+def test_rheo_commands(text: str, expected: FixRheo | None) -> None:
+    if expected is None:
+        with pytest.raises(InputError, match=r"keyword of fix rheo: .*found '&'"):
+            parse_fix_rheo(text, 2)
+    else:
+        assert parse_fix_rheo(text, 2) == expected
+        assert parse_fix_rheo(text) == expected
+
+
+def test_defaults_are_left_to_the_law() -> None:
+    """rho0 and cs of None stand for 1 for every type, which `resolve` fills in."""
+    fix = parse_fix_rheo(RHEO)
+    assert fix.rho0 is None
+    assert fix.cs is None
+    assert laws("* linear", rho0=fix.rho0, cs=fix.cs) == (EOS("linear", 1.0, 1.0),) * 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("fix 1 all rheo/pressure * linear", "fix style: must be rheo, found 'rheo/pressure'"),
+        ("fix 1 fluid rheo 3 quintic 0", "group of fix rheo: must be all, found 'fluid'"),
+        ("fix 1 all rheo", "cut: is missing at the end"),
+        ("fix 1 all rheo 3", "kstyle: is missing"),
+        ("fix 1 all rheo 3 quintic", "zmin: is missing"),
+        ("fix 1 all rheo -3 quintic 0", "cut: must be positive, found -3.0"),
+        ("fix 1 all rheo 0 quintic 0", "cut: must be positive"),
+        ("fix 1 all rheo nan quintic 0", "cut: must be a finite number"),
+        ("fix 1 all rheo quintic 3 0", "cut: must be a finite number, found 'quintic'"),
+        ("fix 1 all rheo 3 rk1 0", "kstyle: must be one of quintic, RK0, RK1, RK2"),
+        ("fix 1 all rheo 3 quintc 0", r"did you mean quintic\?"),
+        ("fix 1 all rheo 3 RK1 -1", "zmin: must not be negative, found -1"),
+        ("fix 1 all rheo 3 RK1 1.5", "zmin: must be a whole number.*found '1.5'"),
+        ("fix 1 all rheo 3 RK1 1_0", "zmin: must be a whole number"),
+        ("fix 1 all rheo 3 RK1 " + "9" * 5000, "zmin: must be a whole number"),
+        # the second and third example of the manual contradict its syntax section
+        (
+            "fix 1 all rheo 3.0 RK1 10 shift surface/detection coordination 40",
+            "limit/splash of surface/detection: is missing at the end of the command",
+        ),
+        ("fix 1 all rheo 3.0 RK1 10 rhosum self/mass", r"did you mean rho/sum\?\), found 'rhosum'"),
+        (RHEO + "termal", r"keyword of fix rheo: must be one of .*did you mean thermal\?\), found 'termal'"),
+        (RHEO + "artificial/visc 1", "keyword of fix rheo: must be one of"),
+        (RHEO + "5", "keyword of fix rheo: must be one of .*found '5'"),
+        (RHEO + "self/mass", "self/mass: is an argument of rho/sum and must follow it"),
+        (RHEO + "rho/sum thermal self/mass", "self/mass: is an argument of rho/sum and must follow it"),
+        (RHEO + "exclude/type 1", "keyword of fix rheo"),
+        (RHEO + "surface/detection", "style of surface/detection: is missing"),
+        (RHEO + "surface/detection divergense 1 2", r"did you mean divergence\?"),
+        (RHEO + "surface/detection divergence x 2", "limit of surface/detection: must be a finite number"),
+        (RHEO + "surface/detection divergence 1.5 2.5", "limit/splash .*must be a whole number"),
+        (RHEO + "shift exclude/type", "types of exclude/type: is missing"),
+        (RHEO + "shift exclude/type thermal", "type range: must be .*found 'thermal'"),
+        (RHEO + "shift exclude/type 3", "type range: must lie within the atom types 1 to 2, found '3'"),
+        (RHEO + "shift exclude/type 1 2*1", "type range: must not be reversed"),
+        (RHEO + "shift scale/cross/type 1 2", "wmin: is missing"),
+        (RHEO + "shift scale/cross/type 1 2 inf", "wmin: must be a finite number"),
+        (RHEO + "density", r"density: needs one value per atom type \(2\)"),
+        (RHEO + "density thermal", r"density: needs one value per atom type \(2\), found 'thermal'"),
+        (RHEO + "density 1", r"density: needs one value per atom type \(2\), found '1.0'"),
+        (RHEO + "density 1 2 3", r"density: needs one value per atom type \(2\), found '1.0 2.0 3.0'"),
+        (RHEO + "density 1 0", "density: must be positive, found 0.0"),
+        (RHEO + "density 1 nan", "density: must be a finite number, found 'nan'"),
+        (RHEO + "density 1 1e999", "density: must be a finite number"),
+        (RHEO + "density 1 1_0", "density: needs one value per atom type"),
+        (RHEO + "speed/sound 1 -1", "speed/sound: must be positive, found -1.0"),
+        (RHEO + "speed/sound 0 1", "speed/sound: must be positive"),
+        (RHEO + "thermal\nfix 2 all nve", "command: must be a single one"),
+    ],
+)
+def test_bad_rheo_commands(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        parse_fix_rheo(text, 2)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).endswith(")"), "every complaint names the command"
+
+
+@pytest.mark.parametrize("ntypes", [None, 3])
+def test_a_wrong_number_of_values_needs_the_number_of_types(ntypes: int | None) -> None:
+    assert parse_fix_rheo(RHEO + "density 1 2 3", ntypes).rho0 == (1.0, 2.0, 3.0)
+    with pytest.raises(InputError, match=r"needs one value per atom type \((N|3)\)"):
+        parse_fix_rheo(RHEO + "density", ntypes)
+
+
+# --- round trips: any valid settings, written as text, are read back ---
+
+NTYPES = 4
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(1e-300, 1e300)
+ranges = st.builds(
+    lambda a, b, form: form.format(min(a, b), max(a, b)),
+    st.integers(1, NTYPES),
+    st.integers(1, NTYPES),
+    st.sampled_from(["{0}", "*", "*{0}", "{1}*", "{0}*{1}"]),
+)
+entries = st.one_of(
+    st.builds(PressureEntry, ranges, st.sampled_from(["linear", "tait/water"])),
+    st.builds(PressureEntry, ranges, st.sampled_from(["cubic", "background"]), numbers),
+    st.builds(PressureEntry, ranges, st.just("tait/general"), numbers.filter(lambda x: x != 0)),
+    st.builds(PressureEntry, ranges, st.just("ideal/gas"), st.floats(1.001, 100)),
+)
+gaps = st.sampled_from([" ", "  ", "\t", " &\n ", " & \n\t"])
+per_type = st.none() | st.tuples(*[positive] * NTYPES)
+settings_of_rheo = st.builds(
+    lambda **values: FixRheo(**values, self_mass=values["rho_sum"] and values["cut"] > 1),
+    cut=positive,
+    kernel=st.sampled_from(["quintic", "RK0", "RK1", "RK2"]),
+    zmin=st.integers(0, 10**6),
+    thermal=st.booleans(),
+    interface_reconstruct=st.booleans(),
+    surface_detection=st.none()
+    | st.builds(
+        SurfaceDetection, st.sampled_from(["coordination", "divergence"]), numbers, st.integers(-(10**6), 10**6)
+    ),
+    shift=st.none()
+    | st.builds(Shift, st.lists(ranges, max_size=3).map(tuple), st.none() | st.tuples(numbers, numbers, numbers)),
+    rho_sum=st.booleans(),
+    rho0=per_type,
+    cs=per_type,
+)
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.lists(entries, min_size=1, max_size=6), gaps)
+def test_any_entries_survive_the_text(written: list[PressureEntry], gap: str) -> None:
+    words = PRESSURE.split()
+    for entry in written:
+        words += [entry.types, entry.style] + ([] if entry.value is None else [repr(entry.value)])
+    read = parse_fix_rheo_pressure(gap.join(words))
+    assert read == tuple(written)
+    # and what they come to, told again in the simplest way: the last law and the last background of each type
+    whole = (PressureEntry("*", "linear"), *read)
+    for t, law in enumerate(resolve(whole, NTYPES).laws, 1):
+        mine = [e for e in whole if covers(e.types, t)]
+        last = [e for e in mine if e.style != "background"][-1]
+        shifts = [e.value for e in mine if e.style == "background"]
+        assert (law.style, law.parameter, law.background) == (last.style, last.value, shifts[-1] if shifts else 0.0)
+
+
+def covers(types: str, t: int) -> bool:
+    low, star, high = types.partition("*")
+    if not star:
+        return t == int(low)
+    return int(low or 1) <= t <= int(high or NTYPES)
+
+
+def rheo_text(fix: FixRheo, gap: str, order: int) -> str:
+    """The command, its keywords in an order of chance."""
+    keywords: list[list[str]] = []
+    if fix.thermal:
+        keywords.append(["thermal"])
+    if fix.interface_reconstruct:
+        keywords.append(["interface/reconstruct"])
+    if fix.surface_detection:
+        s = fix.surface_detection
+        keywords.append(["surface/detection", s.style, repr(s.limit), str(s.splash)])
+    if fix.shift:
+        optional = [["exclude/type", *fix.shift.exclude_types]] if fix.shift.exclude_types else []
+        if fix.shift.scale_cross_type:
+            optional.append(["scale/cross/type", *map(repr, fix.shift.scale_cross_type)])
+        random.Random(order).shuffle(optional)
+        keywords.append(["shift", *chain(*optional)])
+    if fix.rho_sum:
+        keywords.append(["rho/sum"] + ["self/mass"] * fix.self_mass)
+    if fix.rho0:
+        keywords.append(["density", *map(repr, fix.rho0)])
+    if fix.cs:
+        keywords.append(["speed/sound", *map(repr, fix.cs)])
+    random.Random(order).shuffle(keywords)
+    words = ["fix", "1", "all", "rheo", repr(fix.cut), fix.kernel, str(fix.zmin), *chain(*keywords)]
+    return gap.join(words)
+
+
+@settings(deadline=None, derandomize=True)
+@given(settings_of_rheo, gaps, st.integers(0, 10**6))
+def test_any_settings_survive_the_text(fix: FixRheo, gap: str, order: int) -> None:
+    text = rheo_text(fix, gap, order)
+    assert parse_fix_rheo(text, NTYPES) == fix
+    assert parse_fix_rheo(text) == fix
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(st.text(max_size=60), st.sampled_from(["", PRESSURE, RHEO, PRESSURE + "* linear ", RHEO + "shift "]))
+def test_any_text_is_read_or_refused(text: str, start: str) -> None:
+    """No other exception, whatever is written."""
+    for parse in (parse_fix_rheo, parse_fix_rheo_pressure):
+        try:
+            parse(start + text)
+        except InputError as error:
+            assert len(str(error).splitlines()) == 1

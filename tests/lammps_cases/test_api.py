@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -27,9 +29,9 @@ def test_example_of_the_readme(
     eos_ref_command("run", "near-rho0", "--out", tmp_path / "reports" / "latest")
     monkeypatch.chdir(tmp_path)
     for block in blocks:
-        printed: list[str] = []
-        exec(compile(block, "README.md", "exec"), {"print": lambda *values: printed.append(" ".join(map(str, values)))})
-        assert printed == re.findall(r"print\(.*\)  # (.*)", block)
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(block, "README.md", "exec"), {})
+        assert printed.getvalue().splitlines() == re.findall(r"print\(.*\)  # (.*)", block)
 
 
 def test_atoms_in_and_out(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:

@@ -17,12 +17,12 @@ from typing import Any
 
 import numba
 import numpy as np
-import platformdirs
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
 from eos_ref import elementary, laws
+from eos_ref.cache import cache_folder
 
 
 def _cache_directory() -> Path:
@@ -30,9 +30,10 @@ def _cache_directory() -> Path:
     digest = hashlib.sha256()
     for name in ("compiled.py", "elementary.py", "laws.py"):
         digest.update(Path(__file__).with_name(name).read_bytes())
-    return Path(platformdirs.user_cache_dir("eos-ref")) / "numba" / digest.hexdigest()[:16]
+    return cache_folder(f"numba/{digest.hexdigest()[:16]}")
 
 
+_users_cache = numba.config.CACHE_DIR
 numba.config.CACHE_DIR = str(_cache_directory())
 _jit = numba.njit(cache=True, error_model="numpy")
 # LLVM does not inline a body as long as a power of its own accord, and a loop with a call in it stays scalar.
@@ -270,3 +271,6 @@ def pressure_of_one_type(
         e_b = e_n[start:stop] if e_n.size else e_n
         outside += _one_type(style, rho_n[start:stop], e_b, rho0, cs, parameter, background, out_n[start:stop])
     return outside
+
+
+numba.config.CACHE_DIR = _users_cache  # other packages' functions stay where they were

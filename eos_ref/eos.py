@@ -124,8 +124,8 @@ class EOS:
         Returns
         -------
         ndarray of float64, shape of ``rho`` (a scalar for a scalar)
-            Error at most 4 eps (5 for cubic) times the sum of the absolute terms, times
-            1 + \|gamma ln(rho/rho0)\| for the power laws. NaN where the law is not defined.
+            Error at most 2 eps (cubic 5) times the sum of the absolute terms; for the power laws 4 eps times that sum
+            times 1 + \|gamma ln(rho/rho0)\|. NaN where the law is not defined.
 
         Raises
         ------

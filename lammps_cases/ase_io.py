@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import zipfile
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import platformdirs
 
 from eos_ref import EOSTable, InputError
+from eos_ref.cache import cache_folder
 from eos_ref.eos import FloatArray
 from lammps_cases.records import write_arrays
 from lammps_cases.scene import Scene
@@ -98,12 +99,15 @@ def _arrays(path: Path, where: str) -> dict[str, Any]:
         content = path.read_bytes()
     except OSError as error:
         raise InputError("extxyz", f"no such file or not readable ({error.strerror})", path.name, where) from None
-    digest = hashlib.sha256(content + version("ase").encode()).hexdigest()
-    cached = Path(platformdirs.user_cache_dir("eos-ref")) / "extxyz" / f"{digest}.npz"
+    digest = hashlib.sha256(content + Path(__file__).read_bytes() + version("ase").encode()).hexdigest()
+    cached = cache_folder("extxyz") / f"{digest}.npz"
     if not cached.exists():
         write_arrays(cached, _read_with_ase(path, where))
-    with np.load(cached) as arrays:
-        return {name: arrays[name] for name in arrays.files}
+    try:
+        with np.load(cached) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):  # a damaged cache: make it again
+        return _read_with_ase(path, where)
 
 
 def _read_with_ase(path: Path, where: str) -> dict[str, Any]:
@@ -115,6 +119,8 @@ def _read_with_ase(path: Path, where: str) -> dict[str, Any]:
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:
                 found[name] = np.asarray(atoms.arrays[name]).astype(kind)
+        if "type" in found and np.any(found["type"] != atoms.arrays["type"]):
+            raise ValueError("types must be whole numbers")
     except Exception as error:  # ASE raises many kinds for a broken file
         raise InputError("extxyz", f"cannot be read: {error or type(error).__name__}", path.name, where) from None
     return found

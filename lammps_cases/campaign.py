@@ -19,8 +19,9 @@ from eos_ref import EOSTable, InputError
 from lammps_cases.atoms import Atoms, build
 from lammps_cases.casefile import Case
 from lammps_cases.commands import job
+from lammps_cases.engine import Answer
 from lammps_cases.engines import Engine, library_sha256
-from lammps_cases.evaluate import evaluate
+from lammps_cases.evaluate import Arrays, blank_record, evaluate
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
@@ -56,6 +57,7 @@ def run_cases(
     directory: Path,
     command: str = "",
     strict: bool = False,
+    part: str = "",
     progress: Progress | None = None,
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
@@ -75,10 +77,12 @@ def run_cases(
             ready = prepare(case)
             told = job(case.scene, ready.atoms, plan(case.scene))
             queue.append((ready, workers.submit(told, case.scene.engine.time_limit)))
+        who = workers.outcome(identity)
+        answering = engine_record(engine, {} if isinstance(who, Failure) else who)
         records: list[CaseRecord] = []
         for ready, future in queue:
             outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
-            record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome)
+            record, arrays = _judge(ready, outcome, answering)
             if arrays:
                 write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
             records.append(record)
@@ -88,11 +92,20 @@ def run_cases(
         run = provenance(
             EngineRecord(name=engine.name) if isinstance(who, Failure) else engine_record(engine, who), command
         )
-        run.strict = strict
+        run.strict, run.shard = strict, part
         run.cases = sorted(records, key=lambda record: record.case)
         run.seconds = round(time.perf_counter() - begin, 3)
         write_run(run.counted(), folder)
     return run
+
+
+def _judge(ready: Prepared, outcome: Answer | Failure, engine: EngineRecord) -> tuple[CaseRecord, Arrays]:
+    try:
+        return evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
+    except Exception as error:  # a fault of the harness costs its case alone, as one of LAMMPS does
+        record = blank_record(ready.case, ready.eos, ready.atoms, engine)
+        record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
+        return record, {}
 
 
 def _last(case: Case) -> int:
@@ -140,29 +153,54 @@ def output_folder(directory: Path) -> Iterator[Path]:
     InputError
         It cannot be written, holds something else than a report, or another run is writing into it.
     """
-    directory = directory.absolute()
+    directory = directory.resolve()
+    if directory in (Path.cwd(), *Path.cwd().parents):
+        raise InputError("output folder", "must not be the current folder or above it", str(directory))
     partial = directory.with_name(f".{directory.name}.partial")
     old = directory.with_name(f".{directory.name}.old")
     with _locked(directory):
         if old.exists() and not directory.exists():  # killed between the two renames below
             old.rename(directory)
         if directory.exists() and (not directory.is_dir() or _foreign(directory)):
-            raise InputError("output folder", "must be empty or hold an earlier report (run.json)", str(directory))
+            raise InputError(
+                "output folder", "must be empty or hold an earlier report and nothing else", str(directory)
+            )
         for leftover in (partial, old):
             shutil.rmtree(leftover, ignore_errors=True)
         partial.mkdir()
         try:
             yield partial
-            if directory.exists():
-                directory.rename(old)
-            partial.rename(directory)
+            _replace(directory, partial, old)
         finally:
             shutil.rmtree(partial, ignore_errors=True)
             shutil.rmtree(old, ignore_errors=True)
 
 
+def _replace(directory: Path, partial: Path, old: Path) -> None:
+    try:
+        if directory.exists():
+            directory.rename(old)
+        partial.rename(directory)
+    except OSError:  # a mount point, say of a container, cannot be renamed: replace what is in it
+        for path in directory.iterdir():
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        shutil.copytree(partial, directory, dirs_exist_ok=True)
+
+
+REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
+
+
 def _foreign(directory: Path) -> bool:
-    return any(directory.iterdir()) and not (directory / "run.json").exists()
+    """Whether a folder holds anything that is not an earlier report, which would be lost with it."""
+    names = {path.name for path in directory.iterdir()}
+    if not names:
+        return False
+    try:
+        ours = '"schema": "eos-ref/run/' in (directory / "run.json").read_text(errors="replace")[:200]
+    except OSError:
+        return True
+    fields = directory / "fields"
+    return not ours or bool(names - REPORT) or (fields.exists() and any(p.suffix != ".npz" for p in fields.iterdir()))
 
 
 @contextmanager
@@ -199,19 +237,19 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
     runs = [read_run(folder) for folder in directories]
     merged = runs[0]
     for run, folder in zip(runs[1:], directories[1:], strict=True):
-        if run.engine != merged.engine:
-            raise InputError(
-                "engine",
-                f"must be {merged.engine.distribution} as in the first run",
-                run.engine.distribution,
-                str(folder),
-            )
+        one, other = run.engine, merged.engine
+        if (one.distribution, one.library_sha256) != (other.distribution, other.library_sha256):
+            rule = f"must be {other.distribution} with the library of the first run"
+            raise InputError("engine", rule, one.distribution, str(folder))
         merged.cases += run.cases
         merged.seconds += run.seconds
+        merged.strict |= run.strict
+    _check_shards([run.shard for run in runs])
+    merged.shard = ""
     merged.cases.sort(key=lambda record: record.case)
-    for one, other in itertools.pairwise(merged.cases):
-        if one.case == other.case:
-            raise InputError("case", "occurs in two of the runs", one.case)
+    for case, following in itertools.pairwise(merged.cases):
+        if case.case == following.case:
+            raise InputError("case", "occurs in two of the runs", case.case)
     merged.command = command_line()
     with output_folder(directory) as folder:
         for source in directories:
@@ -219,6 +257,14 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
                 write_atomically(folder / "fields" / file.name, file.read_bytes())
         write_run(merged.counted(), folder)
     return merged
+
+
+def _check_shards(shards: Sequence[str]) -> None:
+    """Parts of a run must be all of its parts; runs that are not parts may be joined freely."""
+    for count in sorted({part.partition("/")[2] for part in shards if part}):
+        missing = {f"{k}/{count}" for k in range(1, int(count) + 1)} - set(shards)
+        if missing:
+            raise InputError("shards", "must be complete to be merged; missing " + ", ".join(sorted(missing)))
 
 
 def shard(cases: Sequence[Case], text: str) -> list[Case]:
@@ -231,7 +277,10 @@ def shard(cases: Sequence[Case], text: str) -> list[Case]:
     first, _, count = text.partition("/")
     if not (first.isdigit() and count.isdigit() and 1 <= int(first) <= int(count)):
         raise InputError("shard", "must be i/n with 1 <= i <= n", text)
-    return list(cases[int(first) - 1 :: int(count)])
+    chosen = list(cases[int(first) - 1 :: int(count)])
+    if not chosen:
+        raise InputError("shard", f"is empty: there are {len(cases)} cases", text)
+    return chosen
 
 
 def command_line() -> str:

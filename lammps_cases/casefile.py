@@ -9,7 +9,9 @@ from __future__ import annotations
 import difflib
 import fnmatch
 import itertools
+import math
 import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from eos_ref import InputError
 from lammps_cases.scene import Scene, check_name
 
+MAX_CASES = 10_000  # of one file
 SHIPPED = Path(__file__).with_name("cases")
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -41,10 +44,11 @@ class Case:
         """Place for messages: file and case."""
         return f"{self.source.name}, case {self.name}"
 
-    @property
-    def reproduce(self) -> str:
-        """Command that runs this case alone."""
-        return f"eos-ref run {self.name}" if self.shipped else f"eos-ref run --cases {self.source} {self.name}"
+    def reproduce(self, engine: str = "env") -> str:
+        """Command that runs this case alone, on the same engine."""
+        own = [] if self.shipped else ["--cases", str(self.source)]
+        other = [] if engine == "env" else ["--engine", engine]
+        return shlex.join(["eos-ref", "run", *own, *other, self.name])
 
 
 class CaseFile(BaseModel):
@@ -120,7 +124,10 @@ def merge(base: Any, patch: Any) -> Any:
         if value is None:
             merged.pop(key, None)
         elif isinstance(key, str) and key.endswith("+") and isinstance(value, list):
-            merged[key[:-1]] = [*merged.get(key[:-1], []), *value]
+            before = merged.get(key[:-1], [])
+            if not isinstance(before, list):
+                raise InputError(key, "must append to a list", before)
+            merged[key[:-1]] = [*before, *value]
         else:
             merged[key] = merge(base.get(key), value) if key in base else value
     return merged
@@ -166,12 +173,18 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
     except ValidationError as error:
         raise _validation_error(error, str(path), data) from None
     check_name(file.name, str(path))
+    count = math.prod(len(axis) for axis in file.matrix.values())
+    if not 1 <= count <= MAX_CASES:
+        raise InputError("matrix", f"must make 1 to {MAX_CASES} cases", count, str(path))
     cases = []
     for combination in itertools.product(*(axis.items() for axis in file.matrix.values())):
         name = ".".join([file.name, *(check_name(label, str(path)) for label, _ in combination)])
         content = file.scene
         for _, patch in combination:
-            content = merge(content, patch)
+            try:
+                content = merge(content, patch)
+            except InputError as error:
+                raise error.at(f"{path}, case {name}") from None
         tags = list(file.tags)
         if isinstance(content.get("tags"), list):  # a patch may add tags
             content = dict(content)
@@ -245,4 +258,6 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
             )
     elif not names:
         chosen = [case for case in chosen if "long" not in case.tags]
+    if not chosen:
+        raise InputError("cases", "none is left to run (all are tagged long?)")
     return chosen

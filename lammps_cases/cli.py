@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
 from typing import Any
 
@@ -70,6 +71,8 @@ def group() -> None:
 
 def main() -> None:
     """Entry point: bad input is one line on standard error and exit code 2; a missing engine exit code 3."""
+    # A cancelled CI job ends like Ctrl-C: workers stopped, nothing half-written left behind.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = group.main(standalone_mode=False)
     except click.ClickException as error:
@@ -94,7 +97,11 @@ def _exit_code(error: Exception) -> int:
     if isinstance(error, EngineMissing):
         click.echo(f"eos-ref: {error} (eos-ref doctor says more)", err=True)
         return 3
-    raise error
+    import traceback
+
+    traceback.print_exception(error)
+    click.echo("eos-ref: this is a fault of eos-ref itself, not a verdict on LAMMPS", err=True)
+    return 3
 
 
 if __name__ == "__main__":

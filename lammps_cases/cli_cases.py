@@ -72,12 +72,12 @@ def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
     """
     from lammps_cases import casefile
 
-    for case in casefile.select(casefile.load(paths), (name,)):
-        explanation = _explanation(case)
-        if as_json:
-            click.echo(json.dumps(explanation, indent=1))
-        else:
-            _show(explanation)
+    explanations = [_explanation(case) for case in casefile.select(casefile.load(paths), (name,))]
+    if as_json:
+        click.echo(json.dumps({"cases": explanations}, indent=1))
+        return 0
+    for explanation in explanations:
+        _show(explanation)
     return 0
 
 
@@ -101,7 +101,7 @@ def _explanation(case: Any) -> dict[str, Any]:
             "background": law.background,
             "defined": [str(end) for end in law.defined],
             "monotone": [str(end) for end in law.monotone],
-            "bound": str(bounds.derivation(law)),
+            "bound": bounds.comparison_derivation(law),
         }
         for t, law in enumerate(ready.eos.laws if ready.eos else (), 1)
     ]
@@ -132,7 +132,7 @@ def _show(explanation: dict[str, Any]) -> None:
         parameters = ", ".join(f"{k} {law[k]}" for k in ("rho0", "cs", "parameter", "background") if law[k] is not None)
         click.echo(f"type {law['type']}: {law['style']}, {parameters}")
         click.echo(f"  grows with density within {' to '.join(law['monotone'])}")
-        click.echo(f"  bound on LAMMPS' rounding: {law['bound']}")
+        click.echo(f"  bound: {law['bound']}")
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         _table(

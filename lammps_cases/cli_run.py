@@ -13,7 +13,7 @@ from lammps_cases.records import CaseRecord
 
 @click.command("run", short_help="Run cases against LAMMPS.")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
-@click.option("--tag", help="Only cases with this tag (quick, long, ...).")
+@click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
 @click.option(
     "--cases",
     "paths",
@@ -66,6 +66,7 @@ def run_command(
             out,
             campaign.command_line(),
             strict,
+            shard or "",
             progress,
         )
     return finish(run, out, as_json)
@@ -73,7 +74,8 @@ def run_command(
 
 @click.command("report", short_help="Render a report again.")
 @click.argument("run", type=click.Path(path_type=Path))
-def report_command(run: Path) -> int:
+@json_option
+def report_command(run: Path, as_json: bool) -> int:
     """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.
 
     \b
@@ -82,8 +84,9 @@ def report_command(run: Path) -> int:
     from lammps_cases.records import read_run
     from lammps_cases.report import write_report
 
-    click.echo(f"report: {write_report(read_run(run), run)}")
-    return 0
+    record = read_run(run)
+    write_report(record, run)
+    return finish(record, run, as_json)
 
 
 @click.command("merge", short_help="Join shards.")

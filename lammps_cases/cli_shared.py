@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -11,6 +12,7 @@ import click
 
 from lammps_cases.records import RunRecord
 
+PLAIN_EVERY = 5.0  # seconds between two plain lines
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
 engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
 strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
@@ -40,11 +42,13 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
 
 
 class Bar:
-    """A progress bar on a terminal's standard error, nothing elsewhere; a context manager."""
+    """Progress on standard error: a bar on a terminal, now and then a plain line elsewhere; a context manager."""
 
     def __init__(self, quiet: bool = False) -> None:
         self._bar: Any = None
         self._task: Any = None
+        self._quiet = quiet
+        self._said = time.monotonic()
         if not quiet and sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -58,6 +62,9 @@ class Bar:
             self._bar.update(self._task, completed=done, total=total, description=what)
             if complaint:
                 self._bar.console.print(complaint, style="red", highlight=False, markup=False)
+        elif not self._quiet and (complaint or time.monotonic() - self._said > PLAIN_EVERY):
+            self._said = time.monotonic()
+            click.echo(complaint or f"{done}/{total or '?'} {what}", err=True)
 
     def __enter__(self) -> Self:
         if self._bar:

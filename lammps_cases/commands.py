@@ -30,14 +30,15 @@ def job(scene: Scene, atoms: Atoms, plan: Plan) -> Job:
     return Job(
         setup=tuple(_setup(scene, atoms, plan)),
         commands=tuple(_physics(scene, atoms, plan)),
-        runs=(f"run {steps} post no",),
+        # After time steps, run 0 evaluates once more: the pressure that forces use then belongs to the final density.
+        runs=(f"run {steps} post no", "run 0 post no") if steps else ("run 0 post no",),
         id_n=atoms.id_n,
         type_n=atoms.type_n,
         x_nc=atoms.x_nc,
         v_nc=atoms.v_nc,
         per_atom=per_atom,
         outputs=scene.compare,
-        atom_arrays=("type", "x", "rho", "esph") if per_atom.get("esph") is not None else ("type", "x", "rho"),
+        atom_arrays=("type", "x", "rho", "pressure", *(["esph"] if "esph" in per_atom else [])),
     )
 
 

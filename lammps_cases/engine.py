@@ -31,6 +31,10 @@ class EngineRefused(RuntimeError):
     """LAMMPS stopped with an error of its own; the text is LAMMPS'."""
 
 
+class EngineBroken(EngineRefused):
+    """LAMMPS stopped with an error after which the instance must not be used again."""
+
+
 @dataclass(frozen=True)
 class Job:
     """Everything LAMMPS is told, in order: set-up, atoms, per-atom values, commands, run.
@@ -187,14 +191,16 @@ def run(lmp: Any, job: Job) -> Answer:
         _commands(lmp, (*job.commands, *job.runs))
         arrays = read(lmp, job.outputs, job.atom_arrays)
     except Exception as error:
-        if type(error) is Exception or type(error).__name__ == "MPIAbortException":  # LAMMPS' own message
+        if type(error) is Exception:  # LAMMPS' own message
             raise EngineRefused(str(error).strip()) from None
+        if type(error).__name__ == "MPIAbortException":
+            raise EngineBroken(str(error).strip()) from None
         raise
     return Answer(arrays, time.perf_counter() - begin)
 
 
 def read(lmp: Any, outputs: tuple[str, ...] = (), atom_arrays: tuple[str, ...] = ()) -> dict[str, Array]:
-    """Per-atom arrays sorted by id, copied: columns of compute ``q`` and properties of the atom style."""
+    """Per-atom arrays sorted by id, copied: properties of the atom style, columns of compute ``q`` as ``q.NAME``."""
     n = lmp.extract_global("nlocal")
     id_n = lmp.numpy.extract_atom("id")[:n].copy()
     order_n = np.argsort(id_n, kind="stable")
@@ -204,5 +210,5 @@ def read(lmp: Any, outputs: tuple[str, ...] = (), atom_arrays: tuple[str, ...] =
     if outputs:
         columns = lmp.numpy.extract_compute("q", 1, 1 if len(outputs) == 1 else 2)[:n].reshape(n, -1)
         for k, name in enumerate(outputs):
-            arrays[name] = columns[order_n, k]
+            arrays[f"q.{name}"] = columns[order_n, k]
     return arrays

@@ -9,12 +9,12 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-import platformdirs
-
 from eos_ref import InputError
+from eos_ref.cache import cache_folder
 from lammps_cases.records import write_atomically
 
 
@@ -24,10 +24,6 @@ class Engine:
 
     name: str = "env"
     site: str | None = None
-
-
-def _cache() -> Path:
-    return Path(platformdirs.user_cache_dir("eos-ref"))
 
 
 def resolve(name: str) -> Engine:
@@ -49,7 +45,7 @@ def resolve(name: str) -> Engine:
 
 
 def _install(version: str) -> Path:
-    prefix = _cache() / "engines" / f"lammps-{version}-py{sys.version_info.major}.{sys.version_info.minor}"
+    prefix = cache_folder("engines") / f"lammps-{version}-py{sys.version_info.major}.{sys.version_info.minor}"
     site = prefix / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
     done = prefix / "complete"
     prefix.parent.mkdir(parents=True, exist_ok=True)
@@ -108,14 +104,22 @@ def _shim(library: Path) -> Path:
     source = next((folder for folder in sources if (folder / "core.py").exists()), None)
     if source is None:
         raise InputError("engine", "needs the Python sources of LAMMPS beside the library, or installed", str(library))
-    site = _cache() / "engines" / f"path-{hashlib.sha256(str(library).encode()).hexdigest()[:16]}"
+    site = cache_folder("engines") / f"path-{hashlib.sha256(str(library).encode()).hexdigest()[:16]}"
     package = site / "lammps"
-    shutil.rmtree(package, ignore_errors=True)
-    package.mkdir(parents=True)
-    for file in source.iterdir():
-        if file.suffix == ".py" or (file.is_dir() and file.name in ("mliap", "ipython")):
-            (package / file.name).symlink_to(file)
-    (package / "liblammps.so").symlink_to(library)
+    links = {"liblammps.so": library}
+    links |= {file.name: file for file in source.iterdir() if file.suffix == ".py" or file.name in ("mliap", "ipython")}
+    if package.exists() and {link.name: link.resolve() for link in package.iterdir()} == {
+        name: target.resolve() for name, target in links.items()
+    }:
+        return site  # never rebuilt under the feet of another run's workers
+    with tempfile.TemporaryDirectory(dir=site.parent) as folder:
+        made = Path(folder) / "lammps"
+        made.mkdir()
+        for name, target in links.items():
+            (made / name).symlink_to(target.resolve())
+        shutil.rmtree(package, ignore_errors=True)
+        site.mkdir(exist_ok=True)
+        made.rename(package)
     return site
 
 
@@ -126,7 +130,7 @@ def library_sha256(library: str) -> str:
         return ""
     state = path.stat()
     key = f"{path.resolve()}:{state.st_size}:{state.st_mtime_ns}"
-    store = _cache() / "library-hashes.json"
+    store = cache_folder("libraries") / "hashes.json"
     known: dict[str, str] = {}
     if store.exists():
         try:

@@ -14,14 +14,14 @@ from lammps_cases.compare import Comparison, State, compare_field, compare_press
 from lammps_cases.engine import Answer
 from lammps_cases.ledger import explain_outcome, explain_pressure
 from lammps_cases.mutants import unseen
-from lammps_cases.records import CaseRecord, LawRecord, Seconds, worst
+from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Seconds, worst
 from lammps_cases.workers import Failure
 
 Arrays = dict[str, Any]
 LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is taken as unseen
 
 
-def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms) -> CaseRecord:
+def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineRecord) -> CaseRecord:
     """What is known of a case before it ran."""
     scene = case.scene
     laws = [
@@ -49,55 +49,73 @@ def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms) -> CaseRecord:
         laws=laws,
         seed=seed(case.name),
         source=case.source.name if case.shipped else str(case.source),
-        reproduce=case.reproduce,
+        reproduce=case.reproduce(engine.name),
     )
 
 
-def evaluate(case: Case, eos: EOSTable | None, atoms: Atoms, outcome: Answer | Failure) -> tuple[CaseRecord, Arrays]:
+def evaluate(
+    case: Case, eos: EOSTable | None, atoms: Atoms, outcome: Answer | Failure, engine: EngineRecord
+) -> tuple[CaseRecord, Arrays]:
     """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer)."""
     begin = time.perf_counter()
-    record = blank_record(case, eos, atoms)
+    record = blank_record(case, eos, atoms, engine)
     arrays: Arrays = {}
     if isinstance(outcome, Failure):
-        _judge_failure(record, outcome)
+        _judge_failure(record, outcome, engine.distribution)
     elif eos is None:
         record.verdict = "differs"
         record.message = f"LAMMPS accepts what the manual refuses; expected an error with {record.expects!r}"
-        _explain_outcome(record)
+        _explain_outcome(record, engine.distribution)
+    elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
+        _judge_lost_atoms(record, atoms, outcome)
     else:
-        arrays = _judge_fields(record, case, eos, atoms, outcome)
+        arrays = _judge_fields(record, case, eos, atoms, outcome, engine.distribution)
     lammps = outcome.seconds if isinstance(outcome, Answer) else 0.0
     reference = time.perf_counter() - begin
     record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
     return record, arrays
 
 
-def _judge_failure(record: CaseRecord, failure: Failure) -> None:
+def _judge_failure(record: CaseRecord, failure: Failure, engine: str) -> None:
     record.verdict, record.message = failure.verdict, " ".join(failure.message.split())
     if failure.verdict == "refused" and record.expects and record.expects not in record.message:
         record.verdict = "differs"
         record.message = f"expected an error with {record.expects!r}, LAMMPS said: {record.message}"
     if record.verdict != "refused" or not record.expects:
-        _explain_outcome(record)
+        _explain_outcome(record, engine)
 
 
-def _explain_outcome(record: CaseRecord) -> None:
-    entry = explain_outcome(record.case, record.verdict, record.message)
+def _judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
+    """Atoms that are missing, doubled or renamed make any other comparison meaningless."""
+    got = answer.arrays["id"]
+    wrong = np.setxor1d(got, atoms.id_n)
+    record.verdict = "differs"
+    record.message = (
+        f"id (stage input): LAMMPS returned {len(got)} of {len(atoms)} atoms; first missing, foreign or doubled id: "
+        f"{wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) == 0)[0]]}"
+    )
+
+
+def _explain_outcome(record: CaseRecord, engine: str) -> None:
+    entry = explain_outcome(record.case, engine, record.verdict, record.message)
     if entry is not None:
         record.message = f"{record.verdict}, as ledger entry {entry.id} predicts: {record.message}"
         record.verdict, record.explained_by = "explained", entry.id
 
 
-def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer) -> Arrays:
+def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
     got = answer.arrays
     comparisons = [*_inputs(case, atoms, answer)]
     state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
-    pressure = compare_pressure(eos, state, got["pressure"])
-    if pressure.record.verdict == "differs":
-        entry = explain_pressure(case.name, eos, state, pressure)
-        if entry is not None:
-            pressure.record.verdict, pressure.record.explained_by = "explained", entry.id
-    comparisons.append(pressure)
+    # Twice: the array that the forces read, and the output, which LAMMPS evaluates anew from the density.
+    used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
+    pressure = compare_pressure(eos, state, got["q.pressure"])
+    for comparison in (used, pressure):
+        if comparison.record.verdict == "differs":
+            entry = explain_pressure(case.name, engine, eos, state, comparison)
+            if entry is not None:
+                comparison.record.verdict, comparison.record.explained_by = "explained", entry.id
+    comparisons += [used, pressure]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     record.message = _blame(comparisons, state)

@@ -15,9 +15,11 @@ import numpy as np
 
 from eos_ref import EOSTable
 from eos_ref.eos import FloatArray
-from lammps_cases.compare import Comparison, State
+from lammps_cases.compare import Comparison, State, excess
 from lammps_cases.records import Verdict
 
+ALL = ("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0")
+NEWEST = ALL[-1]
 Variant = Callable[[EOSTable, State], FloatArray]
 
 
@@ -48,9 +50,14 @@ class Entry:
     outcome: Verdict | None = None
     outcome_text: str = ""
 
-    def covers(self, case: str) -> bool:
-        """Whether the entry speaks of a case."""
-        return any(fnmatch.fnmatchcase(case, pattern) for pattern in self.cases)
+    def covers(self, case: str, engine: str) -> bool:
+        """Whether the entry speaks of a case on an engine, given by its distribution's version.
+
+        A finding is explained on the engines it was seen on, and nowhere else: where it comes back, or is met for the
+        first time, it is red. A build without a distribution is taken as the newest.
+        """
+        listed = engine in self.engines or (not engine and NEWEST in self.engines)
+        return listed and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.cases)
 
 
 LEDGER: tuple[Entry, ...] = (
@@ -65,7 +72,7 @@ LEDGER: tuple[Entry, ...] = (
         "output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
         workaround="Define fix rheo/pressure before the first run.",
         cases=("refused.no-fix-pressure-read",),
-        engines=("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0"),
+        engines=ALL,
         outcome="crashed",
         outcome_text="SIGSEGV",
     ),
@@ -80,9 +87,24 @@ LEDGER: tuple[Entry, ...] = (
         "uses LAMMPS as a library, and no message names the line of the input.",
         workaround="Write a single star.",
         cases=("refused.range-two-stars",),
-        engines=("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0"),
+        engines=ALL,
         outcome="crashed",
         outcome_text="SIGABRT",
+    ),
+    Entry(
+        id="hyphen-range-accepted",
+        title="A type range with a hyphen is taken for its first number",
+        severity="medium",
+        documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
+        observed="'1-2 linear' sets the law of type 1 alone, without a message; '* linear 1-2 tait/water' leaves type "
+        "2 linear. Only if type 2 has no law at all is the command refused, for that reason.",
+        argument="A user who writes 1-2 means both types. A law silently dropped for one of them changes its stiffness "
+        "by any factor, while '1;2' or '0*' are refused as invalid.",
+        workaround="Write 1*2.",
+        cases=("refused.range-hyphen",),
+        engines=ALL,
+        outcome="differs",
+        outcome_text="accepts what the manual refuses",
     ),
     Entry(
         id="unknown-style-misnamed",
@@ -102,20 +124,19 @@ LEDGER: tuple[Entry, ...] = (
 )
 
 
-def explain_outcome(case: str, verdict: Verdict, message: str) -> Entry | None:
-    """The entry that predicts how a case ended without numbers."""
+def explain_outcome(case: str, engine: str, verdict: Verdict, message: str) -> Entry | None:
+    """The entry that predicts, for this engine, how a case ended without numbers."""
     for entry in LEDGER:
-        if entry.outcome == verdict and entry.covers(case) and entry.outcome_text in message:
+        if entry.outcome == verdict and entry.covers(case, engine) and entry.outcome_text in message:
             return entry
     return None
 
 
-def explain_pressure(case: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:
-    """The entry whose variant is within the bound on every atom."""
+def explain_pressure(case: str, engine: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:
+    """The entry, for this engine, whose variant is within the bound on every atom."""
     for entry in LEDGER:
-        if entry.variant is not None and entry.covers(case):
-            with np.errstate(all="ignore"):
-                difference_n = np.abs(comparison.lammps_n - entry.variant(table, state))
-            if bool(np.all(difference_n <= comparison.bound_n)):
+        if entry.variant is not None and entry.covers(case, engine):
+            ratio_n = excess(comparison.lammps_n, entry.variant(table, state), comparison.bound_n)[1]
+            if bool(np.all(ratio_n <= 1)):
                 return entry
     return None

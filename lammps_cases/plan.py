@@ -59,7 +59,7 @@ def plan(scene: Scene) -> Plan:
     reason = "density is summed over neighbours" if sums else "particles move"
     lammps = (
         Item("fix rheo", True, "defines rho0 and cs"),
-        Item("fix rheo/pressure", True, "computes the field compared"),
+        Item("fix rheo/pressure", True, "fills the pressure that forces use, and evaluates the one that is output"),
         Item("fix rheo/viscosity", True, "LAMMPS does not run without it"),
         Item(
             "pair rheo",

@@ -141,6 +141,7 @@ class RunRecord(_Record):
     date: str = ""
     command: str = ""
     strict: bool = False
+    shard: str = Field("", description="i/n, if this is a part of a run")
     cases: list[CaseRecord] = []
     summary: dict[str, int] = {}
     seconds: float = 0.0

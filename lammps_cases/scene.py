@@ -64,7 +64,8 @@ def _inside(path: str) -> str:
     return path
 
 
-Finite = Annotated[float, AfterValidator(_finite)]
+# A number is a number: neither true nor "1.5" is taken for one.
+Finite = Annotated[float, Field(strict=True), AfterValidator(_finite)]
 Positive = Annotated[Finite, Field(gt=0)]
 # YAML reads a single type as a number.
 TypeRange = Annotated[
@@ -140,7 +141,9 @@ class Lattice(_Model):
 class FromFile(_Model):
     """Particles from an extended XYZ file, read by ASE; its cell is the box."""
 
-    extxyz: LocalFile = Field(description="file beside the scene; arrays type, rho, energy are used if present")
+    extxyz: LocalFile = Field(
+        description="file beside the scene; per-atom arrays type, rho, e (energy per unit mass) are used if present"
+    )
 
 
 def _kind_of_positions(positions: object) -> str:
@@ -202,7 +205,7 @@ class Values(_Model):
 class Evolve(_Model):
     """Time steps that LAMMPS takes before the comparison."""
 
-    steps: int = Field(ge=1, le=100_000)
+    steps: int = Field(ge=1, le=100_000, strict=True)
     timestep: Positive
     velocity: Finite = Field(0.0, description="largest component of seeded random initial velocities")
 
@@ -212,7 +215,7 @@ class EngineSettings(_Model):
 
     kernel: KernelStyle = "quintic"
     cut: Positive | None = Field(None, description="kernel cutoff; default 3 spacings")
-    zmin: int = Field(0, ge=0)
+    zmin: int = Field(0, ge=0, strict=True)
     viscosity: Positive = 0.1
     newton: bool = True
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
@@ -221,7 +224,13 @@ class EngineSettings(_Model):
 class Expect(_Model):
     """How LAMMPS must refuse the scene."""
 
-    refused: str = Field(min_length=3, description="text that LAMMPS' error message must contain")
+    refused: str = Field(min_length=8, description="text that LAMMPS' error message must contain")
+
+    @model_validator(mode="after")
+    def _specific(self) -> Expect:
+        if len(self.refused.replace("ERROR", "").strip(" :")) < 8:
+            raise ValueError(f"refused must hold words that only this refusal has, found {self.refused!r}")
+        return self
 
 
 class Scene(_Model):
@@ -239,7 +248,7 @@ class Scene(_Model):
     energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
     rho_sum: bool = Field(False, description="density summed by LAMMPS (fix rheo rho/sum)")
     evolve: Evolve | None = None
-    compare: tuple[Literal["pressure"], ...] = ("pressure",)
+    compare: tuple[Literal["pressure"], ...] = Field(("pressure",), min_length=1)
     engine: EngineSettings = EngineSettings()
     violate: Violation | None = None
     expect: Expect | None = None

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from lammps_cases import prefork
-from lammps_cases.engine import Answer, EngineMissing, EngineRefused, Job, describe, open_lammps, run
+from lammps_cases.engine import Answer, EngineBroken, EngineMissing, EngineRefused, Job, describe, open_lammps, run
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records import Verdict
@@ -46,7 +46,11 @@ def _living(site: str | None) -> Any:
 
 def solve(site: str | None, job: Job) -> Answer:
     """Task: run one job."""
-    return run(_living(site), job)
+    try:
+        return run(_living(site), job)
+    except EngineBroken:
+        _living.cache_clear()
+        raise
 
 
 def identify(site: str | None) -> dict[str, str]:

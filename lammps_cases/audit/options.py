@@ -58,6 +58,13 @@ class AuditOptions:
         if self.timeout is not None and not self.timeout > 0:
             raise InputError("timeout", "must be a positive number of seconds", self.timeout, "option --timeout")
 
+    def words(self) -> list[str]:
+        """The options as words of the command line."""
+        words = ["--every", str(self.every)]
+        words += [] if self.steps is None else ["--steps", str(self.steps)]
+        words += ["--allow-shell"] if self.allow_shell else []
+        return words + ([] if self.engine is None else ["--engine", f"path:{self.engine}"])
+
 
 @dataclass(frozen=True)
 class AuditResult:

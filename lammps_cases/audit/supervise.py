@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import re
+import shlex
 import signal
 import tempfile
 import time
@@ -71,7 +72,7 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", deck.name).lstrip(".-") or "deck"
     case = findings.case(name, verdict, message)
     case.source = str(deck)
-    case.reproduce = f"eos-ref audit {deck}"
+    case.reproduce = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
     _require_something(findings, case, deck)
     case.seconds.total = time.perf_counter() - begin
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()

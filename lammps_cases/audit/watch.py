@@ -149,7 +149,7 @@ class Watch:
             int(self.lmp.extract_setting("dimension")),
             str(self.lmp.extract_global("units")),
             laws,
-            [str(bounds.derivation(law)) for law in self.table.laws] if self.table else [],
+            [bounds.comparison_derivation(law) for law in self.table.laws] if self.table else [],
         )
 
     def _called(self, caller: object, step: int, n: int, tag: Array, x_nc: Array, force_nc: Array) -> None:

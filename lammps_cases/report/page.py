@@ -11,9 +11,9 @@ from typing import Any
 
 import jinja2
 import numpy as np
-import platformdirs
 from markupsafe import Markup
 
+from eos_ref.cache import cache_folder
 from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord
@@ -52,11 +52,11 @@ class Entry:
 
 def render(run: RunRecord, fields: Path) -> str:
     """The page of a run; per-atom arrays are read from the folder ``fields``."""
-    compiled = Path(platformdirs.user_cache_dir("eos-ref")) / "templates"
-    compiled.mkdir(parents=True, exist_ok=True)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(ASSETS),
-        bytecode_cache=jinja2.FileSystemBytecodeCache(str(compiled)),  # compiling them takes a fifth of the time
+        bytecode_cache=jinja2.FileSystemBytecodeCache(
+            str(cache_folder("templates"))
+        ),  # compiling them takes a fifth of the time
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

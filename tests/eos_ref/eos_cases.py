@@ -102,7 +102,8 @@ def allowed(law: EOS, rho: float, e: float | None = None, eps: float = EPS, subn
     """Error that the documentation of `EOS.pressure` allows, with the terms taken from the exact formula.
 
     4 eps: at most 8 roundings (u = eps/2) stand between the terms and the result, those within a logarithm or a
-    power counted in the factor 1 + |gamma ln(rho/rho0)|. 5 eps for cubic: (rho - rho0) three times, three
+    power counted in the factor 1 + |gamma ln(rho/rho0)|. 2 eps for
+    linear and ideal/gas: three roundings and the background. 5 eps for cubic: (rho - rho0) three times, three
     products, the sum, c*c, the last product and the background make ten.
     Below the normal numbers each of the operations may add half a spacing of the subnormal ones, which the other
     factors of the ideal gas' product magnify.
@@ -113,7 +114,10 @@ def allowed(law: EOS, rho: float, e: float | None = None, eps: float = EPS, subn
         if law.style.startswith("tait") and rho != 0:
             total *= 1 + abs(arb(law.gamma) * (abs(arb(rho)).log() - arb(law.rho0).log()))
         magnified = subnormal if e is None else subnormal * (1 + abs(rho) + abs(e))
-        return float(((5 if law.style == "cubic" else 4) * arb(eps) * total).upper()) + 5 * magnified
+        return (
+            float(({"cubic": 5, "linear": 2, "ideal/gas": 2}.get(law.style, 4) * arb(eps) * total).upper())
+            + 5 * magnified
+        )
     finally:
         ctx.prec = before
 

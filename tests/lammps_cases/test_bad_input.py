@@ -89,6 +89,10 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("table", "cannot be read", "none.csv"),
     ),
     "raw commands": ({"commands": ["shell rm -rf ."]}, ("commands", "unknown key")),
+    "true for a number": ({"types": [{"mass": True}]}, ("types.0.mass", "True")),
+    "quoted number": ({"rho": {"constant": "1.5"}}, ("rho.constant", "'1.5'")),
+    "nothing to compare": ({"compare": []}, ("compare", "at least 1")),
+    "expectation that fits any error": ({"expect": {"refused": "ERROR: "}}, ("expect.refused", "ERROR")),
     "time limit": ({"engine": {"time_limit": 1e9}}, ("engine.time_limit", "3600")),
 }
 
@@ -176,6 +180,7 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("run", "--tag", "none-such"), "quick"),
         (("run", "--shard", "3/2"), "i/n"),
         (("run", "--shard", "x"), "i/n"),
+        (("run", "near-rho0.linear.2d", "--shard", "2/2"), "empty"),
         (("run", "--jobs", "0"), "jobs"),
         (("run", "--engine", "conda:5"), "env, pypi:VERSION or path:DIR"),
         (("run", "--engine", "path:/nowhere"), "liblammps.so"),
@@ -209,6 +214,29 @@ def test_output_folder_that_holds_something_else(eos_ref_command: Run, case_file
     assert code == 2
     assert "empty or hold an earlier report" in err
     assert (precious / "chapter1.tex").read_text() == "years of work"
+    # A file named run.json does not make it ours, nor does a report with something beside it.
+    (precious / "run.json").write_text("{}")
+    assert eos_ref_command("run", "--cases", case_file(), "--out", precious).code == 2
+    (precious / "run.json").write_text('{"schema": "eos-ref/run/1"}')
+    assert eos_ref_command("run", "--cases", case_file(), "--out", precious).code == 2
+    assert (precious / "chapter1.tex").read_text() == "years of work"
+
+
+def test_current_folder_is_not_an_output_folder(
+    eos_ref_command: Run, case_file: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for out in (".", "..", "/"):
+        code, _, err = eos_ref_command("run", "--cases", case_file(), "--out", out)
+        assert code == 2
+        assert "must not be the current folder or above it" in err
+
+
+def test_home_that_cannot_be_written_costs_no_result(case_file: Write, tmp_path: Path) -> None:
+    home = {**os.environ, "HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere"}
+    command = [sys.executable, "-m", "lammps_cases.cli", "run", "files", "--out", str(tmp_path / "report")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=home)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_second_run_into_the_same_folder(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_arrays_of_a_case_hold_both_sides(everything: tuple[Path, subprocess.Com
 
 def _without_times(path: Path) -> dict[str, Any]:
     document: dict[str, Any] = json.loads((path / "run.json").read_text())
-    for key in ("seconds", "date", "command"):
+    for key in ("seconds", "date", "command", "shard"):
         document.pop(key)
     for case in document["cases"]:
         case.pop("seconds")
@@ -89,9 +89,12 @@ def test_second_run_and_merged_shards_give_the_same(eos_ref_command: Run, tmp_pa
         assert _without_times(tmp_path / "a") == _without_times(tmp_path / other)
         for file in (tmp_path / "a" / "fields").iterdir():
             assert file.read_bytes() == (tmp_path / other / "fields" / file.name).read_bytes(), file.name
-    code, _, err = eos_ref_command("merge", tmp_path / "a", tmp_path / "s1", "--out", tmp_path / "n")
+    code, _, err = eos_ref_command("merge", tmp_path / "a", tmp_path / "b", "--out", tmp_path / "n")
     assert code == 2
     assert "occurs in two of the runs" in err
+    code, _, err = eos_ref_command("merge", tmp_path / "s1", "--out", tmp_path / "n")
+    assert code == 2
+    assert "missing 2/2" in err
 
 
 def test_json_is_the_only_output(eos_ref_command: Run, tmp_path: Path) -> None:
@@ -142,7 +145,7 @@ def test_unexpected_refusal_is_exit_code_3(
     assert (code == 3) == (run.cases[0].verdict == "refused")
 
 
-@pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_path: Path) -> None:
     out = tmp_path / "report"
     command = [sys.executable, "-m", "lammps_cases.cli", "run", "--out", str(out), "--jobs", "1"]
@@ -162,7 +165,7 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
         process.send_signal(kill)
     _, err = process.communicate(timeout=60)
     assert process.returncode != 0
-    if kill == signal.SIGINT:
+    if kill != signal.SIGKILL:
         assert process.returncode == 130
         assert err.strip() == "eos-ref: interrupted; nothing half-written"
         assert not (tmp_path / ".report.partial").exists()

@@ -14,11 +14,13 @@ from lammps_cases.commands import job
 from lammps_cases.compare import State, compare_field
 from lammps_cases.engine import Answer
 from lammps_cases.evaluate import evaluate
+from lammps_cases.ledger import explain_outcome
 from lammps_cases.mutants import MUTANTS, unseen
 from lammps_cases.plan import plan
-from lammps_cases.records import CaseRecord
+from lammps_cases.records import CaseRecord, EngineRecord
 from lammps_cases.workers import Workers
 
+ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 Solved = list[tuple[campaign.Prepared, Answer]]
 
 
@@ -37,7 +39,7 @@ def solved() -> Iterator[Solved]:
 
 
 def judge(solved: Solved) -> list[CaseRecord]:
-    return [evaluate(ready.case, ready.eos, ready.atoms, answer)[0] for ready, answer in solved]
+    return [evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0] for ready, answer in solved]
 
 
 def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
@@ -55,7 +57,7 @@ def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypa
     monkeypatch.setattr(compare, "evaluate", planted)
     red = [record for record in judge(solved) if record.verdict == "differs"]
     assert red, f"no quick case sees: {mistake}"
-    assert "pressure (stage eos) leaves its bound at" in red[0].message
+    assert "(stage eos) leaves its bound at" in red[0].message
     assert "first atom" in red[0].message
 
 
@@ -87,10 +89,44 @@ def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
     rho = answer.arrays["rho"].copy()
     rho[3] = np.nextafter(rho[3], 10)  # one ulp: LAMMPS does not hold what it was given
     spoilt = Answer({**answer.arrays, "rho": rho}, answer.seconds)
-    record, _ = evaluate(ready.case, ready.eos, ready.atoms, spoilt)
+    record, _ = evaluate(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
     assert record.verdict == "differs"
     assert record.message.startswith("rho (stage input) leaves its bound at 1 of")
     assert f"first atom {answer.arrays['id'][3]} " in record.message
+
+
+@pytest.mark.parametrize("fault", ["lost", "doubled", "none"])
+def test_answer_with_the_wrong_atoms_differs(fault: str, solved: Solved) -> None:
+    ready, answer = solved[0]
+    n = len(ready.atoms)
+    pick = {"lost": np.arange(n - 1), "doubled": np.r_[0, np.arange(n - 1)], "none": np.arange(0)}[fault]
+    spoilt = Answer({name: values[pick] for name, values in answer.arrays.items()}, 0.0)
+    record, arrays = evaluate(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
+    assert record.verdict == "differs"
+    assert not arrays
+    assert f"LAMMPS returned {len(pick)} of {n} atoms" in record.message
+
+
+def test_pressure_that_forces_use_is_compared_too(solved: Solved) -> None:
+    ready, answer = solved[0]
+    spoilt_n = answer.arrays["pressure"].copy()
+    spoilt_n[2] *= 1 + 1e-9
+    spoilt = Answer({**answer.arrays, "pressure": spoilt_n}, 0.0)
+    record, _ = evaluate(ready.case, ready.eos, ready.atoms, spoilt, ENGINE)
+    assert [field.verdict for field in record.fields if field.field.startswith("pressure")] == ["differs", "exact"]
+    assert "pressure_used (stage eos) leaves its bound at 1 of" in record.message
+
+
+def test_finding_on_an_engine_that_the_ledger_does_not_list_is_red() -> None:
+    message = "LAMMPS said: Illegal fix command, *"
+    assert explain_outcome("refused.unknown-style", "2025.7.22.1.0", "differs", message) is not None
+    assert explain_outcome("refused.unknown-style", "2025.7.22.4.0", "differs", message) is None
+    assert explain_outcome("refused.range-two-stars", "2031.1.1.0.0", "crashed", "SIGABRT") is None
+
+
+def test_nothing_compared_is_not_a_pass() -> None:
+    nothing = np.empty(0)
+    assert compare_field("p", "eos", np.empty(0, int), nothing, nothing, nothing).record.verdict == "differs"
 
 
 ID = np.arange(1, 4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
@@ -343,8 +343,3 @@ class EOSTable:
                 if law.style == "tait/general":
                     p[types == t] = law._patched(p[types == t], rho[types == t])
         return p
-
-
-def table(laws_by_type: Sequence[EOS]) -> EOSTable:
-    """Collect the laws of types 1, 2, ... into an `EOSTable`."""
-    return EOSTable(tuple(laws_by_type))

@@ -7,20 +7,14 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli_shared import Bar, engine_option, finish, json_option, out_option, strict_option
+from lammps_cases.cli_shared import Bar, engine_option, finish, json_option, out_option, paths_option, strict_option
 from lammps_cases.records import CaseRecord
 
 
 @click.command("run", short_help="Run cases against LAMMPS.")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
 @click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
-@click.option(
-    "--cases",
-    "paths",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Case file or folder of your own.",
-)
+@paths_option
 @click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
 @engine_option
 @click.option("--shard", help="i/n: only every n-th case, from the i-th.")

@@ -24,18 +24,7 @@ LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is tak
 def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineRecord) -> CaseRecord:
     """What is known of a case before it ran."""
     scene = case.scene
-    laws = [
-        LawRecord(
-            type=t,
-            style=law.style,
-            rho0=law.rho0,
-            cs=law.cs,
-            parameter=law.parameter,
-            background=law.background,
-            mass=scene.types[t - 1].mass,
-        )
-        for t, law in enumerate(eos.laws if eos else (), 1)
-    ]
+    laws = [LawRecord.of(t, law, scene.types[t - 1].mass) for t, law in enumerate(eos.laws if eos else (), 1)]
     return CaseRecord(
         case=case.name,
         tags=list(case.tags),

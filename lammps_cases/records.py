@@ -16,6 +16,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from eos_ref import EOS, InputError
+
 SCHEMA = "eos-ref/run/1"
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
@@ -64,6 +66,12 @@ class LawRecord(_Record):
     parameter: float | None = None
     background: float = 0.0
     mass: float | None = None
+
+    @classmethod
+    def of(cls, atom_type: int, law: EOS, mass: float | None) -> LawRecord:
+        """The record of a law and of the mass that its particles have (None: they differ)."""
+        parameters = {name: getattr(law, name) for name in ("style", "rho0", "cs", "parameter", "background")}
+        return cls(type=atom_type, mass=mass, **parameters)
 
 
 class CheckRecord(_Record):
@@ -203,8 +211,6 @@ def read_run(directory: Path) -> RunRecord:
         No run.json there, or not one of this schema.
     """
     from pydantic import ValidationError
-
-    from eos_ref.errors import InputError
 
     path = directory / "run.json"
     try:

@@ -66,10 +66,10 @@ def fault(values: list[str]) -> str:
         return f"command {name}"
     if name == "variable" and arguments[1:2] == ["python"]:
         return "variable of style python"
-    if name == "fix" and arguments[2:3] and arguments[2].startswith("python"):
+    if name == "fix" and arguments[2:3] and arguments[2].startswith(("python", "mdi", "imd", "ipi")):
         return f"fix {arguments[2]}"
-    if name == "pair_style" and "python" in arguments:
-        return "pair_style python"
+    if name in ("pair_style", "pair_coeff") and {"python", "kim", "mliappy"} & set(arguments):
+        return f"{name} with Python or KIM"
     if name in ("dump", "write_dump") and "movie" in arguments:
         return f"{name} movie (runs a program)"
     for word in arguments[1:] if name == "print" else arguments:

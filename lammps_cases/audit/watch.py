@@ -133,15 +133,7 @@ class Watch:
         if self.table is not None:
             mass_t = self._mass_t
             laws = [
-                LawRecord(
-                    type=t,
-                    style=law.style,
-                    rho0=law.rho0,
-                    cs=law.cs,
-                    parameter=law.parameter,
-                    background=law.background,
-                    mass=None if mass_t is None else float(mass_t[t]),
-                )
+                LawRecord.of(t, law, None if mass_t is None else float(mass_t[t]))
                 for t, law in enumerate(self.table.laws, 1)
             ]
         return Facts(

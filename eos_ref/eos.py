@@ -67,7 +67,7 @@ class EOS:
         if name is None and self.parameter is not None:
             raise InputError(self.style, "takes no argument", self.parameter)
         if name is not None and self.parameter is None:
-            raise InputError(self.style, f"needs the argument {name}")
+            raise InputError(self.style, f"needs the argument {name} (keyword parameter)")
         fields = {"rho0": "rho0", "cs": "cs", "background": "background"}
         for field, what in (fields if name is None else fields | {"parameter": name}).items():
             # Always plain floats: in whole numbers or float32, c*c would overflow or round early.

@@ -74,8 +74,8 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
     if len(x_nc) == 0:
         raise InputError("extxyz", "the scene is empty: needs at least one particle", path.name, where)
     low_c, high_c = np.zeros(3), np.diag(cell_cc).copy()
-    if np.any(cell_cc != np.diag(high_c)) or np.any(high_c[: scene.dimension] <= 0):
-        raise InputError("Lattice", "must be orthogonal with positive edges", cell_cc.tolist(), place)
+    if not np.isfinite(cell_cc).all() or np.any(cell_cc != np.diag(high_c)) or np.any(high_c[: scene.dimension] <= 0):
+        raise InputError("Lattice", "must be orthogonal with positive, finite edges", cell_cc.tolist(), place)
     if scene.dimension == 2:
         low_c[2], high_c[2] = -0.5, 0.5
     inside_n = np.all((x_nc >= low_c) & (x_nc < high_c), axis=1)
@@ -119,8 +119,10 @@ def _read_with_ase(path: Path, where: str) -> dict[str, Any]:
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:
                 found[name] = np.asarray(atoms.arrays[name]).astype(kind)
+                if found[name].ndim != 1:
+                    raise ValueError(f"{name} must hold one number per particle")
         if "type" in found and np.any(found["type"] != atoms.arrays["type"]):
             raise ValueError("types must be whole numbers")
     except Exception as error:  # ASE raises many kinds for a broken file
-        raise InputError("extxyz", f"cannot be read: {error or type(error).__name__}", path.name, where) from None
+        raise InputError("extxyz", f"cannot be read: {str(error) or type(error).__name__}", path.name, where) from None
     return found

@@ -85,6 +85,9 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
         x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
     n = len(x_nc)
     type_n = file["type"] if "type" in file else _types(case, n)
+    wrong = type_n[(type_n < 1) | (type_n > len(scene.types))]
+    if wrong.size:
+        raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), case.where)
     mass_n = np.array([t.mass for t in scene.types])[type_n - 1]
     rho0_n = np.array(scene.rho0 or [1.0] * len(scene.types))[type_n - 1]
     rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
@@ -175,8 +178,6 @@ def _check_fields(
     for key, values_n in (("rho", rho_n), ("energy", e_n)):
         if values_n is not None and not np.isfinite(values_n).all():
             raise InputError(key, "must be finite for every particle", where=where)
-    if type_n.max() > len(scene.types) or type_n.min() < 1:
-        raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(type_n.max()), where)
     if eos is None:
         return
     if eos.needs_energy and e_n is None:

@@ -108,7 +108,7 @@ def read_yaml(path: Path) -> Any:
         mark = error.problem_mark
         line = f"{path}, line {mark.line + 1}" if mark else str(path)
         raise InputError("case file", f"is not valid YAML: {error.problem}", where=line) from None
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError("case file", f"is not valid YAML: {error}", where=str(path)) from None
 
 

@@ -48,13 +48,16 @@ def _packages() -> list[tuple[bool, str, str]]:
 def _compiled() -> tuple[bool, str, str]:
     import time
 
+    from eos_ref.cache import cache_folder
+
+    cache = cache_folder("numba")
     begin = time.perf_counter()
     try:
         from eos_ref import EOS
 
         value = float(EOS("tait/water").pressure(2.0))
     except Exception as error:
-        return False, "compiled loops", f"{type(error).__name__}: {error}"
+        return False, "compiled loops", f"{type(error).__name__}: {error}; if the cache is damaged, remove {cache}"
     return value == 127 / 7, "compiled loops", f"work ({time.perf_counter() - begin:.1f} s to load)"
 
 

@@ -134,8 +134,9 @@ def library_sha256(library: str) -> str:
     known: dict[str, str] = {}
     if store.exists():
         try:
-            known = json.loads(store.read_text())
-        except ValueError:
+            found = json.loads(store.read_text())
+            known = found if isinstance(found, dict) else {}
+        except (OSError, ValueError):
             known = {}
     if key not in known:
         with path.open("rb") as file:

@@ -144,10 +144,12 @@ def _blame(comparisons: list[Comparison], state: State) -> str:
         if record.verdict not in ("differs", "explained") or record.first_id is None:
             continue
         at = int(np.searchsorted(state.id_n, record.first_id))
+        sides = (comparison.lammps_n, comparison.reference_n)
+        rho, lammps, reference = (repr(float(values_n[at])) for values_n in (state.rho_n, *sides))
         return (
             f"{record.field} (stage {record.stage}) leaves its bound at {record.outside} of {len(state.id_n)} atoms, "
-            f"first atom {record.first_id} (type {state.type_n[at]}, rho {state.rho_n[at]!r}): "
-            f"LAMMPS {comparison.lammps_n[at]!r}, reference {comparison.reference_n[at]!r}, "
+            f"first atom {record.first_id} (type {state.type_n[at]}, rho {rho}): "
+            f"LAMMPS {lammps}, reference {reference}, "
             f"bound {comparison.bound_n[at]:.3g}"
             + (f"; explained by {record.explained_by}" if record.explained_by else "")
         )

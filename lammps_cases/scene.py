@@ -312,6 +312,6 @@ def check_name(name: str, where: str) -> str:
     ------
     InputError
     """
-    if not NAME.fullmatch(name):
-        raise InputError("name", "must be lower-case letters, digits and hyphens", name, where)
+    if not NAME.fullmatch(name) or len(name) > 60:
+        raise InputError("name", "must be at most 60 lower-case letters, digits, hyphens and +", name, where)
     return name

@@ -8,6 +8,8 @@ import os
 import resource
 import signal
 import tempfile
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
@@ -58,7 +60,19 @@ def identify(site: str | None) -> dict[str, str]:
     return describe(_living(site), site)
 
 
-def _prepare(folder: str, memory: int) -> None:
+def _die_with(parent: int) -> None:
+    """End this process when the parent is gone: LAMMPS in a long run notices nothing of a closed pipe."""
+    while True:
+        try:
+            os.kill(parent, 0)
+        except OSError:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.5)
+
+
+def _prepare(folder: str, memory: int, parent: int) -> None:
+    threading.Thread(target=_die_with, args=(parent,), daemon=True).start()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
     # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
     handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     os.dup2(handle, 1)
@@ -86,7 +100,7 @@ class Workers:
         self._pool = ProcessPool(
             max_workers=count,
             initializer=_prepare,
-            initargs=(self._folder.name, _memory_share(count)),
+            initargs=(self._folder.name, _memory_share(count), os.getpid()),
             context=prefork.context(),
         )
 

@@ -51,8 +51,8 @@ class AuditOptions:
     keep: Path | None = None
 
     def __post_init__(self) -> None:
-        if self.every < 1:
-            raise InputError("every", "must be at least 1 time step", self.every, "option --every")
+        if not 1 <= self.every < 2**31:
+            raise InputError("every", "must be 1 to 2147483647 time steps", self.every, "option --every")
         if self.steps is not None and self.steps < 1:
             raise InputError("steps", "must be at least 1 time step", self.steps, "option --steps")
         if self.timeout is not None and not self.timeout > 0:

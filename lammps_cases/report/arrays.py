@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from eos_ref.errors import InputError
+
 _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, version, length of the header
 
 
@@ -19,7 +21,19 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
 
     As np.load, in half the time: that parses the header of every array as Python source, and a run has a thousand
     arrays with a dozen different headers.
+
+    Raises
+    ------
+    InputError
+        The file is damaged.
     """
+    try:
+        return _read(path)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError("per-atom arrays", f"cannot be read: {error}", where=str(path)) from None
+
+
+def _read(path: Path) -> dict[str, npt.NDArray[Any]]:
     arrays = {}
     with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
         for name in archive.namelist():

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eos_ref import EOS, EOSTable, InputError, bounds
-from eos_ref.eos import table as table_of
 
 
 def sample_table() -> EOSTable:
@@ -114,8 +113,8 @@ def test_table_refuses_what_does_not_fit() -> None:
 
 def test_table_is_a_sequence_from_type_one() -> None:
     laws = [EOS("linear"), EOS("tait/water")]
-    table = table_of(laws)
-    assert table == EOSTable(tuple(laws))
+    table = EOSTable(laws)
+    assert tuple(table) == tuple(laws)
     assert list(table) == laws == [table[1], table[2]]
     assert len(table) == 2
     assert not table.needs_energy

@@ -120,6 +120,10 @@ def test_scene_is_refused(what: str, case_file: Write, eos_ref_command: Run, tmp
         ("", "must hold the keys"),
         ("name: Bad Name\nabout: x\nscene: {}\n", "lower-case"),
         ("name: x\nabout: y\nscene: {}\nextra: 1\n", "unknown key"),
+        ("name: x\nabout: y\nmatrix: {law: {}}\nscene: {dimension: 2}\n", "must make 1 to 10000 cases"),
+        (f"name: {'long-' * 80}name\nabout: y\nscene: {{}}\n", "at most 60"),
+        (f"name: x\nabout: y\nscene: {{dimension: {'9' * 5000}}}\n", "YAML"),
+        ("name: x\nabout: y\nmatrix: {a: {b: {dimension+: [2]}}}\nscene: {dimension: 2}\n", "must append to a list"),
         ("name: !!python/object/apply:os.system ['true']\n", "YAML"),
     ],
 )
@@ -149,6 +153,8 @@ EXTXYZ = (
         (EXTXYZ.replace("4 0 0 0 4", "4 1 0 0 4"), "orthogonal"),
         (EXTXYZ.replace("2.5 0.5 0 1.3", "9.5 0.5 0 1.3"), "within the cell"),
         (EXTXYZ.replace(" 1.3\n", " nan\n"), "finite"),
+        (EXTXYZ.replace("rho:R:1", "type:R:1"), "whole numbers"),
+        (EXTXYZ.replace("rho:R:1", "type:I:1").replace("1.1", "1").replace("1.2", "2").replace("1.3", "1"), "1 to 1"),
         (EXTXYZ.replace(":rho:R:1", "").replace(" 1.1\n", "\n").replace(" 1.2\n", "\n").replace(" 1.3\n", "\n"), "rho"),
     ],
 )

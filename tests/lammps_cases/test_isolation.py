@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -43,6 +48,7 @@ FAULTS = {{
     108: _fail,
 }}
 """
+POSITIONS: dict[str, Any] = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2}
 FAULTS = {
     "good-first": (1.5, "exact", ""),
     "segfault": (101.0, "crashed", "SIGSEGV"),
@@ -101,3 +107,33 @@ def test_words_of_a_dying_lammps_stay_off_the_terminal(eos_ref_command: Callable
     run = json.loads((tmp_path / "report" / "run.json").read_text())
     assert "terminate called" in run["cases"][0]["message"]
     assert run["cases"][0]["explained_by"] == "double-star-abort"
+
+
+def _alive(mark: str) -> list[int]:
+    """Processes that carry a mark in their environment."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in (process / "environ").read_bytes():
+                found.append(int(process.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads the process table of Linux")
+def test_killed_run_takes_a_computing_lammps_with_it(case_file: Callable[..., Path], tmp_path: Path) -> None:
+    """LAMMPS in a long run notices nothing of a parent that is gone."""
+    mark = f"EOS_REF_TEST={tmp_path.name}-{os.getpid()}"
+    file = case_file(evolve={"steps": 100000, "timestep": 0.001}, positions={**POSITIONS, "cells": [20, 20]})
+    command = [sys.executable, "-m", "lammps_cases.cli", "run", "--cases", str(file), "--out", str(tmp_path / "r")]
+    environment = dict(os.environ, **dict([mark.split("=")]))
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 30
+    while len(_alive(mark)) < 4:  # itself, resource tracker, server, worker
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    time.sleep(1.0)  # the worker is in its time steps
+    process.kill()
+    process.wait()
+    while _alive(mark):
+        assert time.monotonic() < deadline, "a process outlives the run"
+        time.sleep(0.1)

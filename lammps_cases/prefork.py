@@ -1,6 +1,6 @@
 """The clean server process that workers are forked from, started before anything heavy is imported here.
 
-Workers are as isolated as spawned ones, and are back ten times sooner after a crash, as the server has imported
+Workers are as isolated as spawned ones, and are back sooner after a crash, as the server has imported
 what they need. It loads while this process imports its own modules.
 """
 

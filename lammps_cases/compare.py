@@ -40,7 +40,7 @@ class State:
 def evaluate(table: EOSTable, state: State, number: type[np.floating[Any]] = np.float64) -> npt.NDArray[Any]:
     """The reference's pressure of a state, evaluated by numpy in a floating type.
 
-    The compiled `EOSTable.pressure` is ten times faster, but loading it takes longer than most scenes do.
+    The compiled `EOSTable.pressure` is faster per particle, but loading it takes longer than most scenes do.
     """
     if state.rho_n.size > COMPILED_FROM and number is np.float64:
         return table.pressure(state.rho_n, state.type_n, state.e_n)

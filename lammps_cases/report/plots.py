@@ -206,7 +206,8 @@ def _checks(checks: list[CheckRecord]) -> dict[str, Any]:
 
 def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
     """Positions of at most ``limit`` looks of an audit: the worst, others evenly over type and time."""
-    ratio = np.nan_to_num(np.array([check.max_over_bound for check in checks], float), nan=np.inf)
+    ratio = np.array([check.max_over_bound for check in checks], float)
+    ratio[np.isnan(ratio)] = np.inf  # not a number is the worst there is
     group = np.array([check.type for check in checks])
     return [int(i) for i in thinned(ratio, np.arange(len(checks), dtype=float), group, limit)]
 

@@ -1,7 +1,8 @@
 """Elementary functions for every number type that a law may be evaluated in.
 
 A law (`eos_ref.laws`) is written once, in plain operators and these functions. They act on numpy arrays and
-scalars of any floating type and on Arb balls; `eos_ref.compiled` registers their compiled counterparts.
+scalars of any floating type, on Arb balls and on `eos_ref.rounded` arrays; `eos_ref.compiled` registers their
+compiled counterparts.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ def _is_ball(x: Number) -> bool:
 
 def _unary(name: str, ufunc: Callable[[Number], Number]) -> Callable[[Number], Number]:
     def function(x: Number) -> Number:
-        return getattr(x, name)() if _is_ball(x) else ufunc(x)
+        return getattr(x, name)() if hasattr(x, name) else ufunc(x)
 
     function.__name__ = name
     function.__doc__ = f"``{name}(x)`` of an array, a scalar or an Arb ball."
@@ -34,6 +35,30 @@ log1p = _unary("log1p", np.log1p)
 sin = _unary("sin", np.sin)
 sinh = _unary("sinh", np.sinh)
 sqrt = _unary("sqrt", np.sqrt)
+
+
+def maximum(a: Number, b: Number) -> Number:
+    """Larger of two numbers, element by element."""
+    for x in (a, b):
+        if hasattr(x, "maximum"):
+            return x.maximum(b if x is a else a)
+    return np.maximum(a, b)
+
+
+def minimum(a: Number, b: Number) -> Number:
+    """Smaller of two numbers, element by element."""
+    for x in (a, b):
+        if hasattr(x, "minimum"):
+            return x.minimum(b if x is a else a)
+    return np.minimum(a, b)
+
+
+def where(condition: Number, a: Number, b: Number) -> Number:
+    """``a`` where the condition holds, else ``b``; both are evaluated."""
+    for x in (condition, a, b):
+        if hasattr(x, "where"):
+            return x.where(condition, a, b)
+    return np.where(condition, a, b)
 
 
 def powm1(rho: Number, rho0: Number, gamma: Number) -> Number:

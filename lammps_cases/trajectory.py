@@ -1,0 +1,202 @@
+"""What the reference predicts for a scene of the particle model: fields at some steps, each with its bound.
+
+The bound of a single evaluation follows from its own formulas (`eos_ref.rounded`). Over steps rounding grows: it is
+bounded by the spread of reference runs in which every evaluation is moved by its own bound and every update of the
+state by one unit of the last place, with random signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eos_ref.bounds import EPS
+from eos_ref.eos import FloatArray
+from eos_ref.model import Box, Gradients, Model, PairTerms, State
+from eos_ref.plain import Plain
+from eos_ref.quantities import needed_to_step
+from eos_ref.rounded import Rounded, error
+from eos_ref.steps import Simulation
+
+Evaluator = Callable[..., Any]
+Fields = dict[str, Any]
+MOVED_RUNS = 3
+
+
+@dataclass(frozen=True)
+class Particles:
+    """A scene as the reference takes it."""
+
+    model: Model
+    box: Box
+    state: State
+    timestep: float
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Fields of the reference at the steps asked for, and the bound of each."""
+
+    steps: tuple[int, ...]
+    fields: tuple[Fields, ...]
+    bounds: tuple[Fields, ...]
+
+
+def simulation(scene: Particles, fields: Iterable[str], evaluator: Evaluator, steps: int) -> Simulation:
+    """A simulation that evaluates some fields, and what steps need if there are any."""
+    wanted = dict.fromkeys((*fields, *(needed_to_step(scene.model) if steps else ())))
+    return Simulation(scene.model, scene.box, scene.state, wanted, evaluator)
+
+
+def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
+    """Run a simulation, halting at each of the steps (0 is the first evaluation)."""
+    sim.setup()
+    done = 0
+    for step in steps:
+        sim.run(step - done, dt)
+        done = step
+        yield step
+
+
+def predict(
+    scene: Particles, fields: Sequence[str], steps: Sequence[int], evaluator: Evaluator = Plain, seed: int = 0
+) -> Prediction:
+    """Fields at some steps with their bounds.
+
+    Parameters
+    ----------
+    evaluator : class
+        The stages that run; bounds of one evaluation are always taken from their plain form.
+    seed : int
+        Of the random signs of the moved runs.
+    """
+    last = steps[-1]
+    plain = evaluator if issubclass(_class(evaluator), Plain) else Plain
+    sim = simulation(scene, fields, evaluator, last)
+    values, own, sizes = [], [], Sizes()
+    for step in visit(sim, steps, scene.timestep):
+        values.append({field: sim.output(field).copy() for field in fields})
+        errors = sim.rounded(plain)
+        sizes.add(errors)
+        own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
+    spreads = spread(scene, fields, steps, evaluator, values, sizes, seed) if last else [dict.fromkeys(fields, 0.0)]
+    bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
+    return Prediction(tuple(steps), tuple(values), bounds)
+
+
+def _class(evaluator: Evaluator) -> type:
+    return evaluator if isinstance(evaluator, type) else object
+
+
+# --- one evaluation
+
+
+def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -> Any:
+    if field in ("x", "v", "rho", "energy", "phase") and step > 0:
+        return np.zeros(np.shape(values))  # all of it is in the spread
+    return error(twin.output(field))
+
+
+class Sizes(dict[str, FloatArray]):
+    """Largest rounding error of every quantity that steps build on, over the evaluations seen."""
+
+    def add(self, twin: Simulation) -> None:
+        """Take in one evaluation."""
+        found = {name: twin.fields.get(name) for name in ("f", "drho", "heatflow", "shift/v", "chi")}
+        found["pressure force"], found["rho"] = twin.pressure_force_nc, twin.state.rho_n
+        for name in ("v", "rho", "energy"):
+            found[f"grad/{name}"] = getattr(twin.gradient, "v_ncc" if name == "v" else f"{name}_nc")
+        for name, quantity in found.items():
+            if isinstance(quantity, Rounded):
+                finite = np.where(np.isfinite(quantity.error), quantity.error, 0.0)
+                self[name] = np.maximum(self.get(name, 0.0), finite)
+
+
+# --- many steps
+
+
+def moved(evaluator: Evaluator, sizes: Sizes, random: np.random.Generator) -> Evaluator:
+    """The stages of an evaluator with every result moved by its bound, up or down at random."""
+
+    def move(quantity: Any, name: str) -> Any:
+        if quantity is None or name not in sizes:
+            return quantity
+        return quantity + random.choice((-1.0, 1.0), np.shape(quantity)) * sizes[name]
+
+    class Moved(evaluator):  # type: ignore[misc, valid-type]
+        def density_sum(self) -> Any:
+            return move(super().density_sum(), "rho")
+
+        def interface(self, rho_n: Any, acceleration_nc: Any, energy_n: Any = None) -> Any:
+            chi_n, new_n = super().interface(rho_n, acceleration_nc, energy_n)
+            return move(chi_n, "chi"), np.where(self.solid_n, move(new_n, "rho"), new_n)
+
+        def gradients(self, *arguments: Any, **options: Any) -> Gradients:
+            found: Gradients = super().gradients(*arguments, **options)
+            for name, field in (("v_ncc", "v"), ("rho_nc", "rho"), ("energy_nc", "energy")):
+                setattr(found, name, move(getattr(found, name), f"grad/{field}"))
+            return found
+
+        def shift(self, v_nc: Any, rho_n: Any) -> Any:
+            return move(super().shift(v_nc, rho_n), "shift/v")
+
+        def pair_terms(self, *arguments: Any, **options: Any) -> PairTerms:
+            found = super().pair_terms(*arguments, **options)
+            return PairTerms(
+                move(found.force_nc, "f"),
+                move(found.pressure_force_nc, "pressure force"),
+                move(found.drho_n, "drho"),
+                move(found.heat_n, "heatflow"),
+            )
+
+    return Moved
+
+
+class _Shaken(Simulation):
+    """A simulation whose state moves by one unit of the last place after every step."""
+
+    random: np.random.Generator
+
+    def step(self, dt: float) -> None:
+        super().step(dt)
+        self.shake()
+
+    def shake(self) -> None:
+        s = self.state
+        reach_c = np.maximum(
+            np.abs(self.box.low_c), np.abs(self.box.high_c)
+        )  # a coordinate that wraps rounds like these
+        s.x_nc = s.x_nc + self._signs(s.x_nc) * EPS * reach_c
+        s.v_nc = s.v_nc * (1 + EPS * self._signs(s.v_nc))
+        s.rho_n = s.rho_n * (1 + EPS * self._signs(s.rho_n))
+        if s.energy_n is not None:
+            s.energy_n = s.energy_n * (1 + EPS * self._signs(s.energy_n))
+
+    def _signs(self, like: FloatArray) -> FloatArray:
+        return self.random.choice((-1.0, 1.0), like.shape)
+
+
+def spread(
+    scene: Particles,
+    fields: Sequence[str],
+    steps: Sequence[int],
+    evaluator: Evaluator,
+    values: Sequence[Fields],
+    sizes: Sizes,
+    seed: int,
+) -> list[Fields]:
+    """Largest distance of the moved runs from the reference, over the particles, per field and step; 0 at step 0."""
+    largest: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
+    for k in range(MOVED_RUNS):
+        random = np.random.default_rng((seed, k))
+        plain = simulation(scene, fields, evaluator, steps[-1])
+        run = _Shaken(scene.model, scene.box, scene.state, plain.asked, moved(evaluator, sizes, random))
+        run.random = random
+        for at, step in enumerate(visit(run, steps, scene.timestep)):
+            for field in fields if step else ():
+                distance = np.abs(run.output(field) - values[at][field]).max(initial=0.0)
+                largest[at][field] = max(largest[at][field], float(distance))
+    return largest

@@ -252,31 +252,42 @@ class Plain:
         off where too little of a particle's own type supports it. Source: manual; Lind et al., J. Comput. Phys. 231,
         1499 (2012); Yang et al., J. Comput. Phys. 458, 111079 (2022).
         """
+        shift = self.raw_shift(axes(v_nc), rho_n)
+        setting = self.model.fix.shift
+        if setting and setting.scale_cross_type:
+            shift = self._cross_type(shift, self.volume_of_wall(rho_n)[self.j], *setting.scale_cross_type)
+        return joined(shift)
+
+    def raw_shift(self, v: Axes, rho_n: Number) -> Axes:
+        """Shifting velocity before any scaling."""
         model = self.model
-        volume = self.volume_of_wall(rho_n)[self.j]
         w_h = kernels.normalisation(model.dimension, model.cut) * kernels.quintic(1.0)
-        weight = volume * interactions.shift_weight(self.w, w_h)
-        v = axes(v_nc)
+        weight = self.volume_of_wall(rho_n)[self.j] * interactions.shift_weight(self.w, w_h)
         scale = -2 * model.h * sqrt(dot(v, v))
         moves = ~self.solid_n & model.shifted_t[self.type_n - 1]
-        shift = [where(moves, scale * self.total(weight * g_a), 0.0) for g_a in self.gradw]
-        if model.fix.shift and model.fix.shift.scale_cross_type:
-            shift = self._cross_type(shift, volume, *model.fix.shift.scale_cross_type)
-        return joined(shift)
+        return [where(moves, scale * self.total(weight * g_a), 0.0) for g_a in self.gradw]
 
     def _cross_type(self, shift: Axes, volume: Number, keep: float, cmin: float, wmin: float) -> Axes:
         other = self.type_n[self.i] != self.type_n[self.j]
         color_n = self.total(where(other, volume * self.w, 0.0))
-        gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
-        same_n = self.total(where(other, 0.0, self.w))
-        size = sqrt(dot(gradient, gradient))
-        alone = value(size) == 0
-        normal = [where(alone, 0.0, c / where(alone, 1.0, size)) for c in gradient]
+        same_n = self.same_type_support(other)
+        normal = self.cross_type_normal(other, volume)
         along = (1 - keep) * dot(normal, shift)
         scaled = [s - n * along for s, n in zip(shift, normal, strict=True)]
         return [
             where(same_n < wmin, 0.0, where(color_n >= cmin, new, old)) for new, old in zip(scaled, shift, strict=True)
         ]
+
+    def same_type_support(self, other: BoolArray) -> Number:
+        r"""Support by particles of the same type, :math:`\sum_jW_{ij}\delta_{ij}` (manual)."""
+        return self.total(where(other, 0.0, self.w))
+
+    def cross_type_normal(self, other: BoolArray, volume: Number) -> Axes:
+        """Unit normal of the interface between types, the direction of the color function's gradient; or 0."""
+        gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
+        size = sqrt(dot(gradient, gradient))
+        none = value(size) == 0
+        return [where(none, 0.0, c / where(none, 1.0, size)) for c in gradient]
 
     def surface(self, rho_n: Number, shift_nc: Number = None) -> tuple[Surface, Number]:
         r"""Free surfaces, and the shift without its outward part there.

@@ -69,6 +69,7 @@ class Simulation:
         self.chi_n: Array = None
         self.pressure_force_nc: Array = None
         self.set_n = np.zeros(len(state.x_nc), bool)
+        self.fresh = True  # no step taken yet
 
     # --- force evaluation
 
@@ -178,6 +179,7 @@ class Simulation:
         s, model = self.state, self.model
         if not self.fields:
             self.setup()
+        self.fresh = False
         fluid = ~s.solid_n
         s.v_nc = s.v_nc + 0.5 * dt * (self.fields["f"] / self.mass_n[:, None])
         before = self.fields  # the last evaluation's; the next one makes a dictionary of its own
@@ -215,7 +217,7 @@ class Simulation:
         twin.state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
         twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
         twin.other_nc = Rounded(self.other_nc)
-        twin.evaluate()
+        twin.setup() if self.fresh else twin.evaluate()
         return twin
 
     def _half_step_gradients(self) -> Gradients:

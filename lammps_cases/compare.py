@@ -80,6 +80,15 @@ def excess(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray) -
     return difference, ratio
 
 
+def worst_component(values_n: FloatArray, ratio_n: FloatArray) -> FloatArray:
+    """The value of every particle's component of the largest ratio."""
+    if values_n.ndim == 1:
+        return values_n
+    n = len(values_n)
+    picked: FloatArray = values_n.reshape(n, -1)[np.arange(n), ratio_n.reshape(n, -1).argmax(axis=1)]
+    return picked
+
+
 def compare_field(
     field: str,
     stage: str,
@@ -94,12 +103,15 @@ def compare_field(
 
     Parameters
     ----------
-    lammps_n, reference_n, bound_n : (n,) arrays sorted by id
-        The two sides and the largest difference that rounding can make.
+    lammps_n, reference_n, bound_n : (n, ...) arrays sorted by id
+        The two sides and the largest difference that rounding can make; of vectors and tensors the component that
+        comes closest to its bound stands for the particle.
     same_order_n : (n,) array, optional
         The reference in LAMMPS' order of operations; the same bits as either make the field `exact`.
     """
     difference, ratio = excess(lammps_n, reference_n, bound_n)
+    bound = worst_component(bound_n, ratio)
+    difference, ratio = difference.reshape(len(id_n), -1).max(axis=1), ratio.reshape(len(id_n), -1).max(axis=1)
     verdict: Verdict = "differs"
     outside = ~(ratio <= 1)
     if same_bits(lammps_n, reference_n) or (same_order_n is not None and same_bits(lammps_n, same_order_n)):
@@ -115,7 +127,7 @@ def compare_field(
         verdict=verdict,
         max_abs=float(difference.max(initial=0.0)),
         max_over_bound=float(ratio.max(initial=0.0)),
-        bound=None if at is None else float(bound_n[at]),
+        bound=None if at is None else float(bound[at]),
         derivation=derivation,
         worst_id=None if at is None else int(id_n[at]),
         outside=int(outside.sum()),

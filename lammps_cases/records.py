@@ -37,11 +37,21 @@ class DigitsLost(_Record):
     reference: float | None = None
 
 
+class StepRecord(_Record):
+    """A field at one of the steps compared."""
+
+    step: int
+    verdict: Verdict
+    max_abs: float
+    max_over_bound: float
+    worst_id: int | None = None
+
+
 class FieldRecord(_Record):
     """Verdict on one per-atom field of a case."""
 
     field: str
-    stage: str = Field(description="what is tested: input, eos")
+    stage: str = Field(description="what is tested: input, eos, or a stage of the particle model")
     verdict: Verdict
     max_abs: float | None = Field(None, description="largest absolute difference over the atoms")
     max_over_bound: float | None = Field(None, description="largest ratio of difference to bound")
@@ -53,7 +63,8 @@ class FieldRecord(_Record):
     first_id: int | None = Field(None, description="lowest id outside the bound")
     atom_type: int | None = Field(None, description="only atoms of this type (audit)")
     digits_lost: DigitsLost = DigitsLost()
-    explained_by: str | None = Field(None, description="id of the ledger entry whose variant is inside the bound")
+    explained_by: str | None = Field(None, description="ids of the ledger entries whose variants are inside the bound")
+    steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
 
 
 class LawRecord(_Record):
@@ -115,6 +126,7 @@ class CaseRecord(_Record):
     seed: int | None = None
     source: str = Field("", description="file that holds the scene")
     reproduce: str = Field("", description="command that runs this case alone")
+    unseen: list[str] = Field([], description="ledger entries that this case would show if they were still there")
     lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
     checks: list[CheckRecord] = Field([], description="every look of an audit")

@@ -7,7 +7,7 @@ state by one unit of the last place, with random signs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,6 @@ from eos_ref.quantities import needed_to_step
 from eos_ref.rounded import Rounded, error
 from eos_ref.steps import Simulation
 
-Evaluator = Callable[..., Any]
 Fields = dict[str, Any]
 MOVED_RUNS = 3
 
@@ -45,10 +44,9 @@ class Prediction:
     bounds: tuple[Fields, ...]
 
 
-def simulation(scene: Particles, fields: Iterable[str], evaluator: Evaluator, steps: int) -> Simulation:
-    """A simulation that evaluates some fields, and what steps need if there are any."""
-    wanted = dict.fromkeys((*fields, *(needed_to_step(scene.model) if steps else ())))
-    return Simulation(scene.model, scene.box, scene.state, wanted, evaluator)
+def wanted(scene: Particles, fields: Iterable[str], steps: int) -> tuple[str, ...]:
+    """Some fields, and what steps need if there are any."""
+    return tuple(dict.fromkeys((*fields, *(needed_to_step(scene.model) if steps else ()))))
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
@@ -62,33 +60,34 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
 
 
 def predict(
-    scene: Particles, fields: Sequence[str], steps: Sequence[int], evaluator: Evaluator = Plain, seed: int = 0
+    scene: Particles,
+    fields: Sequence[str],
+    steps: Sequence[int],
+    evaluator: type[Plain] = Plain,
+    stepping: type[Simulation] = Simulation,
+    seed: int = 0,
 ) -> Prediction:
     """Fields at some steps with their bounds.
 
     Parameters
     ----------
-    evaluator : class
-        The stages that run; bounds of one evaluation are always taken from their plain form.
+    evaluator, stepping : class
+        The stages and the order of steps; a variant's, for a finding.
     seed : int
         Of the random signs of the moved runs.
     """
     last = steps[-1]
-    plain = evaluator if issubclass(_class(evaluator), Plain) else Plain
-    sim = simulation(scene, fields, evaluator, last)
+    sim = stepping(scene.model, scene.box, scene.state, wanted(scene, fields, last), evaluator)
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, scene.timestep):
         values.append({field: sim.output(field).copy() for field in fields})
-        errors = sim.rounded(plain)
+        errors = sim.rounded(evaluator)
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-    spreads = spread(scene, fields, steps, evaluator, values, sizes, seed) if last else [dict.fromkeys(fields, 0.0)]
+    runs = _moved_runs(scene, fields, last, evaluator, stepping, sizes, seed) if last else []
+    spreads = _spread(runs, fields, steps, scene.timestep, values)
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
     return Prediction(tuple(steps), tuple(values), bounds)
-
-
-def _class(evaluator: Evaluator) -> type:
-    return evaluator if isinstance(evaluator, type) else object
 
 
 # --- one evaluation
@@ -118,7 +117,7 @@ class Sizes(dict[str, FloatArray]):
 # --- many steps
 
 
-def moved(evaluator: Evaluator, sizes: Sizes, random: np.random.Generator) -> Evaluator:
+def moved(evaluator: type[Plain], sizes: Sizes, random: np.random.Generator) -> type[Plain]:
     """The stages of an evaluator with every result moved by its bound, up or down at random."""
 
     def move(quantity: Any, name: str) -> Any:
@@ -155,47 +154,51 @@ def moved(evaluator: Evaluator, sizes: Sizes, random: np.random.Generator) -> Ev
     return Moved
 
 
-class _Shaken(Simulation):
-    """A simulation whose state moves by one unit of the last place after every step."""
+def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
+    """Steps after each of which the state moves by one unit of the last place."""
 
-    random: np.random.Generator
+    def signs(like: FloatArray) -> FloatArray:
+        return EPS * random.choice((-1.0, 1.0), like.shape)
 
-    def step(self, dt: float) -> None:
-        super().step(dt)
-        self.shake()
+    class Shaken(stepping):  # type: ignore[misc, valid-type]
+        def step(self, dt: float) -> None:
+            super().step(dt)
+            s = self.state
+            reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a coordinate that wraps rounds so
+            s.x_nc = s.x_nc + signs(s.x_nc) * reach_c
+            s.v_nc = s.v_nc * (1 + signs(s.v_nc))
+            s.rho_n = s.rho_n * (1 + signs(s.rho_n))
+            if s.energy_n is not None:
+                s.energy_n = s.energy_n * (1 + signs(s.energy_n))
 
-    def shake(self) -> None:
-        s = self.state
-        reach_c = np.maximum(
-            np.abs(self.box.low_c), np.abs(self.box.high_c)
-        )  # a coordinate that wraps rounds like these
-        s.x_nc = s.x_nc + self._signs(s.x_nc) * EPS * reach_c
-        s.v_nc = s.v_nc * (1 + EPS * self._signs(s.v_nc))
-        s.rho_n = s.rho_n * (1 + EPS * self._signs(s.rho_n))
-        if s.energy_n is not None:
-            s.energy_n = s.energy_n * (1 + EPS * self._signs(s.energy_n))
-
-    def _signs(self, like: FloatArray) -> FloatArray:
-        return self.random.choice((-1.0, 1.0), like.shape)
+    return Shaken
 
 
-def spread(
+def _moved_runs(
     scene: Particles,
     fields: Sequence[str],
-    steps: Sequence[int],
-    evaluator: Evaluator,
-    values: Sequence[Fields],
+    last: int,
+    evaluator: type[Plain],
+    stepping: type[Simulation],
     sizes: Sizes,
     seed: int,
+) -> list[Simulation]:
+    runs = []
+    for k in range(MOVED_RUNS):
+        random = np.random.default_rng((seed, k))
+        steps = shaken(stepping, random)
+        stages = moved(evaluator, sizes, random)
+        runs.append(steps(scene.model, scene.box, scene.state, wanted(scene, fields, last), stages))
+    return runs
+
+
+def _spread(
+    runs: Sequence[Simulation], fields: Sequence[str], steps: Sequence[int], dt: float, values: Sequence[Fields]
 ) -> list[Fields]:
     """Largest distance of the moved runs from the reference, over the particles, per field and step; 0 at step 0."""
     largest: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
-    for k in range(MOVED_RUNS):
-        random = np.random.default_rng((seed, k))
-        plain = simulation(scene, fields, evaluator, steps[-1])
-        run = _Shaken(scene.model, scene.box, scene.state, plain.asked, moved(evaluator, sizes, random))
-        run.random = random
-        for at, step in enumerate(visit(run, steps, scene.timestep)):
+    for run in runs:
+        for at, step in enumerate(visit(run, steps, dt)):
             for field in fields if step else ():
                 distance = np.abs(run.output(field) - values[at][field]).max(initial=0.0)
                 largest[at][field] = max(largest[at][field], float(distance))

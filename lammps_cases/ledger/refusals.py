@@ -1,66 +1,10 @@
-"""The ledger of findings: where LAMMPS differs from its manual, explained and reproduced.
-
-An entry that changes numbers names a variant of the reference that reproduces LAMMPS on every atom; one that changes
-how LAMMPS refuses predicts the outcome. Neither changes the reference or a bound.
-"""
+"""Findings about input: what LAMMPS refuses, accepts or does not survive."""
 
 from __future__ import annotations
 
-import fnmatch
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from lammps_cases.ledger.entry import ALL, Entry
 
-import numpy as np
-
-from eos_ref import EOSTable
-from eos_ref.eos import FloatArray
-from lammps_cases.compare import Comparison, State, excess
-from lammps_cases.records import Verdict
-
-ALL = ("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0")
-NEWEST = ALL[-1]
-Variant = Callable[[EOSTable, State], FloatArray]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One finding.
-
-    Attributes
-    ----------
-    documented, observed : what the manual says (with its place), what LAMMPS does
-    argument : why the documented behaviour is the right one
-    workaround : what a user can do meanwhile
-    cases : patterns of the cases that show it
-    variant : replaces the reference's pressure, for a finding in numbers
-    outcome, outcome_text : verdict and part of the message that it predicts, for a finding in refusals
-    """
-
-    id: str
-    title: str
-    severity: Literal["low", "medium", "high"]
-    documented: str
-    observed: str
-    argument: str
-    workaround: str
-    cases: tuple[str, ...]
-    engines: tuple[str, ...]
-    variant: Variant | None = None
-    outcome: Verdict | None = None
-    outcome_text: str = ""
-
-    def covers(self, case: str, engine: str) -> bool:
-        """Whether the entry speaks of a case on an engine, given by its distribution's version.
-
-        A finding is explained on the engines it was seen on, and nowhere else: where it comes back, or is met for the
-        first time, it is red. A build without a distribution is taken as the newest.
-        """
-        listed = engine in self.engines or (not engine and NEWEST in self.engines)
-        return listed and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.cases)
-
-
-LEDGER: tuple[Entry, ...] = (
+ENTRIES: tuple[Entry, ...] = (
     Entry(
         id="no-pressure-segfault",
         title="Asking for the pressure without fix rheo/pressure ends in a segmentation fault",
@@ -122,21 +66,3 @@ LEDGER: tuple[Entry, ...] = (
         outcome_text="Illegal fix command, *",
     ),
 )
-
-
-def explain_outcome(case: str, engine: str, verdict: Verdict, message: str) -> Entry | None:
-    """The entry that predicts, for this engine, how a case ended without numbers."""
-    for entry in LEDGER:
-        if entry.outcome == verdict and entry.covers(case, engine) and entry.outcome_text in message:
-            return entry
-    return None
-
-
-def explain_pressure(case: str, engine: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:
-    """The entry, for this engine, whose variant is within the bound on every atom."""
-    for entry in LEDGER:
-        if entry.variant is not None and entry.covers(case, engine):
-            ratio_n = excess(comparison.lammps_n, entry.variant(table, state), comparison.bound_n)[1]
-            if bool(np.all(ratio_n <= 1)):
-                return entry
-    return None

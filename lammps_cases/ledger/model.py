@@ -1,0 +1,128 @@
+"""Findings about the particle model: numbers that differ from what is documented and published."""
+
+from __future__ import annotations
+
+from lammps_cases import variants
+from lammps_cases.ledger.entry import ALL, Entry
+from lammps_cases.variants import Variant
+
+ENTRIES: tuple[Entry, ...] = (
+    Entry(
+        id="force-per-volume",
+        title="Pair forces lack the volume of the particle they act on",
+        severity="high",
+        documented="pair rheo, as published (Palermo et al. 2024; Clemmer et al. 2024): the pressure force on i is "
+        "-sum V_i V_j (P_i + P_j) grad W, the viscous one sum 2 eta V_i V_j (x.grad W)/r^2 v_ij.",
+        observed="The factor V_i = m_i/rho_i is missing from pressure, viscous and artificial viscous force on i: the "
+        "array f holds a force per volume and is divided by the mass all the same. The accelerations are wrong by the "
+        "factor 1/V_i; nothing shows where every volume is 1, as in all example decks.",
+        argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 feel "
+        "-1.10812 and +1.06855 in place of -0.79152 and +0.79152, so the pair accelerates itself. A fluid resolved "
+        "twice as finely in 2D (a quarter of each mass) gets 4 times the acceleration from the same pressure "
+        "field, while gravity, which multiplies by the mass, stays as it is.",
+        workaround="Choose the unit of length so that m/rho0 is 1 for every type.",
+        cases=("forces.*",),
+        engines=ALL,
+        scene="two particles of volume other than 1",
+        particles=Variant(variants.has_forces, variants.ForcePerVolume),
+    ),
+    Entry(
+        id="wall-velocity-lost",
+        title="interface/reconstruct forgets that a wall moves",
+        severity="high",
+        documented="fix rheo, interface/reconstruct: densities and velocities of solids are reconstructed to ensure "
+        "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
+        observed="The solid's velocity as the fluid sees it is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
+        "agree for a wall at rest only.",
+        argument="A fluid and its container that move together with velocity U must feel no viscous force; LAMMPS sees "
+        "the wall at 0 in place of U. A wall moved at U drags the fluid towards U d_s/(d_s + d_f), not U, so that a "
+        "Couette flow depends on how the particles of the wall lie. Not Galilean invariant.",
+        workaround="Keep walls at rest: choose the frame of the wall, or drive the fluid by addforce.",
+        cases=("walls-moving.*",),
+        engines=ALL,
+        scene="fluid at rest over one row of solid particles that moves",
+        particles=Variant(variants.has_moving_walls, variants.WallVelocityLost),
+    ),
+    Entry(
+        id="heat-is-temperature-rate",
+        title="The heat flow is a rate of temperature that is added to the energy",
+        severity="high",
+        documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
+        "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
+        observed="The output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean of kappa/(rho0 cv): "
+        "the rate of T, for the volume of one particle, at the equilibrium density. It is then integrated as if it "
+        "were the rate of the energy of the particle, which is m cv times larger.",
+        argument="Where m cv = 2 heat flows half as fast as the conductivity says. Two particles of volumes 2 and 3 "
+        "exchange -0.565 and +0.377: energy is not conserved.",
+        workaround="Use m = rho0 cv = 1 per type, with the diffusivity for the conductivity.",
+        cases=("thermal.*",),
+        engines=ALL,
+        scene="two particles of different temperature and volume, cv other than 1",
+        particles=Variant(variants.has_heat, variants.HeatAsTemperatureRate),
+    ),
+    Entry(
+        id="cross-type-support",
+        title="shift scale/cross/type sums W r for the same-type support",
+        severity="medium",
+        documented="fix rheo, scale/cross/type: W_same = sum W_ij delta_ij over particles of the same type.",
+        observed="The sum that is compared with wmin is sum W_ij r_ij delta_ij.",
+        argument="wmin is documented without dimension beyond that of W, yet the sum has one of length more: at "
+        "twice the spacing, everything else scaled, shifting goes on and off at other particles. The nearest "
+        "neighbours, which support most, count least.",
+        workaround="Multiply wmin by the mean distance of neighbours weighted by W, about 0.4 times the cutoff.",
+        cases=("cross-type.*",),
+        engines=ALL,
+        scene="two types in disorder, wmin of half the full support",
+        particles=Variant(variants.scales_across_types, variants.SupportTimesDistance),
+    ),
+    Entry(
+        id="cross-type-normal",
+        title="shift scale/cross/type uses one direction for all interfaces",
+        severity="high",
+        documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
+        "along it is scaled by shiftscale.",
+        observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop over "
+        "neighbours ended with.",
+        argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
+        "the atoms turns the direction, although nothing physical has changed; so does another skin or number of "
+        "ranks.",
+        workaround="Do not use scale/cross/type; exclude/type is not affected.",
+        cases=("cross-type.*",),
+        engines=ALL,
+        scene="two types in disorder, shiftscale 0",
+        particles=Variant(variants.scales_across_types, variants.NormalOfLastPair, fit=variants.last_pair),
+    ),
+    Entry(
+        id="walls-summed-after-setup",
+        title="After the set-up of a run solids show a density that was not used",
+        severity="low",
+        documented="fix rheo, interface/reconstruct: the density of solids is reconstructed for the interaction with "
+        "fluid; rho/sum sums densities.",
+        observed="With both keywords the densities (and pressures) of solids reported after run 0 are the sums; the "
+        "forces of the same step used the reconstructed ones, and every later step reports these.",
+        argument="Output and forces of one step belong to different densities: a restart or a check of P(rho) after "
+        "run 0 sees a state that the dynamics never had.",
+        workaround="Look at solids from the first step on.",
+        cases=("walls-summed.*",),
+        engines=ALL,
+        scene="fluid over solid particles with rho/sum, run 0",
+        particles=Variant(variants.sums_walls, stepping=variants.WallsSummedAfterSetup),
+    ),
+    Entry(
+        id="stale-gradient-below-zmin",
+        title="A particle with fewer than zmin neighbours uses memory nobody wrote",
+        severity="high",
+        documented="fix rheo: if reproducing kernels are requested but a particle has fewer than zmin neighbours, it "
+        "will revert to a non-reproducing quintic kernel until it gains more.",
+        observed="With RK1 and RK2 the gradient of such a particle is not computed: it holds what an earlier pair, or "
+        "an earlier use of the memory, left there. Sums of W do revert to the quintic kernel.",
+        argument="Two lone particles with RK1 have a velocity gradient of 1e-277 or 3e-321 in a fresh process, and "
+        "another one after a different scene. In a free surface, where particles run out of neighbours, forces there "
+        "are arbitrary. The variant predicts all particles with zmin neighbours or more, and no value for the rest.",
+        workaround="zmin 0, if the fluid has no free surface; else the quintic kernel.",
+        cases=("zmin.*",),
+        engines=ALL,
+        scene="two particles, RK1, zmin 5",
+        particles=Variant(variants.falls_back, variants.StaleGradient, undefined=True),
+    ),
+)

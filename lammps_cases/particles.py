@@ -1,0 +1,258 @@
+"""A case of the particle model judged: LAMMPS' fields at some steps against the reference, stage by stage.
+
+A field that leaves its bound is held against the ledger: the variants of all findings that the scene shows, together,
+have to be inside their bounds on every atom, at every step, in every field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos import FloatArray
+from eos_ref.quantities import PART_OF
+from lammps_cases.atoms import seed
+from lammps_cases.compare import Comparison, compare_field, worst_component
+from lammps_cases.ledger import Entry, shown_by
+from lammps_cases.records import StepRecord, Verdict, worst
+from lammps_cases.trajectory import Particles, Prediction, predict
+from lammps_cases.variants import Snapshot, Variant, combined
+
+# In the order in which a step computes them; after the first step the state comes out at the end.
+STAGES = {
+    "x": "integration",
+    "coordination": "neighbours",
+    "chi": "walls",
+    "grad/v": "gradients",
+    "surface": "surfaces",
+    "shift/v": "shifting",
+    "viscosity": "viscosity",
+    "pressure_used": "eos",
+    "pressure": "eos",
+    "conductivity": "thermal",
+    "cv": "thermal",
+    "temperature": "thermal",
+    "heatflow": "pair",
+    "drho": "pair",
+    "f": "pair",
+    "stress/v": "stress",
+    "stress/t": "stress",
+    "v": "integration",
+    "rho": "density",
+    "energy": "integration",
+    "phase": "integration",
+    "status": "surfaces",
+}
+ORDER = tuple(STAGES)
+Predictions = Sequence[Prediction]
+
+
+def stage(field: str) -> str:
+    """The stage of a step that a field comes from."""
+    return STAGES[_main(field)]
+
+
+def _main(field: str) -> str:
+    part = PART_OF.get(field, field)
+    return field if field in STAGES else part
+
+
+def in_order(fields: Sequence[str]) -> list[str]:
+    """Fields in the order of a step."""
+    return sorted(fields, key=lambda field: (ORDER.index(_main(field)), field))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Comparisons of a case, one per field with its worst step; what explains them; the blame."""
+
+    comparisons: list[Comparison]
+    entries: list[Entry]
+    unseen: list[Entry]
+    first: Blame | None
+
+
+@dataclass(frozen=True)
+class Blame:
+    """The first step, stage, field and atom outside the bound."""
+
+    step: int
+    field: str
+    message: str
+
+
+def judge(
+    scene: Particles,
+    name: str,
+    id_n: Any,
+    steps: Sequence[int],
+    snapshots: Sequence[Snapshot],
+    fields: Sequence[str],
+    engine: str,
+) -> Judged:
+    """Compare all fields at all steps, and explain what is outside by the ledger."""
+    fields = in_order(fields)
+    random = seed(f"{name}/moved runs")
+    prediction = predict(scene, fields, steps, seed=random)
+    table = compare_all(scene, id_n, steps, snapshots, fields, prediction)
+    listed = shown_by(scene, engine)
+    blame = first_outside(table, id_n, steps, fields)
+    entries: list[Entry] = []
+    if blame is not None:
+        entries = explain(scene, id_n, steps, snapshots, fields, listed, random)
+        for field in fields:
+            for comparison in table[field]:
+                if entries and comparison.record.verdict == "differs":
+                    comparison.record.verdict = "explained"
+                    comparison.record.explained_by = ", ".join(entry.id for entry in entries)
+    unseen = [entry for entry in listed if entry not in entries] if blame is None or entries else []
+    return Judged([over_steps(table[field], steps) for field in fields], entries, unseen, blame)
+
+
+def compare_all(
+    scene: Particles,
+    id_n: Any,
+    steps: Sequence[int],
+    snapshots: Sequence[Snapshot],
+    fields: Sequence[str],
+    prediction: Prediction,
+) -> dict[str, list[Comparison]]:
+    """One comparison per field and step."""
+    table: dict[str, list[Comparison]] = {field: [] for field in fields}
+    for at in range(len(steps)):
+        for field in fields:
+            lammps_n = np.asarray(snapshots[at][field], float)
+            reference_n = np.asarray(prediction.fields[at][field], float)
+            if field == "x":
+                lammps_n = nearest_image(scene, lammps_n, reference_n)
+            bound_n = np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
+            derivation = derived(steps[at])
+            table[field].append(
+                compare_field(field, stage(field), id_n, lammps_n, reference_n, bound_n, None, derivation)
+            )
+    return table
+
+
+def derived(step: int) -> str:
+    """In words, how a bound comes about."""
+    one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
+    return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
+
+
+def nearest_image(scene: Particles, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
+    """Positions moved by whole periods to where the reference, which does not wrap, has them."""
+    edge_c = np.array(scene.box.edge_c)
+    turns_nc = np.where(scene.box.periodic, np.round((reference_nc - x_nc) / edge_c), 0.0)
+    return np.asarray(x_nc + turns_nc * edge_c)
+
+
+def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:
+    """The comparison of the worst step, with the verdicts of all."""
+    records = [comparison.record for comparison in comparisons]
+    ratios = [-1.0 if r.max_over_bound is None else r.max_over_bound for r in records]
+    at = int(np.argmax(ratios))
+    rows = [
+        StepRecord(
+            step=step,
+            verdict=r.verdict,
+            max_abs=r.max_abs or 0.0,
+            max_over_bound=r.max_over_bound or 0.0,
+            worst_id=r.worst_id,
+        )
+        for step, r in zip(steps, records, strict=True)
+    ]
+    verdict: Verdict = worst([r.verdict for r in records])
+    update = {"steps": rows, "worst_step": steps[at], "verdict": verdict}
+    picked = comparisons[at]
+    if verdict == "explained":
+        update["explained_by"] = next(r.explained_by for r in records if r.explained_by)
+    record = picked.record.model_copy(update=update)
+    return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
+
+
+def first_outside(
+    table: dict[str, list[Comparison]], id_n: Any, steps: Sequence[int], fields: Sequence[str]
+) -> Blame | None:
+    """The first step, then the first field in the order of a step, then the first atom outside the bound."""
+    for at, step in enumerate(steps):
+        for field in fields:
+            comparison = table[field][at]
+            record = comparison.record
+            if record.verdict != "differs" or record.first_id is None:
+                continue
+            atom = int(np.searchsorted(id_n, record.first_id))
+            message = (
+                f"{field} (stage {record.stage}) leaves its bound at step {step} at {record.outside} of {len(id_n)} "
+                f"atoms, first atom {record.first_id}: " + _numbers(comparison, atom)
+            )
+            return Blame(step, field, message)
+    return None
+
+
+def _numbers(comparison: Comparison, atom: int) -> str:
+    from lammps_cases.compare import excess
+
+    ratio_n = excess(comparison.lammps_n, comparison.reference_n, comparison.bound_n)[1]
+    sides = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
+    lammps, reference, bound = (float(worst_component(side, ratio_n)[atom]) for side in sides)
+    return f"LAMMPS {lammps!r}, reference {reference!r}, bound {bound:.3g}"
+
+
+# --- the ledger
+
+
+def explain(
+    scene: Particles,
+    id_n: Any,
+    steps: Sequence[int],
+    snapshots: Sequence[Snapshot],
+    fields: Sequence[str],
+    listed: Sequence[Entry],
+    random: int,
+) -> list[Entry]:
+    """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
+
+    def inside(entries: Sequence[Entry], count: int) -> bool:
+        variants = [entry.particles for entry in entries if entry.particles]
+        return bool(variants) and reproduced(scene, id_n, steps[:count], snapshots[:count], fields, variants, random)
+
+    needed = list(listed)
+    if not needed or not inside(needed, len(steps)):
+        return []
+    for entry in listed:
+        fewer = [other for other in needed if other is not entry]
+        if inside(fewer, len(steps)):
+            needed = fewer
+    return needed
+
+
+def reproduced(
+    scene: Particles,
+    id_n: Any,
+    steps: Sequence[int],
+    snapshots: Sequence[Snapshot],
+    fields: Sequence[str],
+    variants: Sequence[Variant],
+    random: int,
+) -> bool:
+    """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
+    stages, stepping = combined(variants, scene, snapshots[0])
+    prediction = predict(scene, fields, steps, stages, stepping, random)
+    undefined = any(variant.undefined for variant in variants)
+    for comparisons in compare_all(scene, id_n, steps, snapshots, fields, prediction).values():
+        for c in comparisons:
+            if c.record.verdict not in ("exact", "pass") and not (undefined and _defined_part_inside(c)):
+                return False
+    return True
+
+
+def _defined_part_inside(comparison: Comparison) -> bool:
+    """Whether all values that have a bound are inside it; of a field some must have one."""
+    from lammps_cases.compare import excess
+
+    defined = np.isfinite(comparison.bound_n)
+    sides = (comparison.lammps_n[defined], comparison.reference_n[defined], comparison.bound_n[defined])
+    return bool(np.all(excess(*sides)[1] <= 1))

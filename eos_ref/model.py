@@ -263,6 +263,7 @@ class State:
             x_nc=self.x_nc.copy(),
             v_nc=self.v_nc.copy(),
             rho_n=self.rho_n.copy(),
+            type_n=self.type_n.copy(),
             solid_n=self.solid_n.copy(),
             energy_n=energy_n,
         )

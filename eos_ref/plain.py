@@ -20,7 +20,7 @@ from eos_ref import bounds, interactions, kernels, per_atom
 from eos_ref.elementary import maximum, sqrt, where
 from eos_ref.eos import EOS
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
-from eos_ref.rounded import Rounded, error, value
+from eos_ref.rounded import Decision, Rounded, error, value
 
 Number = Any  # numpy float64 or longdouble array, or Rounded
 Axes = list[Number]  # one array per Cartesian axis
@@ -55,6 +55,13 @@ def dot(a: Axes, b: Axes) -> Number:
     for x, y in zip(a[1:], b[1:], strict=True):
         total = total + x * y
     return total
+
+
+def is_class(class_n: Number, wanted: int) -> Any:
+    """Whether particles are of a surface class; open where rounding leaves the class open."""
+    if isinstance(class_n, Rounded):
+        return Decision(class_n.value == wanted, class_n.error > 0)
+    return class_n == wanted
 
 
 class Plain:
@@ -179,7 +186,11 @@ class Plain:
         met_n = value(support_n) > 0
         sum_n = self.total(where(wall_p, self.w * (p_n[j] + rho_n[j] * reach), 0.0))
         p_wall_n = sum_n / where(met_n, support_n, 1.0)
-        wall_n = maximum(self.density(p_wall_n, energy_n), self.rho0_n / 10)
+        wall_n = self.density(p_wall_n, energy_n)
+        # Below the pressure of vacuum Tait's law has no density: the lower limit applies.
+        background_n = np.array([law.background for law in self.model.eos])[self.type_n - 1]
+        torn = np.isnan(value(wall_n)) & (value(p_wall_n) < background_n)
+        wall_n = maximum(where(torn, 0.0, wall_n), self.rho0_n / 10)
         return chi_n, where(self.solid_n, where(met_n, wall_n, self.rho0_n), rho_n)
 
     def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
@@ -306,26 +317,27 @@ class Plain:
         candidate = ~self.solid_n & low
         splash = self.coordination_n < setting.splash
         class_n = where(candidate, where(splash, 2.0, 1.0), 0.0)
-        at_surface = value(class_n) == 1
-        normal = [where(at_surface, -(c / size), 0.0) for c in gradient]
-        distance_n = self._distance(class_n, at_surface)
+        normal = [where(is_class(class_n, 1), -(c / size), 0.0) for c in gradient]
+        distance_n = self._distance(class_n)
         if shift_nc is not None:
             shift_nc = joined(self._inward(axes(shift_nc), normal, class_n))
         return Surface(class_n, distance_n, joined(normal), divr_n), shift_nc
 
-    def _distance(self, class_n: Number, at_surface: BoolArray) -> Number:
+    def _distance(self, class_n: Number) -> Number:
         """Distance to the nearest surface particle, at most the cutoff; 0 on the surface, the cutoff for solids."""
-        near = at_surface[self.j] & ~self.solid_n[self.i]
+        near = (value(class_n) == 1)[self.j] & ~self.solid_n[self.i]
         nearest_n = np.full(self.n, self.model.cut)
         np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
         nearest_n[value(class_n) > 0] = 0.0
         if isinstance(self.r, Rounded):
-            return Rounded(nearest_n, self.r.error.max(initial=0.0) + error(class_n) * self.model.cut)
+            open_n = error(class_n) > 0  # its own class, or that of a neighbour
+            open_n = open_n | (np.bincount(self.i[open_n[self.j]], minlength=self.n) > 0)
+            return Rounded(nearest_n, self.r.error.max(initial=0.0) + open_n * self.model.cut)
         return nearest_n
 
     def _inward(self, shift: Axes, normal: Axes, class_n: Number) -> Axes:
         outward = maximum(dot(normal, shift), 0.0)
-        return [where(value(class_n) == 2, 0.0, s - n * outward) for s, n in zip(shift, normal, strict=True)]
+        return [where(is_class(class_n, 2), 0.0, s - n * outward) for s, n in zip(shift, normal, strict=True)]
 
     # --- stages 8 to 10: properties of a particle
 

@@ -56,8 +56,13 @@ def inputs(model: Model) -> dict[str, tuple[str, ...]]:
     power = any(law.style == "power" for law in model.viscosity)
     shift = ("kernel", *density, *(["surface"] if fix.surface_detection else []))
     surface = ("pairs", "coordination", "kernel", *density) if fix.surface_detection else ()
-    diffusion = (*gradient, *(["grad/rho"] if corrected else [])) if pair.rho_damp else ()
-    force = (*gradient, "pressure", "viscosity", *(["grad/v"] if pair.artificial_viscosity else []))
+    # One pass over the pairs gives force, density diffusion and heat flow; all terms of the model are in it.
+    pairwise = (
+        *gradient,
+        *(["grad/v"] if pair.artificial_viscosity else []),
+        *(["grad/rho"] if pair.rho_damp and corrected else []),
+        *(["temperature"] if fix.thermal else []),
+    )
     return {
         "pairs": (),
         "coordination": ("pairs",),
@@ -73,9 +78,9 @@ def inputs(model: Model) -> dict[str, tuple[str, ...]]:
         "viscosity": ("grad/v",) if power else (),
         "pressure": (*density, *gas),
         "temperature": ("energy",),
-        "heatflow": (*gradient, "temperature"),
-        "drho": diffusion,
-        "f": force,
+        "heatflow": pairwise,
+        "drho": pairwise,
+        "f": (*pairwise, "pressure", "viscosity"),
         "stress/v": ("grad/v", "viscosity"),
         "stress/t": ("stress/v", "pressure"),
         "energy": (),

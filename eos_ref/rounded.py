@@ -158,6 +158,12 @@ class Rounded:
         a, b = self.value, value(other)
         return Decision(relation(a, b), np.abs(a - b) <= self.error + error(other))
 
+    def __eq__(self, other: object) -> Any:
+        """Whether the values are equal, as plain flags: a guard against dividing by an exact 0."""
+        return self.value == value(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __lt__(self, other: Any) -> Decision:
         return self._compare(other, np.less)
 

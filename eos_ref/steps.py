@@ -24,6 +24,7 @@ from eos_ref.rounded import Rounded, value
 
 Array = Any
 Evaluator = Callable[..., Any]
+_GRADIENT = {"v": "v_ncc", "rho": "rho_nc", "energy": "energy_nc"}
 LAYER, SURFACE, SPLASH, BULK = 8, 16, 32, 4  # bits of LAMMPS' status; 1 is solid
 
 
@@ -89,7 +90,7 @@ class Simulation:
         want = [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]
         if want:
             self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, None, want)
-            self.fields["grad/v"] = self.gradient.v_ncc
+            self.fields |= {f"grad/{name}": getattr(self.gradient, _GRADIENT[name]) for name in want}
         self._surfaces()
         self._properties()
         if "f" in plan or "heatflow" in plan or "drho" in plan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,14 +76,10 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     """
     scene = case.scene
     if isinstance(scene.positions, Lattice):
-        x_nc, high_c = _lattice(scene.positions, scene.dimension, _random(case, "positions"))
-        file: dict[str, Any] = {}
-        low_c, periodic, spacing = np.zeros(3), (True, True, True), scene.positions.spacing
-        if scene.dimension == 2:
-            low_c[2], high_c[2] = -spacing / 2, spacing / 2
+        file = _lattice(case, scene.positions)
     else:
         file = _read_extxyz(case, scene.positions)
-        x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
+    x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
     n = len(x_nc)
     type_n = file["type"] if "type" in file else _types(case, n)
     wrong = type_n[(type_n < 1) | (type_n > len(scene.types))]
@@ -93,15 +90,85 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
     _check_fields(case, eos, type_n, rho_n, e_n)
-    v_nc = None
-    if scene.evolve and scene.evolve.velocity:
-        v_nc = _random(case, "velocity").uniform(-1, 1, (n, 3)) * scene.evolve.velocity
-        v_nc[:, scene.dimension :] = 0.0
+    if scene.interacts:
+        _check_positions(case, x_nc, low_c, high_c, periodic)
+    v_nc = _velocities(case, type_n)
     energy_n = None if e_n is None else mass_n * e_n
     return Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
 
 
-def _lattice(lattice: Lattice, dimension: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
+    """Particles of a lattice as a file would give them: x, low, high, periodic, spacing and, with regions, type."""
+    dimension, spacing = case.scene.dimension, lattice.spacing
+    x_nc, high_c = _sites(lattice, dimension)
+    type_n = _region_types(case, lattice, x_nc[:, :dimension] / high_c[:dimension]) if lattice.regions else None
+    periodic = (*(lattice.periodic or (True,) * dimension), *(True,) * (3 - dimension))
+    if lattice.disorder:
+        moved = _random(case, "positions").uniform(-1, 1, (len(x_nc), dimension)) * lattice.disorder * spacing
+        x_nc[:, :dimension] += moved
+        around_c = np.array(periodic) & (np.arange(3) < dimension)
+        x_nc[:, around_c] = np.mod(x_nc[:, around_c], high_c[around_c])
+    margin_c = np.where(periodic, 0.0, lattice.margin * spacing)
+    low_c, high_c = 0.0 - margin_c, high_c + margin_c
+    if dimension == 2:
+        low_c[2], high_c[2] = -spacing / 2, spacing / 2
+    box = {"low": low_c, "high": high_c, "periodic": periodic, "spacing": spacing}
+    if type_n is None:
+        return {"x": x_nc, **box}
+    return {"x": x_nc[type_n > 0], "type": type_n[type_n > 0], **box}
+
+
+def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArray:
+    """Types of all sites, given in fractions of the lattice; 0 where there is no particle.
+
+    The types that no region names are dealt out to the sites that no region takes (type 1 if there are none).
+    """
+    type_n = np.full(len(place_nc), -1)
+    for region in lattice.regions:
+        type_n[np.all((place_nc >= region.low) & (place_nc < region.high), axis=1)] = region.type or 0
+    if not (type_n != 0).any():
+        raise InputError("positions", "the scene is empty: its regions remove every particle", where=case.where)
+    named = {region.type for region in lattice.regions}
+    rest = [t for t in range(1, len(case.scene.types) + 1) if t not in named] or [1]
+    free = int((type_n < 0).sum())
+    type_n[type_n < 0] = _deal(case, free, rest)
+    return type_n
+
+
+def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
+    scene = case.scene
+    moves = scene.velocity.random or scene.velocity.uniform or any(t.velocity for t in scene.types)
+    if not moves:
+        return None
+    v_nc = _random(case, "velocity").uniform(-1, 1, (len(type_n), 3)) * scene.velocity.random
+    for t, atom_type in enumerate(scene.types, 1):
+        of_type = type_n == t
+        if atom_type.phase == "solid":
+            v_nc[of_type] = 0.0
+        v_nc[of_type, : scene.dimension] += np.array(atom_type.velocity or scene.velocity.uniform or 0.0)
+    v_nc[:, scene.dimension :] = 0.0
+    return v_nc
+
+
+def _check_positions(
+    case: Case, x_nc: FloatArray, low_c: FloatArray, high_c: FloatArray, periodic: tuple[bool, ...]
+) -> None:
+    """Particles that interact must lie in the box, not on top of one another."""
+    outside = np.flatnonzero(((x_nc < low_c) | (x_nc > high_c)).any(axis=1))
+    if outside.size:
+        place = f"{case.where}, atom {outside[0] + 1}"
+        raise InputError("position", "must lie in the box (margin)", x_nc[outside[0]].tolist(), place)
+    wrapped_nc = np.where((x_nc == high_c) & np.array(periodic), low_c, x_nc)
+    order_n = np.lexsort(wrapped_nc.T)
+    same = np.flatnonzero((wrapped_nc[order_n[1:]] == wrapped_nc[order_n[:-1]]).all(axis=1))
+    if same.size:
+        one, other = sorted((order_n[same[0]] + 1, order_n[same[0] + 1] + 1))
+        rule = f"of atom {other} must differ from that of atom {one}"
+        raise InputError("position", rule, x_nc[one - 1].tolist(), case.where)
+
+
+def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
+    """Sites of a lattice with one corner at 0, and the opposite corner."""
     basis_bc = np.array(_BASIS[lattice.lattice])
     cell_c = np.ones(dimension)
     if lattice.lattice == "hex":
@@ -110,15 +177,17 @@ def _lattice(lattice: Lattice, dimension: int, random: np.random.Generator) -> t
     corner_nc = np.stack([axis.ravel() for axis in axes], axis=1)
     x_nc = ((corner_nc[:, None, :] + basis_bc[None, :, :] + 0.25) * cell_c * lattice.spacing).reshape(-1, dimension)
     high_c = np.array(lattice.cells) * cell_c * lattice.spacing
-    if lattice.disorder:
-        x_nc = x_nc + random.uniform(-1, 1, x_nc.shape) * lattice.disorder * lattice.spacing
-        x_nc = np.mod(x_nc, high_c)
     padding = np.zeros((len(x_nc), 3 - dimension))
     return np.hstack([x_nc, padding]), np.concatenate([high_c, np.zeros(3 - dimension)])
 
 
 def _types(case: Case, n: int) -> IntArray:
-    type_n = np.arange(n) * len(case.scene.types) // n + 1
+    return _deal(case, n, range(1, len(case.scene.types) + 1))
+
+
+def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
+    """Equal shares of some types."""
+    type_n = np.array(types)[np.arange(n) * len(types) // max(n, 1)]
     if case.scene.arrangement == "shuffled":
         _random(case, "types").shuffle(type_n)
     return type_n
@@ -180,8 +249,9 @@ def _check_fields(
             raise InputError(key, "must be finite for every particle", where=where)
     if eos is None:
         return
-    if eos.needs_energy and e_n is None:
-        raise InputError("energy", "ideal/gas needs the energy of every particle", where=where)
+    if scene.thermal and e_n is None:
+        needing = "ideal/gas needs" if eos.needs_energy else "thermal properties of types need"
+        raise InputError("energy", f"{needing} the energy of every particle", where=where)
     if rho_n is None and not scene.rho_sum:
         raise InputError("rho", "must be given unless rho_sum is on", where=where)
     for t, law in enumerate(eos.laws, 1):
@@ -213,4 +283,4 @@ def _read_extxyz(case: Case, positions: FromFile) -> dict[str, Any]:
 
 def kernel_cut(scene: Scene, spacing: float) -> float:
     """Cutoff of the kernel: as given, or 3 spacings."""
-    return scene.engine.cut or 3.0 * spacing
+    return scene.rheo.cut or 3.0 * spacing

@@ -10,10 +10,11 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any, cast
 
 from eos_ref import EOSTable, InputError
 from lammps_cases.atoms import Atoms, build
@@ -21,12 +22,13 @@ from lammps_cases.casefile import Case
 from lammps_cases.commands import job
 from lammps_cases.engine import Answer
 from lammps_cases.engines import Engine, library_sha256
-from lammps_cases.evaluate import Arrays, blank_record, evaluate
+from lammps_cases.evaluate import Arrays, blank_record, evaluate, first_step
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
-from lammps_cases.workers import Failure, Workers
+from lammps_cases.workers import Failure, Workers, solve
 
+JUDGING = 1800.0  # seconds that judging a case may take
 Progress = Callable[[CaseRecord, int, int], None]
 
 
@@ -80,9 +82,14 @@ def run_cases(
         who = workers.outcome(identity)
         answering = engine_record(engine, {} if isinstance(who, Failure) else who)
         records: list[CaseRecord] = []
+        judged: list[Answer | Failure | Future[Any]] = []
         for ready, future in queue:
             outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
-            record, arrays = _judge(ready, outcome, answering)
+            # The particle model takes the reference longer than LAMMPS: it is judged by the workers too.
+            apart = ready.case.scene.whole_model and isinstance(outcome, Answer)
+            judged.append(workers.call(judge, ready, outcome, answering, time_limit=JUDGING) if apart else outcome)
+        for (ready, _), found in zip(queue, judged, strict=True):
+            record, arrays = _judged(workers, ready, found, answering)
             if arrays:
                 write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
             records.append(record)
@@ -99,13 +106,40 @@ def run_cases(
     return run
 
 
-def _judge(ready: Prepared, outcome: Answer | Failure, engine: EngineRecord) -> tuple[CaseRecord, Arrays]:
+def judge(
+    site: str | None, ready: Prepared, outcome: Answer | Failure, engine: EngineRecord
+) -> tuple[CaseRecord, Arrays]:
+    """Task: judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
     try:
-        return evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
-    except Exception as error:  # a fault of the harness costs its case alone, as one of LAMMPS does
-        record = blank_record(ready.case, ready.eos, ready.atoms, engine)
+        record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
+        if record.verdict == "differs" and ready.case.scene.whole_model and isinstance(outcome, Answer):
+            record.message = _first_step(site, ready) or record.message
+    except Exception as error:
+        record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
-        return record, {}
+    return record, arrays
+
+
+def _first_step(site: str | None, ready: Prepared) -> str:
+    """Run a case that differs once more and read every step, to blame the first one."""
+    scene = ready.case.scene
+    if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
+        return ""
+    told = job(scene, ready.atoms, plan(scene), every_step=True)
+    return first_step(ready.case, ready.atoms, solve(site, told))
+
+
+def _judged(
+    workers: Workers, ready: Prepared, outcome: Answer | Failure | Future[Any], engine: EngineRecord
+) -> tuple[CaseRecord, Arrays]:
+    if not isinstance(outcome, Future):
+        return judge(None, ready, outcome, engine)
+    found = workers.outcome(outcome, JUDGING)
+    if not isinstance(found, Failure):
+        return cast("tuple[CaseRecord, Arrays]", found)
+    record = blank_record(ready.case, ready.eos, ready.atoms, engine)
+    record.verdict, record.message = "error", f"judging failed: {found.message}"
+    return record, {}
 
 
 def _last(case: Case) -> int:

@@ -119,7 +119,7 @@ def _explanation(case: Any) -> dict[str, Any]:
             *told.setup,
             f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}",
             *told.commands,
-            *told.runs,
+            *(run.command for run in told.runs),
         ],
     }
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import importlib.metadata
 import importlib.util
+import math
 import sys
 import tempfile
 import time
@@ -35,9 +36,21 @@ class EngineBroken(EngineRefused):
     """LAMMPS stopped with an error after which the instance must not be used again."""
 
 
+class EngineCrashed(RuntimeError):
+    """LAMMPS' processes died; the text is what they left."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run command, and whether all arrays are read after it."""
+
+    command: str
+    read: bool = True
+
+
 @dataclass(frozen=True)
 class Job:
-    """Everything LAMMPS is told, in order: set-up, atoms, per-atom values, commands, run.
+    """Everything LAMMPS is told, in order: set-up, atoms, per-atom values, commands, runs.
 
     Attributes
     ----------
@@ -45,29 +58,40 @@ class Job:
     id_n, type_n, x_nc, v_nc : atoms to create
     per_atom : arrays by LAMMPS' name of the property (rho, esph), in the order of ``id_n``
     commands : masses, pair style, fixes, computes
-    runs : run commands
-    outputs : column names of compute ``q`` (rheo/property/atom)
+    runs : run commands, at least the last of them read
+    outputs : names of compute ``q`` (rheo/property/atom), in order, with the shape that each has for one atom
     atom_arrays : properties read back through extract_atom
+    ranks : processes that LAMMPS runs on
     """
 
     setup: tuple[str, ...]
     commands: tuple[str, ...]
-    runs: tuple[str, ...]
+    runs: tuple[Run, ...]
     id_n: Array
     type_n: Array
     x_nc: Array
     v_nc: Array | None = None
     per_atom: Mapping[str, Array] = field(default_factory=dict)
-    outputs: tuple[str, ...] = ()
+    outputs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     atom_arrays: tuple[str, ...] = ()
+    ranks: int = 1
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Per-atom arrays, sorted by id and copied out of LAMMPS' memory, and the wall time LAMMPS took."""
+    """Per-atom arrays, sorted by id and copied out of LAMMPS' memory, and the wall time LAMMPS took.
+
+    Attributes
+    ----------
+    arrays : those read last
+    snapshots : those of every reading
+    steps : LAMMPS' own count of steps at every reading
+    """
 
     arrays: dict[str, Array]
     seconds: float
+    snapshots: tuple[dict[str, Array], ...] = ()
+    steps: tuple[int, ...] = ()
 
 
 def package_directory(site: str | None = None) -> Path:
@@ -104,13 +128,30 @@ def _load_library(package: Path) -> None:
 
 
 def _load_mpi(soname: str, site: Path) -> None:
+    ctypes.CDLL(str(_file_of_mpich(soname, site)), mode=ctypes.RTLD_GLOBAL)
+
+
+def _file_of_mpich(name: str, site: Path) -> Path:
+    """A file of the mpich distribution beside LAMMPS, or else of this environment."""
     found = list(importlib.metadata.distributions(name="mpich", path=[str(site)]))
     distribution = found[0] if found else importlib.metadata.distribution("mpich")
     for file in distribution.files or ():
-        if file.name == soname:
-            ctypes.CDLL(str(file.locate()), mode=ctypes.RTLD_GLOBAL)
-            return
-    raise OSError(f"{soname} is not in the mpich distribution")
+        if file.name == name:
+            return Path(str(file.locate()))
+    raise OSError(f"{name} is not in the mpich distribution")
+
+
+def mpiexec(site: str | None = None) -> Path:
+    """The program that starts LAMMPS on several ranks.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    try:
+        return _file_of_mpich("mpiexec", package_directory(site).parent)
+    except (OSError, importlib.metadata.PackageNotFoundError):
+        raise EngineMissing("several ranks need mpiexec: pip install mpich") from None
 
 
 def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str, ...] = ()) -> Any:
@@ -185,21 +226,29 @@ def run(lmp: Any, job: Job) -> Answer:
         )
         if lmp.get_natoms() != n:
             raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
-        place_n = np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:n])
+        here = lmp.extract_global("nlocal")
+        place_n = np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here])
         for name, values_n in job.per_atom.items():
-            lmp.numpy.extract_atom(name)[:n] = values_n[place_n]
-        _commands(lmp, (*job.commands, *job.runs))
-        arrays = read(lmp, job.outputs, job.atom_arrays)
+            lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
+        _commands(lmp, job.commands)
+        snapshots, steps = [], []
+        for stretch in job.runs:
+            lmp.command(stretch.command)
+            if stretch.read:
+                snapshots.append(read(lmp, job.outputs, job.atom_arrays))
+                steps.append(int(lmp.extract_global("ntimestep")))
     except Exception as error:
         if type(error) is Exception:  # LAMMPS' own message
             raise EngineRefused(str(error).strip()) from None
         if type(error).__name__ == "MPIAbortException":
             raise EngineBroken(str(error).strip()) from None
         raise
-    return Answer(arrays, time.perf_counter() - begin)
+    return Answer(snapshots[-1], time.perf_counter() - begin, tuple(snapshots), tuple(steps))
 
 
-def read(lmp: Any, outputs: tuple[str, ...] = (), atom_arrays: tuple[str, ...] = ()) -> dict[str, Array]:
+def read(
+    lmp: Any, outputs: Mapping[str, tuple[int, ...]] | None = None, atom_arrays: tuple[str, ...] = ()
+) -> dict[str, Array]:
     """Per-atom arrays sorted by id, copied: properties of the atom style, columns of compute ``q`` as ``q.NAME``."""
     n = lmp.extract_global("nlocal")
     id_n = lmp.numpy.extract_atom("id")[:n].copy()
@@ -208,7 +257,10 @@ def read(lmp: Any, outputs: tuple[str, ...] = (), atom_arrays: tuple[str, ...] =
     for name in atom_arrays:
         arrays[name] = lmp.numpy.extract_atom(name)[:n][order_n]
     if outputs:
-        columns = lmp.numpy.extract_compute("q", 1, 1 if len(outputs) == 1 else 2)[:n].reshape(n, -1)
-        for k, name in enumerate(outputs):
-            arrays[f"q.{name}"] = columns[order_n, k]
+        ends = np.cumsum([math.prod(shape) for shape in outputs.values()])
+        # LAMMPS stores a single column as a vector, and has no memory to show on a rank without atoms.
+        table = lmp.numpy.extract_compute("q", 1, 1 if ends[-1] == 1 else 2)[:n].reshape(n, -1) if n else None
+        for (name, shape), end in zip(outputs.items(), ends, strict=True):
+            columns = np.empty((0, *shape)) if table is None else table[order_n, end - math.prod(shape) : end]
+            arrays[f"q.{name}"] = columns.reshape(n, *shape)
     return arrays

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import EOSTable
+from lammps_cases import particles, reference
 from lammps_cases.atoms import Atoms, seed
 from lammps_cases.casefile import Case
 from lammps_cases.compare import Comparison, State, compare_field, compare_pressure
@@ -15,6 +16,9 @@ from lammps_cases.engine import Answer
 from lammps_cases.ledger import explain_outcome, explain_pressure
 from lammps_cases.mutants import unseen
 from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Seconds, worst
+from lammps_cases.scene import Scene
+from lammps_cases.trajectory import Particles
+from lammps_cases.variants import Snapshot
 from lammps_cases.workers import Failure
 
 Arrays = dict[str, Any]
@@ -57,6 +61,8 @@ def evaluate(
         _explain_outcome(record, engine.distribution)
     elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
         _judge_lost_atoms(record, atoms, outcome)
+    elif case.scene.whole_model:
+        arrays = _judge_particles(record, case, atoms, outcome, engine.distribution)
     else:
         arrays = _judge_fields(record, case, eos, atoms, outcome, engine.distribution)
     lammps = outcome.seconds if isinstance(outcome, Answer) else 0.0
@@ -94,7 +100,7 @@ def _explain_outcome(record: CaseRecord, engine: str) -> None:
 
 def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
     got = answer.arrays
-    comparisons = [*_inputs(case, atoms, answer)]
+    comparisons = _inputs(case, atoms, got, unchanged=case.scene.evolve is None)
     state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     # Twice: the array that the forces read, and the output, which LAMMPS evaluates anew from the density.
     used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
@@ -109,10 +115,15 @@ def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, a
     record.verdict = worst([field.verdict for field in record.fields])
     record.message = _blame(comparisons, state)
     record.lint = _lint(eos, state, pressure)
-    arrays: Arrays = {"id": got["id"], "type": got["type"], "x": got["x"], "rho": got["rho"]}
-    arrays["box"] = np.stack([atoms.low_c, atoms.high_c])
+    arrays = _arrays(atoms, got, comparisons)
     if state.e_n is not None:
         arrays["e"] = state.e_n
+    return arrays
+
+
+def _arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
+    arrays: Arrays = {"id": got["id"], "type": got["type"], "x": got["x"], "rho": got["rho"]}
+    arrays["box"] = np.stack([atoms.low_c, atoms.high_c])
     for comparison in comparisons:
         name = comparison.record.field
         arrays[f"{name}.lammps"] = comparison.lammps_n
@@ -121,17 +132,80 @@ def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, a
     return arrays
 
 
-def _inputs(case: Case, atoms: Atoms, answer: Answer) -> list[Comparison]:
-    """Stage `input`: does LAMMPS hold the doubles it was given? (bound 0; only for what no step changes)"""
-    got, zero_n = answer.arrays, np.zeros(len(atoms))
+def _judge_particles(record: CaseRecord, case: Case, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
+    scene = case.scene
+    first = answer.snapshots[0]
+    comparisons = _inputs(
+        case, atoms, first, unchanged=scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct
+    )
+    judged = particles.judge(
+        particles_of(scene, atoms, case.where, scene.snapshots),
+        case.name,
+        atoms.id_n,
+        [snapshot(scene, arrays) for arrays in answer.snapshots],
+        engine,
+    )
+    comparisons += judged.comparisons
+    record.fields = [comparison.record for comparison in comparisons]
+    record.verdict = worst([field.verdict for field in record.fields])
+    record.unseen = [entry.id for entry in judged.unseen]
+    if judged.first is not None:
+        explained = ", ".join(entry.id for entry in judged.entries)
+        record.message = judged.first.message + (f"; explained by {explained}" if explained else "")
+    return _arrays(atoms, answer.arrays, comparisons)
+
+
+def particles_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Particles:
+    """The scene as the reference takes it, to be compared at some steps."""
+    return Particles(
+        reference.model(scene, atoms, where),
+        reference.box(scene, atoms),
+        reference.state(scene, atoms, where),
+        scene.evolve.timestep if scene.evolve else 0.0,
+        scene.compare,
+        steps,
+    )
+
+
+def snapshot(scene: Scene, arrays: Arrays) -> Snapshot:
+    """LAMMPS' fields of one step by the names of the scene, vectors with as many axes as dimensions."""
+    found: Snapshot = {}
+    for field in scene.compare:
+        if field in ("x", "v", "f"):
+            found[field] = arrays[field][:, : scene.dimension]
+        elif field in ("drho", "pressure_used"):
+            found[field] = arrays["pressure" if field == "pressure_used" else field]
+        else:
+            found[field] = arrays[f"q.{field}"]
+    return found
+
+
+def first_step(case: Case, atoms: Atoms, answer: Answer) -> str:
+    """The blame of a case that differs, from an answer with every single step."""
+    scene = case.scene
+    snapshots = [snapshot(scene, arrays) for arrays in answer.snapshots]
+    every = particles_of(scene, atoms, case.where, tuple(range(len(snapshots))))
+    found = particles.blame(every, case.name, atoms.id_n, snapshots)
+    return found.message if found else ""
+
+
+def _inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
+    """Stage `input`: does LAMMPS hold the doubles it was given? (bound 0; only for what was not changed since)"""
+    zero_n = np.zeros(len(atoms))
     given = {"type": atoms.type_n.astype(float)}
-    if case.scene.evolve is None and atoms.rho_n is not None and not case.scene.rho_sum:
+    if unchanged and atoms.rho_n is not None and not case.scene.rho_sum:
         given["rho"] = atoms.rho_n
-    if case.scene.evolve is None and atoms.energy_n is not None and "esph" in got:
+    if unchanged and atoms.energy_n is not None and "esph" in got:
         given["esph"] = atoms.energy_n
     return [
         compare_field(
-            name, "input", got["id"], got[name].astype(float), values_n, zero_n, derivation="the same doubles"
+            f"{name} (given)" if case.scene.whole_model else name,
+            "input",
+            got["id"],
+            got[name].astype(float),
+            values_n,
+            zero_n,
+            derivation="the same doubles",
         )
         for name, values_n in given.items()
     ]

@@ -15,7 +15,7 @@ import numpy as np
 from eos_ref.eos import FloatArray
 from eos_ref.quantities import PART_OF
 from lammps_cases.atoms import seed
-from lammps_cases.compare import Comparison, compare_field, worst_component
+from lammps_cases.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.ledger import Entry, shown_by
 from lammps_cases.records import StepRecord, Verdict, worst
 from lammps_cases.trajectory import Particles, Prediction, predict
@@ -47,7 +47,6 @@ STAGES = {
     "status": "surfaces",
 }
 ORDER = tuple(STAGES)
-Predictions = Sequence[Prediction]
 
 
 def stage(field: str) -> str:
@@ -84,55 +83,41 @@ class Blame:
     message: str
 
 
-def judge(
-    scene: Particles,
-    name: str,
-    id_n: Any,
-    steps: Sequence[int],
-    snapshots: Sequence[Snapshot],
-    fields: Sequence[str],
-    engine: str,
-) -> Judged:
+def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> Judged:
     """Compare all fields at all steps, and explain what is outside by the ledger."""
-    fields = in_order(fields)
     random = seed(f"{name}/moved runs")
-    prediction = predict(scene, fields, steps, seed=random)
-    table = compare_all(scene, id_n, steps, snapshots, fields, prediction)
+    table = compare_all(scene, id_n, snapshots, predict(scene, seed=random))
     listed = shown_by(scene, engine)
-    blame = first_outside(table, id_n, steps, fields)
-    entries: list[Entry] = []
-    if blame is not None:
-        entries = explain(scene, id_n, steps, snapshots, fields, listed, random)
-        for field in fields:
-            for comparison in table[field]:
-                if entries and comparison.record.verdict == "differs":
-                    comparison.record.verdict = "explained"
-                    comparison.record.explained_by = ", ".join(entry.id for entry in entries)
-    unseen = [entry for entry in listed if entry not in entries] if blame is None or entries else []
-    return Judged([over_steps(table[field], steps) for field in fields], entries, unseen, blame)
+    first = first_outside(scene, table, id_n)
+    entries = explain(scene, id_n, snapshots, listed, random) if first else []
+    for comparison in (c for comparisons in table.values() for c in comparisons):
+        if entries and comparison.record.verdict == "differs":
+            comparison.record.verdict = "explained"
+            comparison.record.explained_by = ", ".join(entry.id for entry in entries)
+    unseen = [entry for entry in listed if entry not in entries] if entries or not first else []
+    return Judged([over_steps(table[field], scene.steps) for field in in_order(scene.fields)], entries, unseen, first)
+
+
+def blame(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot]) -> Blame | None:
+    """The first step, stage, field and atom that leave the bound."""
+    prediction = predict(scene, seed=seed(f"{name}/moved runs"))
+    return first_outside(scene, compare_all(scene, id_n, snapshots, prediction), id_n)
 
 
 def compare_all(
-    scene: Particles,
-    id_n: Any,
-    steps: Sequence[int],
-    snapshots: Sequence[Snapshot],
-    fields: Sequence[str],
-    prediction: Prediction,
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], prediction: Prediction
 ) -> dict[str, list[Comparison]]:
     """One comparison per field and step."""
-    table: dict[str, list[Comparison]] = {field: [] for field in fields}
-    for at in range(len(steps)):
-        for field in fields:
+    table: dict[str, list[Comparison]] = {field: [] for field in scene.fields}
+    for at, step in enumerate(scene.steps):
+        for field in scene.fields:
             lammps_n = np.asarray(snapshots[at][field], float)
             reference_n = np.asarray(prediction.fields[at][field], float)
             if field == "x":
                 lammps_n = nearest_image(scene, lammps_n, reference_n)
             bound_n = np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
-            derivation = derived(steps[at])
-            table[field].append(
-                compare_field(field, stage(field), id_n, lammps_n, reference_n, bound_n, None, derivation)
-            )
+            comparison = compare_field(field, stage(field), id_n, lammps_n, reference_n, bound_n, None, derived(step))
+            table[field].append(comparison)
     return table
 
 
@@ -173,12 +158,10 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
     return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
 
 
-def first_outside(
-    table: dict[str, list[Comparison]], id_n: Any, steps: Sequence[int], fields: Sequence[str]
-) -> Blame | None:
+def first_outside(scene: Particles, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
     """The first step, then the first field in the order of a step, then the first atom outside the bound."""
-    for at, step in enumerate(steps):
-        for field in fields:
+    for at, step in enumerate(scene.steps):
+        for field in in_order(scene.fields):
             comparison = table[field][at]
             record = comparison.record
             if record.verdict != "differs" or record.first_id is None:
@@ -193,8 +176,6 @@ def first_outside(
 
 
 def _numbers(comparison: Comparison, atom: int) -> str:
-    from lammps_cases.compare import excess
-
     ratio_n = excess(comparison.lammps_n, comparison.reference_n, comparison.bound_n)[1]
     sides = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
     lammps, reference, bound = (float(worst_component(side, ratio_n)[atom]) for side in sides)
@@ -205,44 +186,32 @@ def _numbers(comparison: Comparison, atom: int) -> str:
 
 
 def explain(
-    scene: Particles,
-    id_n: Any,
-    steps: Sequence[int],
-    snapshots: Sequence[Snapshot],
-    fields: Sequence[str],
-    listed: Sequence[Entry],
-    random: int,
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], listed: Sequence[Entry], random: int
 ) -> list[Entry]:
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
-    def inside(entries: Sequence[Entry], count: int) -> bool:
+    def inside(entries: Sequence[Entry]) -> bool:
         variants = [entry.particles for entry in entries if entry.particles]
-        return bool(variants) and reproduced(scene, id_n, steps[:count], snapshots[:count], fields, variants, random)
+        return bool(variants) and reproduced(scene, id_n, snapshots, variants, random)
 
     needed = list(listed)
-    if not needed or not inside(needed, len(steps)):
+    if not inside(needed):
         return []
     for entry in listed:
         fewer = [other for other in needed if other is not entry]
-        if inside(fewer, len(steps)):
+        if inside(fewer):
             needed = fewer
     return needed
 
 
 def reproduced(
-    scene: Particles,
-    id_n: Any,
-    steps: Sequence[int],
-    snapshots: Sequence[Snapshot],
-    fields: Sequence[str],
-    variants: Sequence[Variant],
-    random: int,
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], variants: Sequence[Variant], random: int
 ) -> bool:
     """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
     stages, stepping = combined(variants, scene, snapshots[0])
-    prediction = predict(scene, fields, steps, stages, stepping, random)
+    prediction = predict(scene, stages, stepping, random)
     undefined = any(variant.undefined for variant in variants)
-    for comparisons in compare_all(scene, id_n, steps, snapshots, fields, prediction).values():
+    for comparisons in compare_all(scene, id_n, snapshots, prediction).values():
         for c in comparisons:
             if c.record.verdict not in ("exact", "pass") and not (undefined and _defined_part_inside(c)):
                 return False
@@ -250,9 +219,7 @@ def reproduced(
 
 
 def _defined_part_inside(comparison: Comparison) -> bool:
-    """Whether all values that have a bound are inside it; of a field some must have one."""
-    from lammps_cases.compare import excess
-
+    """Whether all values that have a bound are inside it."""
     defined = np.isfinite(comparison.bound_n)
     sides = (comparison.lammps_n[defined], comparison.reference_n[defined], comparison.bound_n[defined])
     return bool(np.all(excess(*sides)[1] <= 1))

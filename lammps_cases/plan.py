@@ -55,8 +55,9 @@ def plan(scene: Scene) -> Plan:
             "not compared; LAMMPS' own density is used after its time steps" if moves else "not compared",
         ),
     )
-    neighbours = moves or sums
-    reason = "density is summed over neighbours" if sums else "particles move"
+    neighbours = scene.interacts
+    reason = "density is summed over neighbours" if sums else "particles move" if moves else "neighbours are compared"
+    heats = scene.thermal and (moves or scene.whole_model)
     lammps = (
         Item("fix rheo", True, "defines rho0 and cs"),
         Item("fix rheo/pressure", True, "fills the pressure that forces use, and evaluates the one that is output"),
@@ -68,8 +69,8 @@ def plan(scene: Scene) -> Plan:
         ),
         Item(
             "fix rheo/thermal",
-            moves and scene.thermal,
-            "energy evolves" if moves and scene.thermal else "energy is constant in run 0",
+            heats,
+            "energy evolves" if heats else "energy is constant in run 0" if scene.thermal else "no energy",
         ),
         Item(
             "fix enforce2d",

@@ -26,7 +26,8 @@ from pydantic import (
 
 from eos_ref import EOSTable, InputError, resolve
 from eos_ref.eos import PARAMETER, Style
-from eos_ref.fixes import KernelStyle, PressureEntry
+from eos_ref.fixes import KernelStyle, PressureEntry, SurfaceStyle
+from eos_ref.ranges import type_range
 
 Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
 LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]
@@ -47,6 +48,32 @@ Violation = Literal[
     "no-fix-thermal",
     "atom-style-rheo",
 ]
+# What a scene can compare, by LAMMPS' names: columns of compute rheo/property/atom, then properties of atoms.
+Column = Literal[
+    "pressure",
+    "rho",
+    "coordination",
+    "chi",
+    "grad/v",
+    "viscosity",
+    "surface",
+    "surface/r",
+    "surface/n",
+    "surface/divr",
+    "shift/v",
+    "temperature",
+    "heatflow",
+    "energy",
+    "conductivity",
+    "cv",
+    "stress/v",
+    "stress/t",
+    "phase",
+    "status",
+]
+AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
+THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
+SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding
 MAX_ATOMS = 10_000_000
 PLANAR = ("sq", "hex")
 
@@ -67,6 +94,8 @@ def _inside(path: str) -> str:
 # A number is a number: neither true nor "1.5" is taken for one.
 Finite = Annotated[float, Field(strict=True), AfterValidator(_finite)]
 Positive = Annotated[Finite, Field(gt=0)]
+NonNegative = Annotated[Finite, Field(ge=0)]
+Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
 # YAML reads a single type as a number.
 TypeRange = Annotated[
     str,
@@ -81,12 +110,46 @@ class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class PowerLaw(_Model):
+    """Arguments of fix rheo/viscosity power."""
+
+    eta: NonNegative
+    gd0: Positive
+    K: NonNegative
+    n: Finite
+
+
+# A mapping is a power law; the tags hold spaces, which keeps them out of the place named in messages.
+ViscosityLaw = Annotated[
+    Annotated[NonNegative, Tag("a number")] | Annotated[PowerLaw, Tag("power law")],
+    Discriminator(lambda law: "power law" if isinstance(law, dict | PowerLaw) else "a number"),
+]
+
+
 class AtomType(_Model):
-    """One atom type: mass, and the equilibrium density and speed of sound of fix rheo (default 1)."""
+    """One atom type: mass, phase, and per-type values of the RHEO fixes (rho0 and cs: default 1)."""
 
     mass: Positive
     rho0: Positive | None = None
     cs: Positive | None = None
+    phase: Literal["fluid", "solid"] = Field("fluid", description="of all its particles, at the beginning")
+    viscosity: ViscosityLaw = Field(0.1, description="constant, or eta, gd0, K, n of a power law")
+    conductivity: NonNegative = Field(0.1, description="of particles that carry energy")
+    specific_heat: Positive = Field(1.0, description="of particles that carry energy")
+    latent_heat: NonNegative | None = Field(None, description="energy per unit mass; needs T_freeze")
+    T_freeze: Finite | None = None
+    velocity: Vector | None = Field(None, description="initial velocity, instead of velocity.uniform: a moving wall")
+
+    @model_validator(mode="after")
+    def _freezes(self) -> AtomType:
+        if self.latent_heat is not None and self.T_freeze is None:
+            raise ValueError("latent_heat needs T_freeze")
+        return self
+
+    @property
+    def thermal(self) -> bool:
+        """Whether a thermal property is given."""
+        return bool({"conductivity", "specific_heat", "latent_heat", "T_freeze"} & self.model_fields_set)
 
 
 class Law(_Model):
@@ -118,8 +181,16 @@ class Law(_Model):
         return PressureEntry(self.types, self.style, self.value)
 
 
+class Region(_Model):
+    """A block of the lattice whose particles have one type, or are removed."""
+
+    type: int | None = Field(ge=1, strict=True, description="null removes the particles")
+    low: Vector = Field(description="corner, in fractions of the lattice")
+    high: Vector = Field(description="opposite corner; sites on it lie outside")
+
+
 class Lattice(_Model):
-    """Particles on a lattice that fills the periodic box, moved by seeded uniform disorder."""
+    """Particles on a lattice that fills the box, moved by seeded uniform disorder."""
 
     lattice: LatticeStyle
     spacing: Positive = Field(description="nearest lattice constant (distance)")
@@ -127,6 +198,9 @@ class Lattice(_Model):
     disorder: Annotated[Finite, Field(ge=0, lt=0.5)] = Field(
         0.0, description="largest displacement along an axis, as a fraction of the spacing"
     )
+    regions: tuple[Region, ...] = Field((), description="applied in order to the sites, before disorder")
+    periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
+    margin: NonNegative = Field(1.0, description="empty space beyond faces that are not periodic, in spacings")
 
     @model_validator(mode="after")
     def _size(self) -> Lattice:
@@ -135,6 +209,13 @@ class Lattice(_Model):
             raise ValueError(f"cells needs {wanted} numbers for {self.lattice}, found {len(self.cells)}")
         if min(self.cells) < 1:
             raise ValueError(f"the scene is empty: cells must be at least 1 along each axis, found {self.cells}")
+        if self.periodic is not None and len(self.periodic) != wanted:
+            raise ValueError(f"periodic needs {wanted} flags for {self.lattice}, found {len(self.periodic)}")
+        for region in self.regions:
+            if not len(region.low) == len(region.high) == wanted:
+                raise ValueError(f"low and high of a region need {wanted} numbers for {self.lattice}")
+            if not all(low < high for low, high in zip(region.low, region.high, strict=True)):
+                raise ValueError(f"a region needs low < high, found {region.low} and {region.high}")
         return self
 
 
@@ -202,23 +283,134 @@ class Values(_Model):
         return self
 
 
+class Velocity(_Model):
+    """Initial velocities: a seeded random part, which solid types do not get, and one common to all."""
+
+    random: Finite = Field(0.0, description="largest component")
+    uniform: Vector | None = None
+
+
+class SurfaceDetectionSettings(_Model):
+    """Arguments of surface/detection."""
+
+    style: SurfaceStyle
+    limit: Finite
+    splash: int = Field(strict=True)
+
+    @model_validator(mode="after")
+    def _whole(self) -> SurfaceDetectionSettings:
+        if self.style == "coordination" and not self.limit.is_integer():
+            raise ValueError(f"limit of coordination counts neighbours: a whole number, found {self.limit!r}")
+        return self
+
+
+def _several(types: object) -> object:
+    return types if isinstance(types, list | tuple) else (types,)
+
+
+class ShiftSettings(_Model):
+    """Arguments of shift."""
+
+    exclude: Annotated[tuple[TypeRange, ...], BeforeValidator(_several)] = Field(
+        (), description="types that are not shifted: a range, or a list of them"
+    )
+    scale_cross_type: tuple[Finite, Finite, Finite] | None = Field(None, description="shiftscale, cmin, wmin")
+
+
+OnOrShift = Annotated[
+    Annotated[bool, Field(strict=True), Tag("on or off")] | Annotated[ShiftSettings, Tag("with arguments")],
+    Discriminator(lambda shift: "with arguments" if isinstance(shift, dict | ShiftSettings) else "on or off"),
+]
+
+
+class RheoSettings(_Model):
+    """Arguments of fix rheo, but for those of the types."""
+
+    kernel: KernelStyle = "quintic"
+    cut: Positive | None = Field(None, description="kernel cutoff; default 3 spacings")
+    zmin: int = Field(0, ge=0, strict=True)
+    rho_sum: bool = Field(False, description="density summed over neighbours (rho/sum)")
+    self_mass: bool = Field(False, description="argument of rho/sum")
+    interface_reconstruct: bool = False
+    surface_detection: SurfaceDetectionSettings | None = None
+    shift: OnOrShift = False
+
+    @model_validator(mode="after")
+    def _arguments(self) -> RheoSettings:
+        if self.self_mass and not self.rho_sum:
+            raise ValueError("self_mass is an argument of rho_sum, which is off")
+        return self
+
+    @property
+    def shifting(self) -> ShiftSettings | None:
+        """Arguments of shift; None: off."""
+        if isinstance(self.shift, bool):
+            return ShiftSettings() if self.shift else None
+        return self.shift
+
+
+class PairSettings(_Model):
+    """Arguments of pair_style rheo; 0 turns a term off."""
+
+    artificial_visc: NonNegative = 0.0
+    rho_damp: NonNegative = 0.0
+    harmonic_means: bool = False
+
+
+class ForceSettings(_Model):
+    """A fix gravity, addforce or setforce, in the order of the list."""
+
+    style: Literal["gravity", "addforce", "setforce"]
+    vector: tuple[Finite | None, ...] = Field(description="one component per axis; null: setforce leaves it")
+    types: TypeRange | None = Field(None, description="default: all")
+
+    @model_validator(mode="after")
+    def _complete(self) -> ForceSettings:
+        if self.style != "setforce" and None in self.vector:
+            raise ValueError(f"{self.style} needs a number for every component")
+        return self
+
+
 class Evolve(_Model):
-    """Time steps that LAMMPS takes before the comparison."""
+    """Time steps that LAMMPS takes."""
 
     steps: int = Field(ge=1, le=100_000, strict=True)
     timestep: Positive
-    velocity: Finite = Field(0.0, description="largest component of seeded random initial velocities")
+    compare_at: tuple[Annotated[int, Field(ge=0, strict=True)], ...] | None = Field(
+        None, min_length=1, description="steps compared; default: those of 0, 1, 10, 100 that there are, and the last"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Evolve:
+        if self.compare_at is not None and not (
+            list(self.compare_at) == sorted(set(self.compare_at)) and self.compare_at[-1] == self.steps
+        ):
+            raise ValueError(f"compare_at must increase and end with steps ({self.steps}), found {self.compare_at}")
+        return self
+
+    @property
+    def snapshots(self) -> tuple[int, ...]:
+        """Steps compared."""
+        return self.compare_at or (*(step for step in SNAPSHOTS if step < self.steps), self.steps)
 
 
 class EngineSettings(_Model):
     """Settings of LAMMPS that do not change what is documented to come out."""
 
-    kernel: KernelStyle = "quintic"
-    cut: Positive | None = Field(None, description="kernel cutoff; default 3 spacings")
-    zmin: int = Field(0, ge=0, strict=True)
-    viscosity: Positive = 0.1
     newton: bool = True
+    skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
+    every: int = Field(1, ge=1, strict=True)
+    delay: int = Field(0, ge=0, strict=True)
+    check: bool = True
+    ranks: Literal[1, 2] = 1
+    split: bool = Field(False, description="a set-up of its own for every stretch between steps compared")
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
+
+    @model_validator(mode="after")
+    def _multiple(self) -> EngineSettings:
+        if self.delay % self.every:
+            raise ValueError(f"delay must be 0 or a multiple of every, found {self.delay} and {self.every}")
+        return self
 
 
 class Expect(_Model):
@@ -246,9 +438,14 @@ class Scene(_Model):
     pressure: tuple[Law, ...] = Field(description="entries of fix rheo/pressure, in order")
     rho: Values | None = Field(None, description="density; not given if a file or the summation sets it")
     energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
-    rho_sum: bool = Field(False, description="density summed by LAMMPS (fix rheo rho/sum)")
+    velocity: Velocity = Velocity()
+    rheo: RheoSettings = RheoSettings()
+    pair: PairSettings = PairSettings()
+    forces: tuple[ForceSettings, ...] = Field((), max_length=16)
     evolve: Evolve | None = None
-    compare: tuple[Literal["pressure"], ...] = Field(("pressure",), min_length=1)
+    compare: tuple[Column | AtomProperty, ...] = Field(
+        ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
+    )
     engine: EngineSettings = EngineSettings()
     violate: Violation | None = None
     expect: Expect | None = None
@@ -272,7 +469,51 @@ class Scene(_Model):
             given = [getattr(t, key) is not None for t in self.types]
             if any(given) and not all(given):
                 raise ValueError(f"{key} must be given for every type or for none (fix rheo takes N values)")
+        self._check_types()
+        self._check_vectors()
+        self._check_compare()
         return self
+
+    def _check_types(self) -> None:
+        n = len(self.types)
+        for region in getattr(self.positions, "regions", ()):
+            if region.type is not None and region.type > n:
+                raise ValueError(f"type of a region must lie within 1 to {n}, found {region.type}")
+        for types in (*(f.types for f in self.forces), *(self.rheo.shifting.exclude if self.rheo.shifting else ())):
+            if types is not None:
+                type_range(types, n)
+        if any(t.thermal for t in self.types) and self.energy is None and isinstance(self.positions, Lattice):
+            raise ValueError("conductivity, specific_heat, latent_heat and T_freeze need energy")
+
+    def _check_vectors(self) -> None:
+        vectors: dict[str, list[tuple[float | None, ...] | tuple[float, ...] | None]] = {
+            "velocity.uniform": [self.velocity.uniform],
+            "velocity of a type": [t.velocity for t in self.types],
+            "vector of a force": [force.vector for force in self.forces],
+        }
+        for what, given in vectors.items():
+            for vector in given:
+                if vector is not None and len(vector) != self.dimension:
+                    raise ValueError(f"{what} needs {self.dimension} components, found {len(vector)}")
+
+    def _check_compare(self) -> None:
+        if len(set(self.compare)) < len(self.compare):
+            raise ValueError("compare must name each field once")
+        if self.whole_model and self.units in ("real", "metal"):
+            fit = "only in lj, si, cgs, micro and nano is force over mass an acceleration"
+            raise ValueError(f"units {self.units} serve to compare the pressure alone: {fit}")
+        for field in self.compare:
+            needed = {
+                "chi": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),
+                "shift/v": ("rheo.shift", self.rheo.shift),
+                **dict.fromkeys(THERMAL_FIELDS, ("energy", self.thermal)),
+                **dict.fromkeys(
+                    ("surface", "surface/r", "surface/n", "surface/divr"),
+                    ("rheo.surface_detection", self.rheo.surface_detection),
+                ),
+            }.get(field)
+            if needed and not needed[1]:
+                raise ValueError(f"compare: {field} needs {needed[0]}")
 
     @property
     def rho0(self) -> tuple[float, ...] | None:
@@ -289,7 +530,30 @@ class Scene(_Model):
     @property
     def thermal(self) -> bool:
         """Whether particles carry energy (atom_style rheo/thermal)."""
-        return self.energy is not None or any(law.style == "ideal/gas" for law in self.pressure)
+        gas = any(law.style == "ideal/gas" for law in self.pressure)
+        return self.energy is not None or gas or any(t.thermal for t in self.types)
+
+    @property
+    def rho_sum(self) -> bool:
+        """Whether the density is summed over neighbours."""
+        return self.rheo.rho_sum
+
+    @property
+    def whole_model(self) -> bool:
+        """Whether the particle model is compared, not the equation of state alone."""
+        return self.compare != ("pressure",) or (self.evolve is not None and self.evolve.compare_at is not None)
+
+    @property
+    def interacts(self) -> bool:
+        """Whether particles have neighbours."""
+        return self.whole_model or self.rho_sum or self.evolve is not None
+
+    @property
+    def snapshots(self) -> tuple[int, ...]:
+        """Steps at which fields are compared; those of an equation of state at the end alone."""
+        if self.evolve is None:
+            return (0,)
+        return self.evolve.snapshots if self.whole_model else (self.evolve.steps,)
 
     def eos(self, where: str = "") -> EOSTable:
         """The reference's laws of all types.

@@ -7,7 +7,7 @@ state by one unit of the last place, with random signs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,26 +27,27 @@ MOVED_RUNS = 3
 
 @dataclass(frozen=True)
 class Particles:
-    """A scene as the reference takes it."""
+    """A scene as the reference takes it: what it is, the fields compared and the steps at which they are."""
 
     model: Model
     box: Box
     state: State
     timestep: float
+    fields: tuple[str, ...]
+    steps: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Fields of the reference at the steps asked for, and the bound of each."""
+    """Fields of the reference at the steps of a scene, and the bound of each."""
 
-    steps: tuple[int, ...]
     fields: tuple[Fields, ...]
     bounds: tuple[Fields, ...]
 
 
-def wanted(scene: Particles, fields: Iterable[str], steps: int) -> tuple[str, ...]:
-    """Some fields, and what steps need if there are any."""
-    return tuple(dict.fromkeys((*fields, *(needed_to_step(scene.model) if steps else ()))))
+def wanted(scene: Particles) -> tuple[str, ...]:
+    """The fields compared, and what steps need if there are any."""
+    return tuple(dict.fromkeys((*scene.fields, *(needed_to_step(scene.model) if scene.steps[-1] else ()))))
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
@@ -61,8 +62,6 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
 
 def predict(
     scene: Particles,
-    fields: Sequence[str],
-    steps: Sequence[int],
     evaluator: type[Plain] = Plain,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
@@ -72,22 +71,22 @@ def predict(
     Parameters
     ----------
     evaluator, stepping : class
-        The stages and the order of steps; a variant's, for a finding.
+        The stages, and the order in which a step takes them; a variant's, for a finding.
     seed : int
         Of the random signs of the moved runs.
     """
-    last = steps[-1]
-    sim = stepping(scene.model, scene.box, scene.state, wanted(scene, fields, last), evaluator)
+    fields, steps, last = scene.fields, scene.steps, scene.steps[-1]
+    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), evaluator)
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, scene.timestep):
         values.append({field: sim.output(field).copy() for field in fields})
         errors = sim.rounded(evaluator)
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-    runs = _moved_runs(scene, fields, last, evaluator, stepping, sizes, seed) if last else []
-    spreads = _spread(runs, fields, steps, scene.timestep, values)
+    runs = _moved_runs(scene, evaluator, stepping, sizes, seed) if last else []
+    spreads = _spread(runs, scene, values)
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
-    return Prediction(tuple(steps), tuple(values), bounds)
+    return Prediction(tuple(values), bounds)
 
 
 # --- one evaluation
@@ -176,8 +175,6 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 def _moved_runs(
     scene: Particles,
-    fields: Sequence[str],
-    last: int,
     evaluator: type[Plain],
     stepping: type[Simulation],
     sizes: Sizes,
@@ -188,18 +185,16 @@ def _moved_runs(
         random = np.random.default_rng((seed, k))
         steps = shaken(stepping, random)
         stages = moved(evaluator, sizes, random)
-        runs.append(steps(scene.model, scene.box, scene.state, wanted(scene, fields, last), stages))
+        runs.append(steps(scene.model, scene.box, scene.state, wanted(scene), stages))
     return runs
 
 
-def _spread(
-    runs: Sequence[Simulation], fields: Sequence[str], steps: Sequence[int], dt: float, values: Sequence[Fields]
-) -> list[Fields]:
+def _spread(runs: Sequence[Simulation], scene: Particles, values: Sequence[Fields]) -> list[Fields]:
     """Largest distance of the moved runs from the reference, over the particles, per field and step; 0 at step 0."""
-    largest: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
+    largest: list[Fields] = [dict.fromkeys(scene.fields, 0.0) for _ in scene.steps]
     for run in runs:
-        for at, step in enumerate(visit(run, steps, dt)):
-            for field in fields if step else ():
+        for at, step in enumerate(visit(run, scene.steps, scene.timestep)):
+            for field in scene.fields if step else ():
                 distance = np.abs(run.output(field) - values[at][field]).max(initial=0.0)
                 largest[at][field] = max(largest[at][field], float(distance))
     return largest

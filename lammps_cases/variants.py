@@ -145,8 +145,8 @@ def _unit_volumes(scene: Particles) -> bool:
 
 
 def has_forces(scene: Particles) -> bool:
-    """Whether particles have volumes other than 1."""
-    return not _unit_volumes(scene)
+    """Whether forces show, and particles have, or come to have, volumes other than 1."""
+    return scene.steps[-1] > 0 or ("f" in scene.fields and not _unit_volumes(scene))
 
 
 def has_moving_walls(scene: Particles) -> bool:
@@ -170,15 +170,21 @@ def has_heat(scene: Particles) -> bool:
 
 
 def scales_across_types(scene: Particles) -> bool:
-    """Whether shift scale/cross/type is on."""
+    """Whether shifting is scaled along the normal between types."""
     shift = scene.model.fix.shift
-    return shift is not None and shift.scale_cross_type is not None
+    return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
+
+
+def asks_for_support(scene: Particles) -> bool:
+    """Whether shifting needs support by particles of the same type."""
+    shift = scene.model.fix.shift
+    return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[2] > 0
 
 
 def sums_walls(scene: Particles) -> bool:
-    """Whether densities of reconstructed solids are summed as well."""
+    """Whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
     fix = scene.model.fix
-    return fix.rho_sum and fix.interface_reconstruct and bool(scene.state.solid_n.any())
+    return 0 in scene.steps and fix.rho_sum and fix.interface_reconstruct and bool(scene.state.solid_n.any())
 
 
 def falls_back(scene: Particles) -> bool:

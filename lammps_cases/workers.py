@@ -9,7 +9,6 @@ import resource
 import signal
 import tempfile
 import threading
-import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
@@ -20,8 +19,18 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
-from lammps_cases import prefork
-from lammps_cases.engine import Answer, EngineBroken, EngineMissing, EngineRefused, Job, describe, open_lammps, run
+from lammps_cases import prefork, ranks
+from lammps_cases.engine import (
+    Answer,
+    EngineBroken,
+    EngineCrashed,
+    EngineMissing,
+    EngineRefused,
+    Job,
+    describe,
+    open_lammps,
+    run,
+)
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records import Verdict
@@ -48,6 +57,8 @@ def _living(site: str | None) -> Any:
 
 def solve(site: str | None, job: Job) -> Answer:
     """Task: run one job."""
+    if job.ranks > 1:
+        return ranks.solve(site, job)
     try:
         return run(_living(site), job)
     except EngineBroken:
@@ -60,19 +71,10 @@ def identify(site: str | None) -> dict[str, str]:
     return describe(_living(site), site)
 
 
-def _die_with(parent: int) -> None:
-    """End this process when the parent is gone: LAMMPS in a long run notices nothing of a closed pipe."""
-    while True:
-        try:
-            os.kill(parent, 0)
-        except OSError:
-            os.kill(os.getpid(), signal.SIGKILL)
-        time.sleep(0.5)
-
-
 def _prepare(folder: str, memory: int, parent: int) -> None:
-    threading.Thread(target=_die_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
+    tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
     # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
     handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     os.dup2(handle, 1)
@@ -134,6 +136,8 @@ class Workers:
         except FutureTimeout:
             limit = f" of {time_limit:g} s" if time_limit else ""
             return Failure("timeout", f"LAMMPS did not finish within the time limit{limit}")
+        except EngineCrashed as error:
+            return Failure("crashed", str(error))
         except MemoryError:
             return Failure("crashed", "out of memory")
         except ProcessExpired as error:

@@ -73,7 +73,7 @@ ENTRIES: tuple[Entry, ...] = (
         cases=("cross-type.*",),
         engines=ALL,
         scene="two types in disorder, wmin of half the full support",
-        particles=Variant(variants.scales_across_types, variants.SupportTimesDistance),
+        particles=Variant(variants.asks_for_support, variants.SupportTimesDistance),
     ),
     Entry(
         id="cross-type-normal",
@@ -82,7 +82,8 @@ ENTRIES: tuple[Entry, ...] = (
         documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
         "along it is scaled by shiftscale.",
         observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop over "
-        "neighbours ended with.",
+        "neighbours ended with. Now and then a particle has it to 9 digits only, as if it were multiplied by a sum "
+        "with both signs and divided by it again.",
         argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
         "the atoms turns the direction, although nothing physical has changed; so does another skin or number of "
         "ranks.",

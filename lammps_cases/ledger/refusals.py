@@ -21,6 +21,21 @@ ENTRIES: tuple[Entry, ...] = (
         outcome_text="SIGSEGV",
     ),
     Entry(
+        id="stress-without-pressure-segfault",
+        title="Asking for stress/t without the pressure ends in a segmentation fault",
+        severity="medium",
+        documented="compute rheo/property/atom: inputs may be given in any combination; stress/t is the total stress.",
+        observed="'compute rheo/property/atom stress/t' ends in SIGSEGV, unless pressure is another input of the same "
+        "compute.",
+        argument="The total stress contains the pressure, and nothing documents that it has to be asked for as well. A "
+        "crash loses the output buffers and, where LAMMPS is a library, the host program.",
+        workaround="Name pressure among the inputs of the same compute.",
+        cases=("strain.unasked.*",),
+        engines=ALL,
+        outcome="crashed",
+        outcome_text="SIGSEGV",
+    ),
+    Entry(
         id="double-star-abort",
         title="A type range of two stars aborts the process",
         severity="low",

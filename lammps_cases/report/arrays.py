@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.errors import InputError
+from lammps_cases.compare import excess, worst_component
 
 _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, version, length of the header
 
@@ -31,6 +33,21 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
         return _read(path)
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise InputError("per-atom arrays", f"cannot be read: {error}", where=str(path)) from None
+
+
+def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Arrays in which the component closest to its bound stands for every vector and tensor of a compared field."""
+    reduced = dict(arrays)
+    for name in arrays:
+        field, _, side = name.rpartition(".")
+        sides = [f"{field}.{of}" for of in ("lammps", "reference", "bound")]
+        if side != "lammps" or arrays[name].ndim == 1 or not all(of in arrays for of in sides):
+            continue
+        lammps_n, reference_n, bound_n = (np.asarray(arrays[of], float) for of in sides)
+        ratio_n = excess(lammps_n, reference_n, bound_n)[1]
+        for of, values_n in zip(sides, (lammps_n, reference_n, bound_n), strict=True):
+            reduced[of] = worst_component(values_n, ratio_n)
+    return reduced
 
 
 def _read(path: Path) -> dict[str, npt.NDArray[Any]]:

@@ -18,7 +18,7 @@ from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord
 from lammps_cases.report import plots, wording
-from lammps_cases.report.arrays import read_arrays
+from lammps_cases.report.arrays import one_per_atom, read_arrays
 
 ASSETS = Path(__file__).parent / "assets"
 ROWS = 200  # checks of an audit listed per case
@@ -110,7 +110,7 @@ def _arrays(case: CaseRecord, fields: Path) -> plots.Arrays | None:
     path = fields / f"{case.case}.npz"
     if not case.fields or not path.is_file():
         return None
-    arrays = read_arrays(path)
+    arrays = one_per_atom(read_arrays(path))
     return arrays if arrays["id"].size else None
 
 

@@ -18,6 +18,7 @@ Run = Callable[..., Outcome]
 
 LINEAR = {"types": "*", "style": "linear"}
 TWO = [{"mass": 1.3, "rho0": 1.2, "cs": 3.1}, {"mass": 0.4, "rho0": 0.7, "cs": 8.8}]
+POSITIONS = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4]}
 GAS = [{"types": "*", "style": "ideal/gas", "gamma": 1.4}]
 
 
@@ -94,6 +95,108 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "nothing to compare": ({"compare": []}, ("compare", "at least 1")),
     "expectation that fits any error": ({"expect": {"refused": "ERROR: "}}, ("expect.refused", "ERROR")),
     "time limit": ({"engine": {"time_limit": 1e9}}, ("engine.time_limit", "3600")),
+    # the particle model
+    "unknown field": ({"compare": ["presure"]}, ("compare.0", "'pressure'", "'presure'")),
+    "field twice": ({"compare": ["f", "f"]}, ("compare", "each field once")),
+    "chi without walls": ({"compare": ["chi"]}, ("chi needs rheo.interface_reconstruct",)),
+    "surface without detection": ({"compare": ["surface/r"]}, ("surface/r needs rheo.surface_detection",)),
+    "shift without shifting": (
+        {"compare": ["shift/v"], "rheo": {"shift": False}},
+        ("shift/v needs rheo.shift",),
+    ),
+    "temperature without energy": ({"compare": ["temperature"]}, ("temperature needs energy",)),
+    "forces in real units": ({"units": "real", "compare": ["f"]}, ("units real", "force over mass")),
+    "cut zero": ({"rheo": {"cut": 0}}, ("rheo.cut", "greater than 0", "0")),
+    "cut negative": ({"rheo": {"cut": -2.4}}, ("rheo.cut", "-2.4")),
+    "unknown kernel": ({"rheo": {"kernel": "RK3"}}, ("rheo.kernel", "'RK3'")),
+    "zmin negative": ({"rheo": {"zmin": -1}}, ("rheo.zmin", "-1")),
+    "self_mass alone": ({"rheo": {"self_mass": True}}, ("rheo", "self_mass", "rho_sum, which is off")),
+    "shift by a word": ({"rheo": {"shift": "all"}}, ("rheo.shift", "boolean", "'all'")),
+    "shift of unknown argument": (
+        {"rheo": {"shift": {"excluded": 1}}},
+        ("rheo.shift.excluded", "did you mean exclude"),
+    ),
+    "excluded type beyond": ({"rheo": {"shift": {"exclude": 2}}}, ("type range", "1 to 1", "'2'")),
+    "fraction of a neighbour": (
+        {"rheo": {"surface_detection": {"style": "coordination", "limit": 20.5, "splash": 4}}},
+        ("rheo.surface_detection", "whole number", "20.5"),
+    ),
+    "surface by pressure": (
+        {"rheo": {"surface_detection": {"style": "pressure", "limit": 1.5, "splash": 4}}},
+        ("rheo.surface_detection.style", "'pressure'"),
+    ),
+    "viscosity negative": ({"types": [{"mass": 1.0, "viscosity": -0.1}]}, ("types.0.viscosity", "-0.1")),
+    "viscosity by a word": ({"types": [{"mass": 1.0, "viscosity": "thick"}]}, ("types.0.viscosity", "'thick'")),
+    "power law incomplete": (
+        {"types": [{"mass": 1.0, "viscosity": {"eta": 0.1, "gd0": 0.2, "K": 0.1}}]},
+        ("types.0.viscosity.n", "required"),
+    ),
+    "viscosity of the engine": ({"engine": {"viscosity": 0.1}}, ("engine.viscosity", "unknown key")),
+    "artificial viscosity negative": ({"pair": {"artificial_visc": -1.0}}, ("pair.artificial_visc", "-1.0")),
+    "cutoff of the pair style": ({"pair": {"cut": 2.0}}, ("pair.cut", "unknown key")),
+    "thermal type without energy": ({"types": [{"mass": 1.0, "conductivity": 0.4}]}, ("conductivity", "need energy")),
+    "latent heat without freezing": (
+        {"types": [{"mass": 1.0, "latent_heat": 0.4}], "energy": {"constant": 1.0}},
+        ("types.0", "latent_heat needs T_freeze"),
+    ),
+    "specific heat zero": ({"types": [{"mass": 1.0, "specific_heat": 0.0}]}, ("types.0.specific_heat", "0.0")),
+    "unknown phase": ({"types": [{"mass": 1.0, "phase": "gas"}]}, ("types.0.phase", "'gas'")),
+    "velocity of three components": (
+        {"velocity": {"uniform": [1.0, 0.0, 0.0]}},
+        ("velocity.uniform", "2 components", "found 3"),
+    ),
+    "velocity of a type": ({"types": [{"mass": 1.0, "velocity": [1.0]}]}, ("types.0.velocity", "at least 2")),
+    "velocity in evolve": ({"evolve": {"steps": 1, "timestep": 0.1, "velocity": 1.0}}, ("evolve.velocity",)),
+    "gravity left open": ({"forces": [{"style": "gravity", "vector": [0, None]}]}, ("forces.0", "every component")),
+    "force of three components": (
+        {"forces": [{"style": "addforce", "vector": [0, 0, 1]}]},
+        ("vector of a force", "2 components", "found 3"),
+    ),
+    "force on no type": ({"forces": [{"style": "addforce", "vector": [0, 1], "types": "2*"}]}, ("type range", "'2*'")),
+    "unknown force": ({"forces": [{"style": "spring", "vector": [0, 1]}]}, ("forces.0.style", "'spring'")),
+    "steps out of order": (
+        {"evolve": {"steps": 10, "timestep": 0.1, "compare_at": [0, 10, 1]}},
+        ("evolve", "compare_at must increase", "(0, 10, 1)"),
+    ),
+    "steps beyond the end": (
+        {"evolve": {"steps": 10, "timestep": 0.1, "compare_at": [0, 11]}},
+        ("end with steps (10)", "(0, 11)"),
+    ),
+    "nothing to compare at": (
+        {"evolve": {"steps": 2, "timestep": 0.1, "compare_at": []}},
+        ("compare_at", "at least 1"),
+    ),
+    "time step zero": ({"evolve": {"steps": 2, "timestep": 0.0}}, ("evolve.timestep", "greater than 0")),
+    "three ranks": ({"engine": {"ranks": 3}}, ("engine.ranks", "1 or 2", "3")),
+    "delay between rebuilds": ({"engine": {"every": 2, "delay": 3}}, ("engine", "multiple of every", "3 and 2")),
+    "region of a type beyond": (
+        {"positions": {**POSITIONS, "regions": [{"type": 2, "low": [0, 0], "high": [1, 0.5]}]}},
+        ("type of a region", "1 to 1", "found 2"),
+    ),
+    "region inside out": (
+        {"positions": {**POSITIONS, "regions": [{"type": 1, "low": [0, 0.5], "high": [1, 0.5]}]}},
+        ("positions", "low < high"),
+    ),
+    "region of three axes": (
+        {"positions": {**POSITIONS, "regions": [{"type": 1, "low": [0, 0, 0], "high": [1, 1, 1]}]}},
+        ("positions", "2 numbers for sq"),
+    ),
+    "region without type": (
+        {"positions": {**POSITIONS, "regions": [{"low": [0, 0], "high": [1, 1]}]}},
+        ("positions.regions.0.type", "required"),
+    ),
+    "everything removed": (
+        {"positions": {**POSITIONS, "regions": [{"type": None, "low": [0, 0], "high": [1, 1]}]}},
+        ("empty", "regions remove every particle"),
+    ),
+    "flags of three axes": ({"positions": {**POSITIONS, "periodic": [True, True, True]}}, ("periodic needs 2 flags",)),
+    "outside of an open box": (
+        {
+            "positions": {**POSITIONS, "periodic": [False, True], "margin": 0.0, "disorder": 0.49},
+            "compare": ["coordination"],
+        },
+        ("position", "must lie in the box", "atom "),
+    ),
 }
 
 
@@ -141,6 +244,18 @@ EXTXYZ = (
     '3\nLattice="4 0 0 0 4 0 0 0 1" Properties=species:S:1:pos:R:3:rho:R:1 pbc="T T T"\n'
     "H 0.5 0.5 0 1.1\nH 1.5 0.5 0 1.2\nH 2.5 0.5 0 1.3\n"
 )
+
+
+@pytest.mark.parametrize("x", ["0.5 0.5", "4.0 0.5", "-0.0 0.5"])
+def test_particles_on_one_spot_are_refused(x: str, case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
+    """Two of them at the same place, or at opposite faces of a periodic box, have no direction between them."""
+    spot = {"4.0 0.5": "0.0 0.5", "-0.0 0.5": "0.0 0.5"}.get(x, x)
+    (tmp_path / "drop.extxyz").write_text(EXTXYZ.replace("0.5 0.5", spot, 1).replace("2.5 0.5", x))
+    file = case_file(positions={"extxyz": "drop.extxyz"}, rho=None, compare=["f"])
+    code, _, err = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report")
+    assert code == 2
+    assert "position: " in err and "mine.yaml" in err and err.count("\n") == 1
+    assert "of atom 3 must differ from that of atom 1" in err or x == "4.0 0.5", "a face is refused by the file's cell"
 
 
 @pytest.mark.parametrize(

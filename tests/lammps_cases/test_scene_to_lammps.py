@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests_support import Outcome
 
 from lammps_cases import campaign, casefile
 from lammps_cases.commands import job
-from lammps_cases.engine import Job
+from lammps_cases.engine import Job, Run
 from lammps_cases.plan import plan
 
 Write = Callable[..., Path]
@@ -30,14 +31,14 @@ def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
         assert absent not in words
     fixes = [command.split()[3] for command in commands if command.startswith("fix ")]
     assert fixes == ["rheo", "rheo/viscosity", "rheo/pressure"], "what LAMMPS itself insists on, and no more"
-    assert told("near-rho0.linear.2d").runs == ("run 0 post no",)
+    assert told("near-rho0.linear.2d").runs == (Run("run 0 post no"),)
 
 
 def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
     summed, moved = told("summed.2d"), told("evolved.2d")
     assert any(command.startswith("pair_style rheo") for command in summed.commands)
     assert any("rho/sum" in command for command in summed.commands)
-    assert moved.runs == ("run 10 post no", "run 0 post no")
+    assert moved.runs == (Run("run 10 post no", read=False), Run("run 0 post no"))
     assert any("enforce2d" in command for command in moved.commands)
     assert not any("enforce2d" in command for command in told("evolved.3d").commands)
     assert any("rheo/thermal" in command for command in told("evolved.ideal-gas").commands)
@@ -62,12 +63,26 @@ def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
         free_text.append(f"{name}.{field}")
     # types: a range that the reference's parser accepts, or a scene that expects refusal (digits, stars, hyphens);
     # extxyz, csv, column: files read by the harness; refused: compared with LAMMPS' answer.
-    assert sorted(free_text) == ["Expect.refused", "FromFile.extxyz", "Law.types", "Table.column", "Table.csv"]
+    assert sorted(free_text) == [
+        "Expect.refused",
+        "ForceSettings.types",
+        "FromFile.extxyz",
+        "Law.types",
+        "ShiftSettings.exclude",
+        "Table.column",
+        "Table.csv",
+    ]
     assert casefile.load_file(case_file(pressure=[{"types": "*", "style": "linear"}]))
     for evil in ("1 linear\nshell date", "* linear fix", "${x}", "1;2", "all"):
-        file = case_file(pressure=[{"types": evil, "style": "linear"}], expect={"refused": "Invalid range string"})
-        with pytest.raises(ValueError, match="types"):
-            casefile.load_file(file)
+        places: dict[str, dict[str, Any]] = {
+            "types": {"pressure": [{"types": evil, "style": "linear"}]},
+            "types ": {"forces": [{"style": "gravity", "vector": [0, -1], "types": evil}]},
+            "exclude": {"rheo": {"shift": {"exclude": [evil]}}},
+        }
+        for place, changes in places.items():
+            file = case_file(**changes, expect={"refused": "Invalid range string"})
+            with pytest.raises(ValueError, match=place.strip()):
+                casefile.load_file(file)
 
 
 def _text_fields() -> list[tuple[str, str]]:
@@ -79,9 +94,15 @@ def _text_fields() -> list[tuple[str, str]]:
     for model in vars(scene).values():
         if isinstance(model, type) and issubclass(model, BaseModel):
             for name, field in model.model_fields.items():
-                if field.annotation is str:
+                if _holds_text(field.annotation):
                     found.append((model.__name__, name))
     return found
+
+
+def _holds_text(annotation: Any) -> bool:
+    return annotation is str or any(
+        _holds_text(part) for part in get_args(annotation) if isinstance(part, type) or get_args(part)
+    )
 
 
 def test_positions_are_seeded_by_the_name_and_inside_the_box() -> None:

@@ -1,0 +1,297 @@
+"""Scenes of the whole particle model: what real LAMMPS is told and gives back, on one rank and on two."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases import campaign, casefile, reference
+from lammps_cases.casefile import Case
+from lammps_cases.commands import job
+from lammps_cases.engine import Answer, Job, Run
+from lammps_cases.plan import plan
+from lammps_cases.workers import Failure, Workers
+
+FLUID = {"mass": 1.3, "rho0": 1.3, "cs": 10.0, "viscosity": 0.2}
+WALL = {
+    "mass": 0.8,
+    "rho0": 0.9,
+    "cs": 8.0,
+    "phase": "solid",
+    "viscosity": {"eta": 0.1, "gd0": 0.02, "K": 0.3, "n": 0.9},
+}
+COMMON = ["pressure", "rho", "coordination", "grad/v", "viscosity", "stress/v", "stress/t", "phase", "status"]
+STATE = ["x", "v", "f", "drho", "pressure_used"]
+SURFACE = ["surface", "surface/r", "surface/n", "surface/divr"]
+HEAT = ["temperature", "heatflow", "energy", "conductivity", "cv"]
+BASE: dict[str, Any] = {
+    "dimension": 2,
+    "types": [FLUID, WALL],
+    "positions": {
+        "lattice": "sq",
+        "spacing": 1.0,
+        "cells": [12, 12],
+        "disorder": 0.1,
+        "regions": [{"type": 2, "low": [0, 0], "high": [1, 0.25]}],
+    },
+    "pressure": [{"types": 1, "style": "linear"}, {"types": 2, "style": "tait/water"}],
+    "rho": {"ratio": [0.98, 1.03]},
+    "velocity": {"random": 0.1, "uniform": [0.05, 0.0]},
+    "forces": [{"style": "gravity", "vector": [0.3, -1.7]}, {"style": "setforce", "vector": [0.0, None], "types": 2}],
+    "pair": {"artificial_visc": 0.5, "rho_damp": 0.1, "harmonic_means": True},
+    "evolve": {"steps": 12, "timestep": 0.005},
+    "compare": [*COMMON, *STATE],
+}
+SCENES: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "everything": {
+        "rheo": {
+            "interface_reconstruct": True,
+            "surface_detection": {"style": "divergence", "limit": 1.6, "splash": 10},
+            "shift": True,
+        },
+        "compare": [*COMMON, *STATE, *SURFACE, "chi", "shift/v"],
+    },
+    "open": {
+        "positions": BASE["positions"]
+        | {
+            "periodic": [True, False],
+            "regions": [
+                {"type": 2, "low": [0, 0], "high": [1, 0.25]},
+                {"type": None, "low": [0, 0.7], "high": [1, 1]},
+            ],
+        },
+        "rheo": {
+            "kernel": "RK1",
+            "zmin": 8,
+            "surface_detection": {"style": "coordination", "limit": 20, "splash": 4},
+            "shift": {"exclude": 2, "scale_cross_type": [0.3, 0.05, 0.05]},
+        },
+        "compare": [*COMMON, *STATE, *SURFACE, "shift/v"],
+    },
+    "heat": {
+        "types": [
+            FLUID | {"conductivity": 0.7, "specific_heat": 1.5, "latent_heat": 0.2, "T_freeze": 0.6},
+            WALL | {"specific_heat": 1.2},
+        ],
+        "energy": {"range": [0.8, 1.3]},
+        "compare": [*COMMON, *STATE, *HEAT],
+    },
+    "solid-3d": {
+        "dimension": 3,
+        "positions": {
+            "lattice": "sc",
+            "spacing": 1.0,
+            "cells": [7, 7, 8],
+            "disorder": 0.1,
+            "regions": [{"type": 2, "low": [0, 0, 0], "high": [1, 1, 0.375]}],
+        },
+        "types": [FLUID, WALL | {"velocity": [0.1, 0.0, -0.2]}],
+        "velocity": {"random": 0.1},
+        "forces": [{"style": "addforce", "vector": [0.1, 0.2, 0.3]}],
+        "rheo": {"kernel": "RK2", "zmin": 20, "interface_reconstruct": True, "rho_sum": True},
+        "rho": None,
+        "compare": [*COMMON, *STATE, "chi"],
+    },
+    "static": {"evolve": None, "rheo": {"shift": True}, "compare": ["f", "grad/v", "shift/v"]},
+}
+VECTORS, TENSORS = ("surface/n", "shift/v"), ("grad/v", "stress/v", "stress/t")
+
+Make = Callable[..., Case]
+Told = tuple[campaign.Prepared, Job]
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with Workers(None, 1) as pool:
+        yield pool
+
+
+@pytest.fixture
+def make(case_file: Callable[..., Path]) -> Make:
+    """A case of `SCENES` with changes."""
+
+    def case(name: str, **changes: Any) -> Case:
+        (made,) = casefile.load_file(case_file(**{**BASE, **SCENES[name], **changes}))
+        return made
+
+    return case
+
+
+def tell(case: Case, every_step: bool = False) -> Told:
+    ready = campaign.prepare(case)
+    return ready, job(case.scene, ready.atoms, plan(case.scene), every_step)
+
+
+def solve(workers: Workers, told: Job) -> Answer:
+    answer = workers.outcome(workers.submit(told, 60.0))
+    assert isinstance(answer, Answer), answer
+    return answer
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_field_is_read_back_for_every_atom_at_every_step(name: str, make: Make, workers: Workers) -> None:
+    case = make(name)
+    ready, told = tell(case)
+    answer, d, n = solve(workers, told), case.scene.dimension, len(ready.atoms)
+    assert answer.steps == case.scene.snapshots == ((0,) if name == "static" else (0, 1, 10, 12))
+    for arrays in answer.snapshots:
+        assert np.array_equal(arrays["id"], ready.atoms.id_n)
+        for field in case.scene.compare:
+            array = arrays[{"pressure_used": "pressure"}.get(field, field) if field in STATE else f"q.{field}"]
+            shape = (3,) if field in ("x", "v", "f") else (d,) * (field in VECTORS) + (d, d) * (field in TENSORS)
+            assert array.shape == (n, *shape), field
+            assert np.isfinite(array).all(), field
+    first = answer.snapshots[0]
+    assert np.array_equal(first["x"], ready.atoms.x_nc), "the doubles of the scene"
+    if ready.atoms.rho_n is not None and not case.scene.rheo.interface_reconstruct:
+        assert np.array_equal(first["rho"], ready.atoms.rho_n)
+    assert not any(np.shares_memory(first["x"], arrays["x"]) for arrays in answer.snapshots[1:])
+
+
+def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, workers: Workers) -> None:
+    """A linear velocity field away from edges: the gradient of a reproducing kernel is exact."""
+    case = make("static", rheo={"kernel": "RK1"}, compare=["grad/v"], rho={"constant": 1.3})
+    ready, told = tell(case)
+    slope_cc = np.array([[0.1, 0.2], [0.3, -0.4]])
+    v_nc = np.zeros((len(ready.atoms), 3))
+    v_nc[:, :2] = ready.atoms.x_nc[:, :2] @ slope_cc.T
+    got = solve(workers, replace(told, v_nc=v_nc)).arrays
+    middle_n = (np.abs(ready.atoms.x_nc[:, :2] - 6) < 2.5).all(axis=1)
+    assert middle_n.any()
+    np.testing.assert_allclose(got["q.grad/v"][middle_n], np.broadcast_to(slope_cc, (middle_n.sum(), 2, 2)), rtol=1e-12)
+
+
+def test_halting_does_not_change_the_run(make: Make, workers: Workers) -> None:
+    halted = solve(workers, tell(make("everything"))[1])
+    whole = solve(workers, tell(make("everything", evolve=BASE["evolve"] | {"compare_at": [12]}))[1])
+    stepped = solve(workers, tell(make("everything"), every_step=True)[1])
+    assert stepped.steps == tuple(range(13))
+    for other in (whole, stepped):
+        assert all(np.array_equal(halted.arrays[name], other.arrays[name]) for name in halted.arrays)
+    for step, arrays in zip(halted.steps, halted.snapshots, strict=True):
+        assert all(np.array_equal(arrays[name], stepped.snapshots[step][name]) for name in arrays)
+
+
+def test_split_run_sets_up_anew(make: Make) -> None:
+    runs = tell(make("plain", engine={"split": True}))[1].runs
+    assert runs == tuple(Run(f"run {n} post no") for n in (0, 1, 9, 2))
+    assert tell(make("plain"))[1].runs[1] == Run("run 1 pre no post no")
+
+
+@pytest.mark.parametrize("name", ["plain", "everything", "heat", "solid-3d"])
+def test_two_ranks_give_what_one_gives(name: str, make: Make, workers: Workers) -> None:
+    one, two = (solve(workers, tell(make(name, engine={"ranks": ranks}))[1]) for ranks in (1, 2))
+    assert one.steps == two.steps
+    for here, there in zip(one.snapshots, two.snapshots, strict=True):
+        assert here.keys() == there.keys()
+        for field in here:
+            scale = np.abs(here[field]).max()
+            np.testing.assert_allclose(there[field], here[field], rtol=1e-12, atol=1e-12 * scale, err_msg=field)
+
+
+def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers) -> None:
+    told = tell(make("plain", engine={"ranks": 2}))[1]
+    faults = {
+        "no_such_command": ("refused", "Unknown command: no_such_command"),
+        "quit 7": ("crashed", "LAMMPS on several ranks ended with code 7"),
+    }
+    for command, (verdict, message) in faults.items():
+        got = workers.outcome(workers.submit(replace(told, runs=(Run(command),)), 60.0))
+        assert isinstance(got, Failure) and got.verdict == verdict
+        assert message in got.message
+    endless = replace(told, runs=(Run("run 100000000 post no"),))
+    got = workers.outcome(workers.submit(endless, 4.0), 4.0)
+    assert isinstance(got, Failure) and got.verdict == "timeout"
+    assert solve(workers, told).steps == (0, 1, 10, 12)
+    end = time.monotonic() + 10
+    while _ranks_left() and time.monotonic() < end:
+        time.sleep(0.2)
+    assert not _ranks_left(), "processes of a run that timed out live on"
+
+
+def _ranks_left() -> list[str]:
+    """Ranks started by workers of this process: their second argument is that worker, which is no more."""
+    processes = subprocess.run(["ps", "ax", "-o", "args"], capture_output=True, text=True, check=True).stdout
+    ranks = [line.split() for line in processes.splitlines() if "-m lammps_cases.ranks" in line]
+    return [" ".join(words) for words in ranks if not Path(f"/proc/{words[-1]}").exists()]
+
+
+def test_reference_has_the_same_doubles(make: Make, workers: Workers) -> None:
+    for name in ("everything", "heat", "solid-3d", "open"):
+        case = make(name)
+        ready, told = tell(case)
+        state = reference.state(case.scene, ready.atoms, case.where)
+        model, box = reference.model(case.scene, ready.atoms, case.where), reference.box(case.scene, ready.atoms)
+        got, d = solve(workers, told).snapshots[0], case.scene.dimension
+        assert np.array_equal(state.x_nc, got["x"][:, :d])
+        assert np.array_equal(state.v_nc, got["v"][:, :d])
+        assert np.array_equal(state.solid_n, got["q.phase"] == 1)
+        assert np.array_equal(state.type_n, got["type"])
+        assert box.periodic == ready.atoms.periodic[:d]
+        assert model.cut == 3.0
+        if name == "heat":
+            assert np.array_equal(state.energy_n, got["esph"])
+            assert model.thermal is not None
+            conductivity_t = np.array([t.conductivity for t in model.thermal])
+            assert np.array_equal(conductivity_t[state.type_n - 1], got["q.conductivity"])
+        if name == "solid-3d":
+            assert np.array_equal(state.rho_n, np.where(state.solid_n, 0.9, 1.3))
+
+
+def test_gravity_is_exact(make: Make, workers: Workers) -> None:
+    """A particle alone feels mass times the scene's vector, to the last bit."""
+    lonely = {"lattice": "sq", "spacing": 4.0, "cells": [4, 4]}
+    case = make(
+        "plain",
+        types=[FLUID],
+        pressure=[{"types": 1, "style": "linear"}],
+        positions=lonely,
+        rheo={"cut": 3.0},
+        forces=[{"style": "gravity", "vector": [0.3, -1.7]}],
+        evolve=None,
+    )
+    force_nc = solve(workers, tell(case)[1]).arrays["f"]
+    assert np.array_equal(force_nc, np.broadcast_to([1.3 * 0.3, 1.3 * -1.7, 0.0], force_nc.shape))
+
+
+def test_types_of_regions(make: Make) -> None:
+    atoms = campaign.prepare(make("open", positions=SCENES["open"]["positions"] | {"disorder": 0.0})).atoms
+    y_n = atoms.x_nc[:, 1]
+    assert np.array_equal(atoms.type_n == 2, y_n < 3)
+    assert y_n.max() < 0.7 * 12
+    assert atoms.periodic == (True, False, True)
+    assert (atoms.low_c[1], atoms.high_c[1]) == (-1.0, 13.0)
+    assert (atoms.low_c[0], atoms.high_c[0]) == (0.0, 12.0)
+
+
+def test_velocities(make: Make) -> None:
+    atoms = campaign.prepare(make("plain")).atoms
+    assert atoms.v_nc is not None
+    wall = atoms.type_n == 2
+    assert np.array_equal(np.unique(atoms.v_nc[wall], axis=0), [[0.05, 0.0, 0.0]])
+    assert np.ptp(atoms.v_nc[~wall, 0]) > 0.15
+    moving = campaign.prepare(make("plain", types=[FLUID, WALL | {"velocity": [0.3, 0.0]}])).atoms
+    assert moving.v_nc is not None
+    assert np.array_equal(np.unique(moving.v_nc[wall], axis=0), [[0.3, 0.0, 0.0]])
+    assert np.array_equal(moving.v_nc[~wall], atoms.v_nc[~wall])
+
+
+def test_settings_of_neighbour_lists_are_told(make: Make) -> None:
+    setup = tell(make("plain", engine={"skin": 0.6, "every": 2, "delay": 4, "check": False}))[1].setup
+    assert "neighbor 0.6 bin" in setup
+    assert "neigh_modify every 2 delay 4 check no" in setup
+    assert not any("neigh_modify" in command for command in tell(make("plain"))[1].setup)
+
+
+def test_self_mass_is_told_as_the_manual_has_it(make: Make) -> None:
+    commands = tell(make("plain", rheo={"rho_sum": True, "self_mass": True}, rho=None))[1].commands
+    (rheo,) = [command for command in commands if command.startswith("fix rheo ")]
+    assert "rho/sum self/mass density" in rheo

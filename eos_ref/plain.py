@@ -20,7 +20,7 @@ from eos_ref import bounds, interactions, kernels, per_atom
 from eos_ref.elementary import maximum, sqrt, where
 from eos_ref.eos import EOS
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
-from eos_ref.rounded import Decision, Rounded, error, value
+from eos_ref.rounded import ROUNDING, Decision, Rounded, error, value
 
 Number = Any  # numpy float64 or longdouble array, or Rounded
 Axes = list[Number]  # one array per Cartesian axis
@@ -93,7 +93,7 @@ class Plain:
         self.x = [x_n[self.i] - (x_n[self.j] + shift_pc[:, a]) for a, x_n in enumerate(x)]
         self.rr = dot(self.x, self.x)
         self.r = sqrt(self.rr)
-        sigma = kernels.normalisation(model.dimension, cut)
+        sigma = self.constant(kernels.normalisation(model.dimension, cut))
         q = self.r / model.h
         self.w = sigma * kernels.quintic(q)
         slope = sigma / model.h * kernels.quintic_slope(q)
@@ -101,6 +101,10 @@ class Plain:
         self.g = self.gradw
         self.coordination_n = np.bincount(self.i, minlength=self.n)
         self.corrected_n = np.zeros(self.n, bool)
+
+    def constant(self, factor: Number) -> Number:
+        """A parameter's value; its evaluation rounds at most nine times on either side (kernel: pi, h, powers)."""
+        return Rounded(factor, 5 * ROUNDING * abs(factor)) if isinstance(self.r, Rounded) else factor
 
     def total(self, term_p: Number) -> Number:
         """Sum over the neighbours of every particle."""
@@ -119,7 +123,7 @@ class Plain:
 
         Source: manual; self/mass as Hu & Adams, J. Comput. Phys. 213, 844 (2006).
         """
-        w0 = kernels.self_value(self.model.dimension, self.model.cut)
+        w0 = self.constant(kernels.self_value(self.model.dimension, self.model.cut))
         if self.model.fix.self_mass:
             return self.mass_n * (w0 + self.total(self.w))
         return self.mass_n * w0 + self.total(self.mass_n[self.j] * self.w)
@@ -174,10 +178,6 @@ class Plain:
         Source: Adami, Hu & Adams, J. Comput. Phys. 231, 7057 (2012); Palermo et al. (2024).
         """
         i, j = self.i, self.j
-        same_p = self.solid_n[i] == self.solid_n[j]
-        lonely = self.coordination_n == 0
-        all_n = where(lonely, 1.0, self.total(self.w))
-        chi_n = self.total(where(same_p, self.w, 0.0)) / all_n
         a = axes(acceleration_nc)
         p_n = self.pressure(rho_n, energy_n)
         reach = dot([a_n[j] - a_n[i] for a_n in a], self.x)
@@ -190,8 +190,14 @@ class Plain:
         # Below the pressure of vacuum Tait's law has no density: the lower limit applies.
         background_n = np.array([law.background for law in self.model.eos])[self.type_n - 1]
         torn = np.isnan(value(wall_n)) & (value(p_wall_n) < background_n)
-        wall_n = maximum(where(torn, 0.0, wall_n), self.rho0_n / 10)
-        return chi_n, where(self.solid_n, where(met_n, wall_n, self.rho0_n), rho_n)
+        wall_n = maximum(where(torn, 0.0, wall_n), self.constant(self.rho0_n / 10))
+        return self.same_phase(), where(self.solid_n, where(met_n, wall_n, self.rho0_n), rho_n)
+
+    def same_phase(self) -> Number:
+        r"""Same-phase fraction :math:`\chi_i=\sum_{s_j=s_i}W_{ij}/\sum_jW_{ij}`; 0 without neighbours."""
+        same_p = self.solid_n[self.i] == self.solid_n[self.j]
+        lonely = value(self.coordination_n) == 0
+        return self.total(where(same_p, self.w, 0.0)) / where(lonely, 1.0, self.total(self.w))
 
     def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
         """Densities of both particles as the pair sees them; see `apparent_density`, solids see rho0 of each other."""
@@ -272,7 +278,7 @@ class Plain:
     def raw_shift(self, v: Axes, rho_n: Number) -> Axes:
         """Shifting velocity before any scaling."""
         model = self.model
-        w_h = kernels.normalisation(model.dimension, model.cut) * kernels.quintic(1.0)
+        w_h = self.constant(kernels.normalisation(model.dimension, model.cut)) * kernels.quintic(1.0)
         weight = self.volume_of_wall(rho_n)[self.j] * interactions.shift_weight(self.w, w_h)
         scale = -2 * model.h * sqrt(dot(v, v))
         moves = ~self.solid_n & model.shifted_t[self.type_n - 1]
@@ -389,7 +395,11 @@ class Plain:
         latent_n = np.array([p.latent_heat for p in thermal])[t]
         freezes = np.array([p.T_freeze is not None for p in thermal])[t]
         T_freeze = np.array([p.T_freeze or 0.0 for p in thermal])[t]
-        return per_atom.temperature(energy_n / self.mass_n, cv_n, latent_n, freezes, T_freeze)
+        return per_atom.temperature(self.specific_energy(energy_n), cv_n, latent_n, freezes, T_freeze)
+
+    def specific_energy(self, energy_n: Number) -> Number:
+        """Energy per unit mass, of which the temperature is a function."""
+        return energy_n / self.mass_n
 
     # --- stage 11: pair terms
 
@@ -433,7 +443,7 @@ class Plain:
         if model.thermal is not None:
             kappa_n = self.conduction()
             kappa = mean(kappa_n[i], kappa_n[j])
-            flow = interactions.heat_term(kappa, self.heated_volume(rho_i), volume_j, xg, self.rr)
+            flow = interactions.heat_term(kappa, self.heated_volume(rho_i, rho_j), volume_j, xg, self.rr)
             heat_n = self.total(flow * (temperature_n[i] - temperature_n[j]))
         drho_n = self.diffusion(rho_n, volume_j, xg, grad)
         return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n)
@@ -442,7 +452,7 @@ class Plain:
         """Volume of the particle that a pair's force acts on."""
         return self.mass_n[self.i] / rho_i
 
-    def heated_volume(self, rho_i: Number) -> Number:
+    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
         """Volume of the particle that a pair's heat flows into."""
         return self.mass_n[self.i] / rho_i
 

@@ -86,11 +86,12 @@ class LawRecord(_Record):
 
 
 class CheckRecord(_Record):
-    """One look of an audit: one type at one step."""
+    """One look of an audit: a field of one type, or of all, at one step."""
 
     step: int
     run: int = Field(description="number of the run command, from 1")
-    type: int
+    field: str = "pressure"
+    type: int = Field(description="0: all types together")
     natoms: int
     verdict: Verdict
     max_abs: float
@@ -130,6 +131,7 @@ class CaseRecord(_Record):
     lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
+    not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
 
     @property
     def as_expected(self) -> bool:

@@ -97,11 +97,12 @@ Positive = Annotated[Finite, Field(gt=0)]
 NonNegative = Annotated[Finite, Field(ge=0)]
 Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
 # YAML reads a single type as a number.
+_RANGE = {"type": ["string", "integer"]}
 TypeRange = Annotated[
     str,
     BeforeValidator(lambda types: str(types) if type(types) is int else types),
     StringConstraints(pattern=r"^[0-9*-]{1,24}$"),  # nothing that LAMMPS could take for another word or command
-    WithJsonSchema({"type": ["string", "integer"]}),
+    WithJsonSchema(_RANGE),
 ]
 LocalFile = Annotated[str, AfterValidator(_inside)]
 
@@ -308,10 +309,13 @@ def _several(types: object) -> object:
     return types if isinstance(types, list | tuple) else (types,)
 
 
+_ONE_OR_MORE = {"oneOf": [_RANGE, {"type": "array", "items": _RANGE}]}
+
+
 class ShiftSettings(_Model):
     """Arguments of shift."""
 
-    exclude: Annotated[tuple[TypeRange, ...], BeforeValidator(_several)] = Field(
+    exclude: Annotated[tuple[TypeRange, ...], BeforeValidator(_several), WithJsonSchema(_ONE_OR_MORE)] = Field(
         (), description="types that are not shifted: a range, or a list of them"
     )
     scale_cross_type: tuple[Finite, Finite, Finite] | None = Field(None, description="shiftscale, cmin, wmin")

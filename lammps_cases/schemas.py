@@ -21,7 +21,9 @@ def scene_schema() -> dict[str, Any]:
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
     definitions = scene.pop("$defs")
     scene.pop("required")
-    patch = {**scene, "properties": dict(scene["properties"]), "additionalProperties": True, "title": "Patch"}
+    # In a patch null removes a key.
+    properties = {key: {"anyOf": [schema, {"type": "null"}]} for key, schema in scene["properties"].items()}
+    patch = {**scene, "properties": properties, "additionalProperties": True, "title": "Patch"}
     file["$defs"] = {**definitions, "Scene": scene, "Patch": patch}
     file["properties"]["scene"] = {"$ref": "#/$defs/Scene"}
     axis = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Patch"}}

@@ -43,7 +43,7 @@ class WallVelocityLost(Plain):
 class HeatAsTemperatureRate(Plain):
     """The heat flow is that of the diffusivity kappa/(rho0 cv), without the volume of the particle heated."""
 
-    def heated_volume(self, rho_i: Number) -> Number:
+    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
         """No volume."""
         return 0 * rho_i + 1.0
 
@@ -52,6 +52,22 @@ class HeatAsTemperatureRate(Plain):
         assert self.model.thermal is not None
         cv_n = np.array([p.specific_heat for p in self.model.thermal])[self.type_n - 1]
         return super().conduction() / (self.rho0_n * cv_n)
+
+
+class HeatOverDensity(Plain):
+    """The heat flow of a pair is divided by its mean density."""
+
+    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
+        """Volume over the mean density."""
+        return super().heated_volume(rho_i, rho_j) / (0.5 * (rho_i + rho_j))
+
+
+class TemperatureWithoutMass(Plain):
+    """The temperature is that of the energy of the particle, not per unit mass."""
+
+    def specific_energy(self, energy_n: Number) -> Number:
+        """The energy as it is stored."""
+        return energy_n
 
 
 class SupportTimesDistance(Plain):

@@ -39,8 +39,9 @@ def audit(task: Task, connection: Connection) -> Ended:
     """
     begin = time.perf_counter()
     lmp = open_lammps(task.engine)
-    connection.send(Identity(describe(lmp, task.engine)))
-    watch = Watch(lmp, task.every, task.steps, connection.send)
+    who = describe(lmp, task.engine)
+    connection.send(Identity(who))
+    watch = Watch(lmp, task.every, task.steps, connection.send, task.fields, who["distribution"])
     follower = Follower(lmp, watch, lambda where, text: connection.send(Place(where, text)), task.allow_shell)
     refused = ""
     try:

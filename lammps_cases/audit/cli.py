@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import click
@@ -14,6 +15,13 @@ from lammps_cases.records import CaseRecord
 @click.argument("deck", type=click.Path(path_type=Path))
 @click.option("--every", default=10, show_default=True, metavar="M", help="Look at all atoms every M time steps.")
 @click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
+@click.option(
+    "--fields",
+    default="pressure",
+    show_default=True,
+    metavar="NAME,...",
+    help="What to check, by LAMMPS' names (coordination, rho, grad/v, surface, ...); all: whatever can be.",
+)
 @click.option("--timeout", type=float, metavar="S", help="Stop after S seconds.  [default: none]")
 @click.option("--allow-shell", is_flag=True, help="Let the deck run shell commands, Python and plugins.")
 @click.option("--out", type=click.Path(path_type=Path), help="Report folder.  [default: reports/audit-DECK]")
@@ -24,6 +32,7 @@ def audit_command(
     deck: Path,
     every: int,
     steps: int | None,
+    fields: str,
     timeout: float | None,
     allow_shell: bool,
     out: Path | None,
@@ -31,13 +40,15 @@ def audit_command(
     strict: bool,
     as_json: bool,
 ) -> int:
-    """Check the pressure of every atom while LAMMPS runs DECK, unchanged, in a copy of its folder.
+    """Check the pressure, or other fields, of every atom while LAMMPS runs DECK, unchanged, in a copy of its folder.
 
     Checked is P = EOS(rho, e), with the laws that fix rheo and fix rheo/pressure hold at that moment, where the
-    forces use it. Loops, includes, several runs and redefined fixes are followed.
+    forces use it; with --fields whatever else a force evaluation makes of positions, velocities, densities, energies
+    and phases. Loops, includes, several runs and redefined fixes are followed.
 
     \b
-    Example:  eos-ref audit in.deck --every 10 --steps 1000
+    Examples: eos-ref audit in.deck --every 10 --steps 1000
+              eos-ref audit in.deck --fields pressure,surface,grad/v
     """
     from lammps_cases import campaign, engines
     from lammps_cases.audit import AuditOptions, audit_deck
@@ -50,7 +61,9 @@ def audit_command(
         def progress(done: int, total: int | None) -> None:
             bar.show(done, total, "steps")
 
-        result = audit_deck(deck, AuditOptions(every, steps, timeout, allow_shell, chosen.site, progress))
+        names = tuple(name.strip() for name in fields.split(",") if name.strip())
+        options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, progress, fields=names)
+        result = audit_deck(deck, options)
         run = campaign.provenance(campaign.engine_record(chosen, result.who), campaign.command_line())
         run.cases, run.seconds, run.strict = result.record.cases, result.record.seconds, strict
         if result.arrays:
@@ -62,21 +75,31 @@ def audit_command(
     return finish(run, directory, as_json)
 
 
-def report_lines(case: CaseRecord, most: int = 40) -> list[str]:
-    """A table per look and type, shortened in the middle, then the types, the warnings, and the message."""
-    looks = [
-        f"{check.run:4d} {check.step:9d} {check.type:4d} {check.natoms:8d}  {check.verdict:8s} "
-        f"{check.max_abs:10.3g} {check.max_over_bound:10.3g} {check.worst_id:8d}"
-        for check in case.checks
-    ]
-    if len(looks) > most:
-        looks[most // 2 : -most // 2] = [f" ... {len(looks) - most} more, all in run.json ..."]
-    head = " run      step type    atoms  verdict   |LAMMPS-ref|   /bound worst atom"
-    types = [
-        f"type {record.atom_type}: {record.verdict}, at most {record.max_over_bound:.3g} x bound (step "
-        f"{record.worst_step}, atom {record.worst_id})"
+def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
+    """A table of the fields, the looks at which one was outside its bound, what was not checked, and the message."""
+    looks = Counter((check.field, check.type) for check in case.checks)
+    atoms = {(check.field, check.type): check.natoms for check in case.checks}
+    table = [
+        f"{record.field:12s} {record.atom_type or 'all':>4} {looks[record.field, record.atom_type or 0]:6d} "
+        f"{atoms[record.field, record.atom_type or 0]:7d} "
+        f"{record.max_abs:14.3g} {record.max_over_bound:10.3g} {record.worst_step:9d} {record.worst_id:10d}  "
+        f"{record.verdict}" + (f" by {record.explained_by}" if record.explained_by else "")
         for record in case.fields
     ]
+    bad = [check for check in case.checks if check.verdict == "differs"]
+    outside = [
+        f"outside: {check.field} of type {check.type or 'all'}, run {check.run}, step {check.step}: "
+        f"{check.max_abs:.3g} = {check.max_over_bound:.3g} x bound at atom {check.worst_id}"
+        for check in bad[:most]
+    ]
+    if len(bad) > most:
+        outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
+    head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
+    reasons: dict[str, list[str]] = {}
+    for line in case.not_checked:
+        name, _, reason = line.partition(": ")
+        reasons.setdefault(reason, []).append(name)
+    unchecked = [f"not checked: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     warnings = [f"warning: {line}" for line in case.warnings]
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
-    return [head, *looks, *types, *warnings, f"{end}: {case.message}" if case.message else end]
+    return [head, *table, *outside, *unchecked, *warnings, f"{end}: {case.message}" if case.message else end]

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy.typing as npt
 
 from eos_ref.errors import InputError
+from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.records import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
 
 Progress = Callable[[int, int | None], None]
@@ -33,13 +34,15 @@ class AuditOptions:
         Folder (for ``sys.path``) of another lammps package.
     progress : callable, optional
         Called with the number of steps done and the number to do (None: unknown).
+    fields : sequence of str
+        What is checked, by LAMMPS' names (`fields.FIELDS`), or ``all`` that can be.
     keep : Path, optional
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
 
     Raises
     ------
     InputError
-        A number that is not positive.
+        A number that is not positive, an unknown field.
     """
 
     every: int = 10
@@ -49,6 +52,7 @@ class AuditOptions:
     engine: str | None = None
     progress: Progress | None = field(default=None, compare=False)
     keep: Path | None = None
+    fields: tuple[str, ...] = DEFAULT
 
     def __post_init__(self) -> None:
         if not 1 <= self.every < 2**31:
@@ -57,11 +61,13 @@ class AuditOptions:
             raise InputError("steps", "must be at least 1 time step", self.steps, "option --steps")
         if self.timeout is not None and not self.timeout > 0:
             raise InputError("timeout", "must be a positive number of seconds", self.timeout, "option --timeout")
+        object.__setattr__(self, "fields", chosen(self.fields))
 
     def words(self) -> list[str]:
         """The options as words of the command line."""
         words = ["--every", str(self.every)]
         words += [] if self.steps is None else ["--steps", str(self.steps)]
+        words += [] if self.fields == DEFAULT else ["--fields", ",".join(self.fields)]
         words += ["--allow-shell"] if self.allow_shell else []
         return words + ([] if self.engine is None else ["--engine", f"path:{self.engine}"])
 
@@ -70,9 +76,9 @@ class AuditOptions:
 class AuditResult:
     """The record of an audit, which LAMMPS it was, and the per-atom arrays of its last look, sorted by id.
 
-    ``arrays`` has ``id``, ``type``, ``x``, ``rho``, ``box`` (low and high corner), ``step``, ``pressure.lammps``,
-    ``pressure.reference``, ``pressure.bound``, and ``e`` if a law needs it; it is empty if nothing was looked at or
-    LAMMPS died.
+    ``arrays`` has ``id``, ``type``, ``x``, ``rho``, ``box`` (low and high corner), ``step``, for every field
+    ``FIELD.lammps``, ``FIELD.reference`` and ``FIELD.bound``, and ``e`` if a law needs it; it is empty if nothing was
+    looked at or LAMMPS died. A field that could be told of some atoms only is not among them.
     """
 
     record: RunRecord
@@ -91,6 +97,7 @@ class Task:
     allow_shell: bool
     engine: str | None
     output: str
+    fields: tuple[str, ...] = DEFAULT
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,7 @@ class Place:
 
 
 class Row(NamedTuple):
-    """One atom type in one look; a plain tuple, as sending a model takes ten times longer."""
+    """A field of one atom type (or all) in one look; a plain tuple, as sending a model takes ten times longer."""
 
     natoms: int
     verdict: Verdict
@@ -119,27 +126,32 @@ class Row(NamedTuple):
     worst_id: int
     outside: int
     first_id: int | None
+    explained_by: str | None = None
 
 
 @dataclass(frozen=True)
 class Look:
-    """One look: every atom type at one step, and the number of steps done."""
+    """One look: every field and atom type (0: all types) at one step, and the number of steps done."""
 
     step: int
     run: int
     done: int
-    rows: dict[int, Row]
+    rows: dict[tuple[str, int], Row]
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a run at its start."""
+    """What is known of a run at its start; ``derivations`` are of the pressure per type, ``derivation`` of the rest."""
 
     natoms: int
     dimension: int
     units: str
     laws: list[LawRecord]
     derivations: list[str]
+    run: int = 0
+    unchecked: dict[str, str] = field(default_factory=dict)
+    stages: dict[str, str] = field(default_factory=dict)
+    derivation: str = ""
 
 
 @dataclass(frozen=True)

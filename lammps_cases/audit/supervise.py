@@ -34,10 +34,11 @@ ENTRY: Callable[[Task, Connection], None] = run_child
 
 
 def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
-    """Run a deck, unchanged, in a copy of its folder, and check the pressure that the forces use.
+    """Run a deck, unchanged, in a copy of its folder, and check the fields asked for at every atom.
 
-    Checked is P = EOS(rho, e) for every atom, with the laws that fix rheo and fix rheo/pressure hold at that moment,
-    every so many steps (`AuditOptions`) and at the start of every run, where the force evaluation has just used P.
+    Checked is, every so many steps (`AuditOptions`) and at the start of every run, what a force evaluation has just
+    used: the pressure, P = EOS(rho, e) with the laws that fix rheo and fix rheo/pressure hold at that moment, and
+    whatever else follows from the state of that moment (`fields`).
 
     Parameters
     ----------
@@ -48,13 +49,14 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     Returns
     -------
     AuditResult
-        One case: a field per atom type, a check per look and type, and warnings. LAMMPS' own error makes it
-        ``refused``; its death ``crashed`` or ``timeout``, with what had been checked before.
+        One case: its fields (the pressure per atom type), a check per look, what was not checked, and warnings.
+        LAMMPS' own error makes it ``refused``; its death ``crashed`` or ``timeout``, with what had been checked before.
 
     Raises
     ------
     InputError
-        The deck cannot be read, is not allowed to run, cannot be followed, or has nothing to check.
+        The deck cannot be read, is not allowed to run, cannot be followed, or has nothing to check; a field asked for
+        cannot be checked in it.
     EngineMissing
         There is no LAMMPS with RHEO.
     """
@@ -103,6 +105,7 @@ def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Verdict, str]:
             options.allow_shell,
             options.engine,
             str(output),
+            options.fields,
         )
         context = multiprocessing.get_context("spawn")
         receiver, sender = context.Pipe(duplex=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lammps_cases.audit.fields import FIELDS
 from lammps_cases.audit.options import Ended, Facts, Identity, Look, Place, Row
 from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, Verdict, worst
 
@@ -17,7 +18,9 @@ class Findings:
     facts: Facts | None = None
     done: int = 0
     checks: list[CheckRecord] = field(default_factory=list)
-    fields: dict[int, FieldRecord] = field(default_factory=dict)
+    fields: dict[tuple[str, int], FieldRecord] = field(default_factory=dict)
+    unchecked: dict[tuple[str, str], list[int]] = field(default_factory=dict)  # runs by field and reason
+    chosen: set[str] = field(default_factory=set)
     blame: str = ""
     ended: Ended | None = None
 
@@ -30,6 +33,9 @@ class Findings:
                 self.who = message.who
             case Facts():
                 self.facts = message
+                self.chosen |= message.stages.keys()
+                for reason in message.unchecked.items():
+                    self.unchecked.setdefault(reason, []).append(message.run)
             case Look():
                 self._look(message)
             case Ended():
@@ -38,31 +44,44 @@ class Findings:
 
     def _look(self, look: Look) -> None:
         self.done = look.done
-        for t, row in look.rows.items():
-            self.checks.append(_check(look, t, row))
-            record = self._field(look, t, row)
-            self.fields[t] = _joined(self.fields[t], record) if t in self.fields else record
+        for key, row in look.rows.items():
+            self.checks.append(_check(look, key, row))
+            record = self._field(look, key, row)
+            self.fields[key] = _joined(self.fields[key], record) if key in self.fields else record
             if row.verdict == "differs" and not self.blame:
-                self.blame = _blame(look, t, row)
+                self.blame = _blame(look, key, row)
 
-    def _field(self, look: Look, t: int, row: Row) -> FieldRecord:
+    def _field(self, look: Look, key: tuple[str, int], row: Row) -> FieldRecord:
+        name, t = key
+        facts = self.facts or NOTHING
         return FieldRecord(
-            field="pressure",
-            stage="eos",
-            derivation=self.facts.derivations[t - 1] if self.facts else "",
-            atom_type=t,
+            field=name,
+            stage=facts.stages.get(name, "eos"),
+            derivation=facts.derivations[t - 1] if t and facts.derivations else facts.derivation,
+            atom_type=t or None,
             worst_step=look.step,
             **{name: value for name, value in row._asdict().items() if name != "natoms"},
         )
+
+    def _unchecked(self) -> list[str]:
+        """A line per field and reason, with the runs if it was checked, or not for another reason, in others."""
+        several = len({run for runs in self.unchecked.values() for run in runs} | {c.run for c in self.checks}) > 1
+        seen = {name for name, _ in self.fields}
+        missed = [name for name in FIELDS if name in self.chosen - seen and self.checks]
+        return [
+            f"{name}: {reason}" + (f" (run {', '.join(map(str, runs))})" if several else "")
+            for (name, reason), runs in self.unchecked.items()
+        ] + [f"{name}: {UNTOLD}" for name in missed]
 
     def case(self, name: str, verdict: Verdict = "skipped", message: str = "") -> CaseRecord:
         """The record; ``verdict`` and ``message`` say how LAMMPS ended, if not well."""
         if self.ended is not None:
             for t, record in self.ended.last.items():
-                self.fields[t].digits_lost = record.digits_lost
-        fields = [self.fields[t] for t in sorted(self.fields)]
+                self.fields["pressure", t].digits_lost = record.digits_lost
+        fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (FIELDS.index(key[0]), key[1]))]
         of_fields = worst([record.verdict for record in fields])
-        facts = self.facts or Facts(0, 0, "", [], [])
+        facts = self.facts or NOTHING
+        explained = [name for record in fields for name in (record.explained_by or "").split(", ") if name]
         return CaseRecord(
             case=name,
             tags=["audit"],
@@ -77,23 +96,35 @@ class Findings:
             laws=facts.laws,
             warnings=self.ended.warnings if self.ended else [],
             checks=self.checks,
+            not_checked=self._unchecked(),
+            explained_by=", ".join(dict.fromkeys(explained)) or None,
             **({"seconds": self.ended.seconds} if self.ended else {}),
         )
 
     def _natoms(self) -> dict[int, int]:
+        """Atoms of the last look, by type; of all types together (0), if no field was looked at by type."""
         last = self.checks[-1] if self.checks else None
-        return {
+        found = {
             check.type: check.natoms
             for check in self.checks[-64:]
             if last is not None and (check.step, check.run) == (last.step, last.run)
         }
+        return {t: n for t, n in found.items() if t} or found
 
 
-def _check(look: Look, t: int, row: Row) -> CheckRecord:
+UNTOLD = (
+    "no look could tell it of any atom: all lie beside reconstructed walls whose densities LAMMPS does not show as it "
+    "used them, at the cutoff of others, or off the plane of a 2D deck"
+)
+NOTHING = Facts(0, 0, "", [], [])
+
+
+def _check(look: Look, key: tuple[str, int], row: Row) -> CheckRecord:
     return CheckRecord(
         step=look.step,
         run=look.run,
-        type=t,
+        field=key[0],
+        type=key[1],
         natoms=row.natoms,
         verdict=row.verdict,
         max_abs=row.max_abs,
@@ -106,12 +137,16 @@ def _joined(a: FieldRecord, b: FieldRecord) -> FieldRecord:
     """The earlier look with the worst ratio, with the worst verdict and difference of both."""
     record = b if (b.max_over_bound or 0) > (a.max_over_bound or 0) else a
     verdict, max_abs = worst([a.verdict, b.verdict]), max(a.max_abs or 0.0, b.max_abs or 0.0)
-    return record.model_copy(update={"verdict": verdict, "max_abs": max_abs})
+    entries = [name for one in (a, b) for name in (one.explained_by or "").split(", ") if name]
+    explained = ", ".join(dict.fromkeys(entries)) if verdict == "explained" else None
+    return record.model_copy(update={"verdict": verdict, "max_abs": max_abs, "explained_by": explained})
 
 
-def _blame(look: Look, t: int, row: Row) -> str:
+def _blame(look: Look, key: tuple[str, int], row: Row) -> str:
+    name, t = key
+    where = f"type {t}, atom {row.first_id}" if t else f"atom {row.first_id}"
     return (
-        f"pressure leaves its bound first at step {look.step} (run {look.run}), type {t}, atom {row.first_id}: "
+        f"{name} leaves its bound first at step {look.step} (run {look.run}), {where}: "
         f"{row.outside} of {row.natoms} atoms outside, |LAMMPS - reference| up to {row.max_abs:.3g} = "
         f"{row.max_over_bound:.3g} x bound (atom {row.worst_id})"
     )

@@ -64,6 +64,7 @@ class Questions:
     _rho_set: bool = False
     _seen: dict[tuple[int, EOS], _Seen] = field(default_factory=dict)
     _said: list[str] = field(default_factory=list)
+    _apart: tuple[int, float] = (0, 0.0)
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
@@ -77,6 +78,10 @@ class Questions:
     def unwatched(self, run: int) -> None:
         """A run without laws."""
         self._said.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
+
+    def apart(self, count: int, height: float) -> None:
+        """Atoms of a 2D deck off its plane."""
+        self._apart = max(self._apart, (count, height))
 
     def look(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:
         """Take density and pressure of all atoms of one type."""
@@ -100,6 +105,12 @@ class Questions:
             if law.style != "ideal/gas":  # has neither rho0 nor a pressure around 0
                 questions = [_unset(seen)] if _unset(seen) else [_unreached(seen), _offset(seen)]
                 said += [f"type {t}: {line}" for line in questions if line]
+        if self._apart[0]:
+            count, height = self._apart
+            said.append(
+                f"{count} atoms of this 2D deck lie off the plane of the others, by up to {height:.4g}: LAMMPS takes "
+                "distances in space; fields of atoms near them were not checked"
+            )
         return list(dict.fromkeys(said))
 
 

@@ -1,7 +1,7 @@
-"""The look at the atoms while LAMMPS runs: pressure where the forces use it, against the laws then in force.
+"""The look at the atoms while LAMMPS runs: the pressure that forces use against the laws then in force, other fields.
 
-A ``fix external`` behind the deck's own fixes calls back after the forces: there, density, energy and pressure belong
-to one and the same evaluation. At the end of a step they do not (density has moved on by half a step).
+A ``fix external`` behind the deck's own fixes calls back after the forces: there, the state and all that was made of it
+belong to one and the same evaluation. At the end of a step they do not (density has moved on by half a step).
 """
 
 from __future__ import annotations
@@ -9,16 +9,21 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from eos_ref import EOSTable, bounds, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.errors import InputError
+from eos_ref.model import Model
+from lammps_cases.audit import fields, look
+from lammps_cases.audit.deck import HARMLESS, Deck
 from lammps_cases.audit.options import Facts, Look, Row
-from lammps_cases.audit.warn import Questions
+from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.compare import Comparison, State, compare_pressure
+from lammps_cases.particles import derived, stage
 from lammps_cases.records import FieldRecord, LawRecord
 
 Array = npt.NDArray[Any]
@@ -40,19 +45,37 @@ class Watch:
         Steps to do, all runs together.
     send : callable
         Given a `Facts` at the start of every run and a `Look` at every look.
+    asked : sequence of str
+        Fields, or ``all``.
+    engine : str
+        Version of the distribution, for the ledger.
     """
 
-    def __init__(self, lmp: Any, every: int, limit: int | None, send: Callable[[object], None]) -> None:
+    def __init__(
+        self,
+        lmp: Any,
+        every: int,
+        limit: int | None,
+        send: Callable[[object], None],
+        asked: Sequence[str] = fields.DEFAULT,
+        engine: str = "",
+    ) -> None:
         self.lmp, self.every, self.limit, self.send = lmp, every, limit, send
-        self.fixes: dict[str, list[str]] = {}
+        self.asked, self.engine = asked, engine
+        self.deck = Deck()
+        self.choice = fields.Choice((), {})
+        self.reader: look.Reader | None = None
         self.questions = Questions()
         self.table: EOSTable | None = None
         self.last: dict[str, Array] | None = None
         self.last_table: EOSTable | None = None
+        self.last_others: dict[str, Comparison] = {}
         self.runs = self.done = 0
         self.lammps_seconds = self.look_seconds = 0.0
         self._mass_t: Array | None = None
         self._first = 0
+        self._before: int | None = None  # step of the last call
+        self._continued = False
         self._stop: int | None = None
         self._failure: BaseException | None = None
 
@@ -62,19 +85,16 @@ class Watch:
             case ["fix", _, _, style, *_]:
                 return style in STYLES
             case ["unfix", name]:
-                return name in self.fixes
+                return name in self.deck.fixes and self.deck.fixes[name][3] in STYLES
             case _:
                 return values[0] == "clear"
 
     def note(self, values: list[str]) -> None:
         """Take down a command that LAMMPS has executed."""
-        match values:
-            case ["fix", name, _, style, *_] if style in STYLES:
-                self.fixes[name] = values
-            case ["fix", name, *_] | ["unfix", name]:
-                self.fixes.pop(name, None)
-            case ["clear", *_]:
-                self.fixes.clear()
+        rheo = self.deck.fix("rheo")
+        self.deck.note(values)
+        if self.deck.fix("rheo") is not rheo:
+            look.drop(self.lmp)
         self.questions.note(values)
 
     def run(self, values: list[str], execute: Callable[[], None]) -> bool:
@@ -100,23 +120,53 @@ class Watch:
     def _begin(self, values: list[str]) -> None:
         self.table = self._laws()
         self._mass_t = None if self.lmp.extract_atom("rmass") else np.array(self.lmp.numpy.extract_atom("mass"))
-        self.send(self._facts())
+        self._before = None
+        self._continued = ("pre", "no") in itertools.pairwise(values) and self.lmp.has_id("fix", FIX)
         self._stop = None if self.limit is None else self._first + self.limit - self.done
         if self.table is None:
             self.questions.unwatched(self.runs)
-        continued = ("pre", "no") in itertools.pairwise(values)
+        if not self._continued:  # a new fix, or compute, would need the set-up that such a run leaves out
+            self._set_up(values)
+        self.send(self._facts())
+
+    def _set_up(self, values: list[str]) -> None:
+        look.drop(self.lmp)
+        self.reader = None
+        if self.table is not None:
+            self._choose(self.table, values)
         if self.lmp.has_id("fix", FIX):
-            if continued:  # a new fix would need the set-up that this run leaves out
-                return
             self.lmp.command(f"unfix {FIX}")
         # Called on the steps to look at, on the first one, and on the last one asked for.
         apart = math.gcd(self.every, self._first, self._stop or 0)
         self.lmp.command(f"fix {FIX} all external pf/callback {apart} {NEVER}")
         self.lmp.set_fix_external_callback(FIX, self._called, None)
 
+    def _choose(self, table: EOSTable, values: list[str]) -> None:
+        """What is checked in the run that begins."""
+        if self.asked == fields.DEFAULT:
+            self.choice = fields.Choice(fields.DEFAULT, {})
+            return
+        model = self._model(table)
+        words = values[values.index("every") + 2 :] if "every" in values else []
+        between = next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
+        _, _, *tilts, _, _ = self.lmp.extract_box()
+        setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), any(tilts), between)
+        self.choice = fields.choose(self.asked, model, setting)
+        if isinstance(model, Model) and self.choice.fields != fields.DEFAULT:
+            actions = self.deck.actions() if "f" in self.choice.fields else []
+            self.reader = look.Reader(self.lmp, self.choice.fields, model, actions, self._mass_t, self.engine)
+
+    def _model(self, table: EOSTable) -> Model | InputError:
+        dimension, ntypes = (int(self.lmp.extract_setting(name)) for name in ("dimension", "ntypes"))
+        mass_t = [1.0] * ntypes if self._mass_t is None else self._mass_t[1:].tolist()
+        try:
+            return self.deck.model(dimension, ntypes, mass_t, table)
+        except InputError as error:
+            return error
+
     def _fix(self, style: str) -> str | None:
-        found = [" ".join(values) for values in self.fixes.values() if values[3] == style]
-        return found[-1] if found else None
+        values = self.deck.fix(style)
+        return None if values is None else " ".join(values)
 
     def _laws(self) -> EOSTable | None:
         pressure, rheo = self._fix("rheo/pressure"), self._fix("rheo")
@@ -142,6 +192,10 @@ class Watch:
             str(self.lmp.extract_global("units")),
             laws,
             [bounds.comparison_derivation(law) for law in self.table.laws] if self.table else [],
+            self.runs,
+            self.choice.unchecked if self.table else {},
+            {field: stage(field) for field in self.choice.fields},
+            derived(0),
         )
 
     def _called(self, caller: object, step: int, n: int, tag: Array, x_nc: Array, force_nc: Array) -> None:
@@ -150,6 +204,7 @@ class Watch:
         try:
             if self.table is not None and (step % self.every == 0 or step == self._first or step == self._stop):
                 self._look(int(step), n, tag, x_nc)
+            self._before = int(step)
         except BaseException as error:  # ctypes would print and forget it
             self._failure = error
         if self._failure is not None or step == self._stop:
@@ -172,31 +227,54 @@ class Watch:
         }
         if self.table.needs_energy:
             now["energy"] = atoms.extract_atom("esph")[:n].copy()
-        self.last, self.last_table = now, self.table
         status_n = atoms.extract_atom("rheo_status")[:n]
+        # A run calls back twice on one step where it is set up anew, in between (run ... every).
+        setup = not self._continued and step in (self._first, self._before)
+        others = self.reader.look(tag, x_nc, setup) if self.reader is not None else {}
+        if self.reader is not None and self.reader.apart:
+            self.questions.apart(self.reader.apart, self.reader.height)
+        if setup and self._sums_walls():  # then LAMMPS shows other densities of walls than it used (see the ledger)
+            fluid = status_n & SOLID == 0
+            now = {name: array if name in ("step", "box") else array[fluid] for name, array in now.items()}
+            status_n = status_n[fluid]
+        self.last, self.last_table, self.last_others = now, self.table, others
         rows = {}
         for t, (of_type, comparison) in by_type(self.table, now, digits=False).items():
             rho_n = now["rho"][of_type]
             self.questions.look(t, self.table[t], status_n[of_type], rho_n, now["p"][of_type])
-            rows[t] = _row(rho_n.size, comparison.record)
+            if "pressure" in self.choice.fields:
+                rows["pressure", t] = _row(rho_n.size, comparison.record)
+        rows |= {(field, 0): _row(len(found.bound_n), found.record) for field, found in others.items()}
+        order = {field: k for k, field in enumerate(fields.FIELDS)}
+        rows = dict(sorted(rows.items(), key=lambda item: (order[item[0][0]], item[0][1])))
         self.send(Look(step, self.runs, self.done + step - self._first, rows))
 
+    def _sums_walls(self) -> bool:
+        words = self.deck.fix("rheo") or []
+        return "rho/sum" in words and "interface/reconstruct" in words
+
     def final(self) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
-        """Arrays of the last look by id, and its fields per type with the digits lost."""
+        """Arrays of the last look by id, and the pressure's fields per type with the digits lost."""
         if self.last is None or self.last_table is None:
             return {}, {}
         order_n = np.argsort(self.last["id"], kind="stable")
         now = {name: array if name in ("step", "box") else array[order_n] for name, array in self.last.items()}
-        sides = {side: np.empty(len(order_n)) for side in ("reference", "bound")}
-        fields = {}
-        for t, (of_type, comparison) in by_type(self.last_table, now, digits=True).items():
-            sides["reference"][of_type] = comparison.reference_n
-            sides["bound"][of_type] = comparison.bound_n
-            fields[t] = comparison.record
         arrays = {name: now[name] for name in ("id", "type", "x", "rho", "box", "step")}
         if "energy" in now:
             arrays["e"] = now["energy"] / now["mass"]
-        return arrays | {"pressure.lammps": now["p"]} | {f"pressure.{k}": v for k, v in sides.items()}, fields
+        for field, found in self.last_others.items():
+            if len(found.bound_n) == len(order_n):
+                sides = {"lammps": found.lammps_n, "reference": found.reference_n, "bound": found.bound_n}
+                arrays |= {f"{field}.{side}": values_n[order_n] for side, values_n in sides.items()}
+        if "pressure" not in self.choice.fields:
+            return arrays, {}
+        pressure = {side: np.empty(len(order_n)) for side in ("reference", "bound")}
+        records = {}
+        for t, (of_type, comparison) in by_type(self.last_table, now, digits=True).items():
+            pressure["reference"][of_type] = comparison.reference_n
+            pressure["bound"][of_type] = comparison.bound_n
+            records[t] = comparison.record
+        return arrays | {"pressure.lammps": now["p"]} | {f"pressure.{k}": v for k, v in pressure.items()}, records
 
 
 def _row(natoms: int, record: FieldRecord) -> Row:
@@ -209,6 +287,7 @@ def _row(natoms: int, record: FieldRecord) -> Row:
         record.worst_id or 0,
         record.outside,
         record.first_id,
+        record.explained_by,
     )
 
 

@@ -6,6 +6,10 @@ from lammps_cases import variants
 from lammps_cases.ledger.entry import ALL, Entry
 from lammps_cases.variants import Variant
 
+# Wheels in which the forces and the heat flow changed.
+SINCE_2 = ("2025.7.22.2.0", "2025.7.22.4.0")
+BEFORE_2 = ("2025.7.22.0.1", "2025.7.22.1.0")
+
 ENTRIES: tuple[Entry, ...] = (
     Entry(
         id="force-per-volume",
@@ -13,16 +17,17 @@ ENTRIES: tuple[Entry, ...] = (
         severity="high",
         documented="pair rheo, as published (Palermo et al. 2024; Clemmer et al. 2024): the pressure force on i is "
         "-sum V_i V_j (P_i + P_j) grad W, the viscous one sum 2 eta V_i V_j (x.grad W)/r^2 v_ij.",
-        observed="The factor V_i = m_i/rho_i is missing from pressure, viscous and artificial viscous force on i: the "
-        "array f holds a force per volume and is divided by the mass all the same. The accelerations are wrong by the "
-        "factor 1/V_i; nothing shows where every volume is 1, as in all example decks.",
+        observed="Since 2025.7.22.2.0 the factor V_i = m_i/rho_i is missing from pressure, viscous and artificial "
+        "viscous force on i: the array f holds a force per volume and is divided by the mass all the same. The "
+        "accelerations are wrong by the factor 1/V_i; nothing shows where every volume is 1, as in all example "
+        "decks.",
         argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 feel "
         "-1.10812 and +1.06855 in place of -0.79152 and +0.79152, so the pair accelerates itself. A fluid resolved "
-        "twice as finely in 2D (a quarter of each mass) gets 4 times the acceleration from the same pressure "
-        "field, while gravity, which multiplies by the mass, stays as it is.",
+        "twice as finely in 2D (a quarter of each mass) gets 4 times the acceleration from the same pressure field, "
+        "while gravity, which multiplies by the mass, stays as it is.",
         workaround="Choose the unit of length so that m/rho0 is 1 for every type.",
         cases=("forces.*",),
-        engines=ALL,
+        engines=SINCE_2,
         scene="two particles of volume other than 1",
         particles=Variant(variants.has_forces, variants.ForcePerVolume),
     ),
@@ -34,9 +39,9 @@ ENTRIES: tuple[Entry, ...] = (
         "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
         observed="The solid's velocity as the fluid sees it is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
         "agree for a wall at rest only.",
-        argument="A fluid and its container that move together with velocity U must feel no viscous force; LAMMPS sees "
-        "the wall at 0 in place of U. A wall moved at U drags the fluid towards U d_s/(d_s + d_f), not U, so that a "
-        "Couette flow depends on how the particles of the wall lie. Not Galilean invariant.",
+        argument="A fluid and its container that move together with velocity U must feel no viscous force; LAMMPS "
+        "sees the wall at 0 in place of U. A wall moved at U drags the fluid towards U d_s/(d_s + d_f), not U, so "
+        "that a Couette flow depends on how the particles of the wall lie. Not Galilean invariant.",
         workaround="Keep walls at rest: choose the frame of the wall, or drive the fluid by addforce.",
         cases=("walls-moving.*",),
         engines=ALL,
@@ -49,16 +54,48 @@ ENTRIES: tuple[Entry, ...] = (
         severity="high",
         documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
         "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
-        observed="The output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean of kappa/(rho0 cv): "
-        "the rate of T, for the volume of one particle, at the equilibrium density. It is then integrated as if it "
-        "were the rate of the energy of the particle, which is m cv times larger.",
+        observed="Since 2025.7.22.2.0 the output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean "
+        "of kappa/(rho0 cv): the rate of T, for the volume of one particle, at the equilibrium density. It is then "
+        "integrated as if it were the rate of the energy of the particle, which is m cv times larger.",
         argument="Where m cv = 2 heat flows half as fast as the conductivity says. Two particles of volumes 2 and 3 "
         "exchange -0.565 and +0.377: energy is not conserved.",
         workaround="Use m = rho0 cv = 1 per type, with the diffusivity for the conductivity.",
         cases=("thermal.*",),
-        engines=ALL,
+        engines=SINCE_2,
         scene="two particles of different temperature and volume, cv other than 1",
         particles=Variant(variants.has_heat, variants.HeatAsTemperatureRate),
+    ),
+    Entry(
+        id="heat-over-density",
+        title="The heat flow of a pair is divided by its mean density",
+        severity="high",
+        documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
+        "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
+        observed="Every term of the sum is divided by (rho_i + rho_j)/2. From 2025.7.22.2.0 on the heat flow is "
+        "another one (heat-is-temperature-rate).",
+        argument="The flow between two particles of volume 2/3 and density 1.5 is 2/3 of what the conductivity says; "
+        "the unit of the result is power over density. Water in SI units conducts a thousand times too little.",
+        workaround="Give the conductivity times the density.",
+        cases=("thermal.*", "thermal-walls.*"),
+        engines=BEFORE_2,
+        scene="two particles of different temperature and a density other than 1",
+        particles=Variant(variants.has_heat, variants.HeatOverDensity),
+    ),
+    Entry(
+        id="temperature-without-mass",
+        title="The temperature is taken from the energy of the particle, not per mass",
+        severity="high",
+        documented="fix rheo/thermal: specific heat in energy/(mass temperature), so T = E/(m cv) for the energy E "
+        "of a particle.",
+        observed="T = E/cv, while the heat flow changes E and ideal/gas takes E/m for the energy per mass. From "
+        "2025.7.22.2.0 on T = E/(m cv).",
+        argument="Two particles of masses 2 and 3 with energies 2 and 1 and cv = 1 have T = 1 and 1/3; LAMMPS "
+        "reports 2 and 1. A temperature that is measured in experiments depends on how finely the fluid is resolved.",
+        workaround="Use masses of 1, or a newer LAMMPS.",
+        cases=("thermal.*", "thermal-walls.*"),
+        engines=BEFORE_2,
+        scene="one particle of mass other than 1",
+        particles=Variant(variants.has_heat, variants.TemperatureWithoutMass),
     ),
     Entry(
         id="cross-type-support",
@@ -81,9 +118,9 @@ ENTRIES: tuple[Entry, ...] = (
         severity="high",
         documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
         "along it is scaled by shiftscale.",
-        observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop over "
-        "neighbours ended with. Now and then a particle has it to 9 digits only, as if it were multiplied by a sum "
-        "with both signs and divided by it again.",
+        observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop "
+        "over neighbours ended with. Now and then a particle has it to 9 digits only, as if it were multiplied by a "
+        "sum with both signs and divided by it again.",
         argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
         "the atoms turns the direction, although nothing physical has changed; so does another skin or number of "
         "ranks.",
@@ -115,8 +152,8 @@ ENTRIES: tuple[Entry, ...] = (
         severity="high",
         documented="fix rheo: if reproducing kernels are requested but a particle has fewer than zmin neighbours, it "
         "will revert to a non-reproducing quintic kernel until it gains more.",
-        observed="With RK1 and RK2 the gradient of such a particle is not computed: it holds what an earlier pair, or "
-        "an earlier use of the memory, left there. Sums of W do revert to the quintic kernel.",
+        observed="With RK1 and RK2 the gradient of such a particle is not computed: it holds what an earlier pair, "
+        "or an earlier use of the memory, left there. Sums of W do revert to the quintic kernel.",
         argument="Two lone particles with RK1 have a velocity gradient of 1e-277 or 3e-321 in a fresh process, and "
         "another one after a different scene. In a free surface, where particles run out of neighbours, forces there "
         "are arbitrary. The variant predicts all particles with zmin neighbours or more, and no value for the rest.",

@@ -1,0 +1,292 @@
+"""What a deck's commands say of the particle model: its parameters, the forces of other fixes, what excludes a check.
+
+Commands come as LAMMPS got them, substituted. LAMMPS has accepted them, so nothing is judged here; what cannot be
+followed (a keyword of a later version, a variable where a number is expected) is said, and leaves fields unchecked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NoReturn
+
+from eos_ref import EOSTable, parse_fix_rheo
+from eos_ref.errors import InputError
+from eos_ref.model import Model, PairRheo, Thermal, Viscosity
+from eos_ref.ranges import type_range
+
+# Commands that a run may execute in between (run ... every) without changing the model.
+HARMLESS = frozenset(
+    {"print", "variable", "info", "log", "write_data", "write_dump", "write_restart", "thermo", "NULL"}
+)
+
+
+@dataclass(frozen=True)
+class Action:
+    """A fix that changes forces: gravity (acceleration), addforce, setforce (None leaves a component)."""
+
+    style: str
+    group: str
+    vector: tuple[float | None, ...]
+
+
+@dataclass
+class Deck:
+    """Takes down commands; `model` and the other methods say what they amount to."""
+
+    fixes: dict[str, list[str]] = field(default_factory=dict)  # in the order in which LAMMPS calls them
+    pair: list[str] = field(default_factory=list)
+    coefficients: list[list[str]] = field(default_factory=list)
+    special: list[str] = field(default_factory=list)
+    bonded: list[str] = field(default_factory=list)
+    excludes: bool = False
+
+    def note(self, values: list[str]) -> None:
+        """Take a command that LAMMPS has executed."""
+        match values:
+            case ["fix", name, _, _, *_]:
+                self.fixes[name] = values
+            case ["unfix", name]:
+                self.fixes.pop(name, None)
+            case ["pair_style", *arguments]:
+                self.pair, self.coefficients = arguments, []
+            case ["pair_coeff", *arguments]:
+                self.coefficients.append(arguments)
+            case ["special_bonds", *arguments]:
+                self.special = arguments
+            case [
+                ("bond_style" | "angle_style" | "dihedral_style" | "improper_style" | "kspace_style") as kind,
+                style,
+                *_,
+            ]:
+                self.bonded = [k for k in self.bonded if not k.startswith(kind)]
+                self.bonded += [] if style == "none" else [f"{kind} {style}"]
+            case ["neigh_modify", *arguments] if "exclude" in arguments:
+                self.excludes = arguments[arguments.index("exclude") + 1 :][:1] != ["none"]
+            case ["clear"]:
+                self.__init__()  # type: ignore[misc]
+
+    def styles(self, style: str) -> list[list[str]]:
+        """The fixes of a style."""
+        return [values for values in self.fixes.values() if values[3] == style]
+
+    def fix(self, style: str) -> list[str] | None:
+        """The last fix of a style."""
+        return found[-1] if (found := self.styles(style)) else None
+
+    def model(self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable) -> Model:
+        """The particle model.
+
+        Raises
+        ------
+        InputError
+            Something that cannot be followed, or that contradicts itself.
+        """
+        rheo, viscous = self.fix("rheo"), self.fix("rheo/viscosity")
+        if rheo is None or viscous is None:
+            raise InputError("deck", "defines no fix rheo or no fix rheo/viscosity")
+        heated = self.fix("rheo/thermal")
+        return Model(
+            dimension=2 if dimension == 2 else 3,
+            fix=parse_fix_rheo(" ".join(rheo), ntypes),
+            mass_t=tuple(mass_t),
+            eos=eos,
+            pair=pair_rheo(self.pair),
+            viscosity=viscosity(viscous, ntypes),
+            thermal=None if heated is None else thermal(heated, ntypes),
+        )
+
+    # --- why the sums over pairs cannot be told
+
+    def hides_pairs(self) -> str:
+        """Why the neighbours of a particle are not simply all within the cutoff; or nothing."""
+        if self.excludes:
+            return "neigh_modify exclude takes pairs out"
+        lj, coulomb = _weights(self.special)
+        if self.bonded and any(a == b == 0 for a, b in zip(lj, coulomb, strict=True)):
+            return "special_bonds 0 for lj and coul takes bonded pairs out"
+        return ""
+
+    def changes_pairs(self) -> str:
+        """Why the terms of pair_style rheo are not simply those of all pairs; or nothing."""
+        rheo = [words for words in self.coefficients if "rheo" in words[2:3] or self.pair[:1] == ["rheo"]]
+        if not any(words[:2] == ["*", "*"] for words in rheo):
+            return "pair_coeff gives rheo to some types only"
+        if self.bonded and any(weight != 1 for weight in _weights(self.special)[0]):
+            return "special_bonds weighs bonded pairs"
+        return ""
+
+    def adds_heat(self) -> str:
+        """What else adds to the heat flow; or nothing."""
+        if self.bonded:
+            return f"{self.bonded[0]} may add to it"
+        return self._foreign(lambda style: style in _NO_HEAT or style.startswith("wall/"))
+
+    def adds_force(self) -> str:
+        """What adds to the force and is not followed; or nothing."""
+        others = [word for word in self.pair[1:] if word[:1].isalpha() and word not in _PAIR_WORDS]
+        if self.pair[:1] != ["rheo"] and others:
+            return f"pair_style {others[0]} adds to it"
+        if self.bonded:
+            return f"{self.bonded[0]} adds to it"
+        found = self._foreign(lambda style: style in _NO_FORCE or style in _FOLLOWED)
+        if found:
+            return found
+        try:
+            self.actions()
+        except InputError as error:
+            return str(error)
+        return ""
+
+    def _foreign(self, known: object) -> str:
+        assert callable(known)
+        for name, values in self.fixes.items():
+            if not known(values[3]):
+                return f"fix {name} ({values[3]}) may add to it"
+        return ""
+
+    def actions(self) -> list[Action]:
+        """The fixes that change forces, in LAMMPS' order.
+
+        Raises
+        ------
+        InputError
+            One whose vector is not plain numbers.
+        """
+        return [action(values) for values in self.fixes.values() if values[3] in _FOLLOWED]
+
+
+_FOLLOWED = ("gravity", "addforce", "setforce")
+_PAIR_WORDS = ("rheo", "artificial/visc", "rho/damp", "harmonic/means")
+# Fixes that leave forces alone, or do not act between an evaluation and a look.
+_NO_FORCE = (
+    *("rheo", "rheo/viscosity", "rheo/pressure", "rheo/thermal", "enforce2d", "add/heat"),
+    *("deposit", "evaporate", "print", "halt", "vector", "balance", "momentum", "recenter", "property/atom"),
+    *("ave/time", "ave/atom", "ave/chunk", "ave/histo", "ave/grid", "ave/correlate", "store/state", "store/force"),
+)
+_NO_HEAT = (*(style for style in _NO_FORCE if style != "add/heat"), *_FOLLOWED)
+
+
+def _weights(special: list[str]) -> tuple[list[float], list[float]]:
+    """Weights of lj and coul that special_bonds gives to pairs of bonded particles; 0 by default."""
+    lj, coulomb = [0.0] * 3, [0.0] * 3
+    for at, word in enumerate(special):
+        if word in ("lj", "coul", "lj/coul"):
+            weights = [float(w) for w in special[at + 1 : at + 4]]
+            lj = weights if word != "coul" else lj
+            coulomb = weights if word != "lj" else coulomb
+    return lj, coulomb
+
+
+# --- commands
+
+
+def _fail(words: Sequence[str], found: str) -> NoReturn:
+    raise InputError(f"{words[3] if words[0] == 'fix' else 'pair_style'}", "cannot be followed", found)
+
+
+def _number(text: str, words: Sequence[str]) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        _fail(words, text)
+
+
+def pair_rheo(words: Sequence[str]) -> PairRheo:
+    """Read pair_style rheo, alone or among the styles of a hybrid/overlay.
+
+    Raises
+    ------
+    InputError
+    """
+    if "rheo" not in words or words[0] not in ("rheo", "hybrid/overlay", "hybrid"):
+        raise InputError("pair_style", "must be rheo, or rheo and others", " ".join(words[:2]) or None)
+    at = words.index("rheo") + 1
+    numbers = {"artificial/visc": 0.0, "rho/damp": 0.0}
+    cut, rest, harmonic = _number(words[at], words), list(words[at + 1 :]), False
+    while rest and rest[0] in _PAIR_WORDS:
+        word = rest.pop(0)
+        if word == "harmonic/means":
+            harmonic = True
+        else:
+            numbers[word] = _number(rest.pop(0), words)
+    if words[0] == "rheo" and rest:
+        _fail(words, rest[0])
+    return PairRheo(cut, numbers["artificial/visc"], numbers["rho/damp"], harmonic)
+
+
+def viscosity(words: Sequence[str], ntypes: int) -> tuple[Viscosity, ...]:
+    """Read fix rheo/viscosity: groups of types, style and numbers.
+
+    Raises
+    ------
+    InputError
+    """
+    laws: dict[int, Viscosity] = {}
+    rest = list(words[4:])
+    while len(rest) >= 3:
+        types, style = rest.pop(0), rest.pop(0)
+        if style == "constant":
+            law = Viscosity("constant", _number(rest.pop(0), words))
+        elif style == "power" and len(rest) >= 4:
+            law = Viscosity("power", *(_number(rest.pop(0), words) for _ in range(4)))
+        else:
+            _fail(words, style)
+        laws |= dict.fromkeys(type_range(types, ntypes, "rheo/viscosity"), law)
+    if rest or len(laws) != ntypes:
+        _fail(words, " ".join(words[4:]))
+    return tuple(laws[t] for t in range(1, ntypes + 1))
+
+
+_THERMAL = {"conductivity": "conductivity", "specific/heat": "specific_heat", "Tfreeze": "T_freeze"}
+_THERMAL |= {"latent/heat": "latent_heat"}
+
+
+def thermal(words: Sequence[str], ntypes: int) -> tuple[Thermal, ...]:
+    """Read fix rheo/thermal: a keyword before groups of types, style and number.
+
+    Raises
+    ------
+    InputError
+    """
+    found: list[dict[str, float]] = [{} for _ in range(ntypes)]
+    rest, keyword = list(words[4:]), ""
+    while rest:
+        if rest[0] in _THERMAL:
+            keyword = _THERMAL[rest.pop(0)]
+        elif rest[0] == "react":
+            del rest[:3]  # bonds that form and break
+            keyword = ""
+            continue
+        if not keyword or len(rest) < 3 or rest[1] != "constant":
+            _fail(words, " ".join(rest[:3]))
+        types, _, value = (rest.pop(0) for _ in range(3))
+        for t in type_range(types, ntypes, "rheo/thermal"):
+            found[t - 1][keyword] = _number(value, words)
+    for values in found:
+        if not {"conductivity", "specific_heat"} <= values.keys():
+            _fail(words, "a type without conductivity or specific heat")
+    return tuple(Thermal(**values) for values in found)
+
+
+def action(words: Sequence[str]) -> Action:
+    """Read fix gravity, addforce or setforce with plain numbers.
+
+    Raises
+    ------
+    InputError
+    """
+    _, name, group, style, *rest = words
+    try:
+        if style != "gravity":
+            if len(rest) != 3:
+                raise ValueError
+            vector = tuple(None if style == "setforce" and word == "NULL" else float(word) for word in rest)
+            return Action(style, group, vector)
+        if len(rest) != 5 or rest[1] != "vector":
+            raise ValueError
+        size, *direction = (float(word) for word in (rest[0], *rest[2:]))
+        return Action(style, group, tuple(size * c / math.hypot(*direction) for c in direction))
+    except ValueError:
+        raise InputError(f"fix {name} ({style})", "cannot be followed", " ".join(rest)) from None

@@ -1,0 +1,173 @@
+"""The look at the fields of the particle model: what LAMMPS shows, and what the reference makes of the same state.
+
+Most fields are arrays of atoms; the others are shown by a compute of our own, evaluated at the look and by nobody
+else. LAMMPS evaluates a compute anew for every step and after every set-up, from what the forces have just used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.model import Box, Model, State
+from eos_ref.plain import Plain
+from eos_ref.rounded import error, value
+from lammps_cases.audit.deck import Action
+from lammps_cases.audit.fields import CHECKED, COLUMNS, PROPERTIES
+from lammps_cases.audit.seen import Explained, Seen, View, explain
+from lammps_cases.compare import Comparison, compare_field, excess
+from lammps_cases.ledger import LEDGER
+from lammps_cases.particles import derived, stage
+
+Array = npt.NDArray[Any]
+COMPUTE = "eosref_fields"
+MEMBERS = "eosref_in_"
+SOLID = 1
+ATOM_VARIABLE = 1  # extract_variable's LMP_VAR_ATOM
+
+
+class Reader:
+    """Reads fields from LAMMPS at a look; set up before a run.
+
+    Parameters
+    ----------
+    lmp : lammps
+    fields : sequence of str
+        Without pressure.
+    model : Model
+    actions : sequence of Action
+        Fixes that change forces; only asked for with ``f``.
+    mass_t : array or None
+        Mass per type, from index 1; None where every particle has its own.
+    engine : str
+        Version of the distribution, for the ledger.
+    """
+
+    def __init__(
+        self,
+        lmp: Any,
+        fields: Sequence[str],
+        model: Model,
+        actions: Sequence[Action],
+        mass_t: Array | None,
+        engine: str,
+    ) -> None:
+        self.lmp, self.model, self.mass_t = lmp, model, mass_t
+        self.fields = tuple(field for field in CHECKED if field in fields and field != "pressure")
+        self.actions = list(actions) if "f" in self.fields else []
+        self.listed = [entry for entry in LEDGER if entry.particles is not None and entry.listed(engine)]
+        self.last: Explained = {}
+        self.apart = 0  # most particles off the plane, and how far
+        self.height = 0.0
+        self.columns: dict[str, slice] = {}
+        end = 1
+        for field, rank in COLUMNS.items():
+            if field in self.fields:
+                self.columns[field] = slice(end, end := end + model.dimension**rank)
+        if self.columns:
+            # One column more, as LAMMPS stores a single one as a vector; it must be the pressure: a compute that shows
+            # stress/t without it ends in a segmentation fault (LAMMPS 22Jul2025).
+            names = ["pressure", *(name + "/*" * (COLUMNS[name] > 0) for name in self.columns)]
+            lmp.command(f"compute {COMPUTE} all rheo/property/atom {' '.join(names)}")
+        self.groups = {group: f"{MEMBERS}{k}" for k, group in enumerate(sorted({a.group for a in self.actions}))}
+        for group, name in self.groups.items():
+            lmp.command(f"variable {name} atom gmask({group})")
+
+    def look(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
+        """Compare all fields of the particles there are; ``setup`` on the set-up of a run."""
+        n = len(tag_n)
+        view = self._view(n, x_nc, setup)
+        shown = self._shown(n)
+        seen = Seen(view, self.fields)
+        found = {}
+        for field in self.fields:
+            known_n = seen.known(field)
+            if known_n.any():
+                found[field] = _compare(field, tag_n, shown[field], seen.output(field), known_n)
+        self._explain(view, shown, seen, found)
+        return found
+
+    def _explain(self, view: View, shown: Mapping[str, Array], seen: Seen, found: Mapping[str, Comparison]) -> None:
+        before = frozenset(field for field, comparison in found.items() if comparison.record.verdict == "differs")
+        if not before:
+            return
+
+        def outside(stages: type[Plain], undefined: bool) -> frozenset[str]:
+            by = Seen(view, self.fields, stages)
+            return frozenset(
+                field for field in found if not _inside(shown[field], by.output(field), seen.known(field), undefined)
+            )
+
+        explained = explain(view, shown, self.listed, before, outside, self.last)
+        self.last = self.last | explained
+        for field, entries in explained.items():
+            found[field].record.verdict = "explained"
+            found[field].record.explained_by = ", ".join(entry.id for entry in entries)
+
+    def _view(self, n: int, x_nc: Array, setup: bool) -> View:
+        atoms, model = self.lmp.numpy, self.model
+        d, fix = model.dimension, model.fix
+        type_n = atoms.extract_atom("type")[:n].copy()
+        state = State(
+            x_nc=x_nc[:n, :d].copy(),
+            v_nc=atoms.extract_atom("v")[:n, :d].copy(),
+            rho_n=atoms.extract_atom("rho")[:n].copy(),
+            type_n=type_n,
+            solid_n=atoms.extract_atom("rheo_status")[:n] & SOLID != 0,
+            energy_n=atoms.extract_atom("esph")[:n].copy() if model.thermal is not None else None,
+        )
+        mass_n = atoms.extract_atom("rmass")[:n].copy() if self.mass_t is None else self.mass_t[type_n]
+        low, high, *_, periodic, _ = self.lmp.extract_box()
+        box = Box(tuple(low[:d]), tuple(high[:d]), tuple(bool(flag) for flag in periodic[:d]))
+        acts = {g: atoms.extract_variable(name, "all", ATOM_VARIABLE)[:n] != 0 for g, name in self.groups.items()}
+        actions = [(action, acts[action.group]) for action in self.actions]
+        summed = setup and fix.rho_sum and fix.interface_reconstruct
+        return View(model, box, state, mass_n, actions, summed, self._apart(x_nc[:n]) if d == 2 else None)
+
+    def _apart(self, x_nc: Array) -> Array:
+        """Particles off the plane in 2D, where LAMMPS takes distances in space."""
+        height_n = np.abs(x_nc[:, 2] - np.median(x_nc[:, 2]))
+        apart_n = height_n > 0
+        self.apart = max(self.apart, int(apart_n.sum()))
+        self.height = max(self.height, float(height_n.max(initial=0.0)))
+        return apart_n
+
+    def _shown(self, n: int) -> dict[str, Array]:
+        d = self.model.dimension
+        shown: dict[str, Array] = {}
+        for field, name in PROPERTIES.items():
+            if field in self.fields:
+                shown[field] = self.lmp.numpy.extract_atom(name)[:n].copy()
+        if "f" in shown:
+            shown["f"] = shown["f"][:, :d]
+        if self.columns:
+            table = self.lmp.numpy.extract_compute(COMPUTE, 1, 2)[:n].copy()
+            for field, columns in self.columns.items():
+                shown[field] = table[:, columns].reshape(n, *(d,) * COLUMNS[field])
+        return shown
+
+
+def drop(lmp: Any) -> None:
+    """Take the compute away; it holds on to the fixes that were there when the run began."""
+    if lmp.has_id("compute", COMPUTE):
+        lmp.command(f"uncompute {COMPUTE}")
+
+
+def _compare(field: str, id_n: Array, lammps_n: Array, reference: Any, known_n: Array) -> Comparison:
+    reference_n, bound_n = np.asarray(value(reference), float), error(reference)
+    a, b, bound = (np.asarray(side, float)[known_n] for side in (lammps_n, reference_n, bound_n))
+    return compare_field(field, stage(field), id_n[known_n], a, b, bound, derivation=derived(0))
+
+
+def _inside(lammps_n: Array, reference: Any, known_n: Array, undefined: bool) -> bool:
+    reference_n, bound_n = np.asarray(value(reference), float)[known_n], error(reference)[known_n]
+    lammps_n = np.asarray(lammps_n, float)[known_n]
+    if undefined:
+        some = np.isfinite(bound_n)
+        lammps_n, reference_n, bound_n = lammps_n[some], reference_n[some], bound_n[some]
+        if not some.any():
+            return False
+    return bool(np.all(excess(lammps_n, reference_n, bound_n)[1] <= 1))

@@ -9,6 +9,7 @@ import platform
 import shutil
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -101,6 +102,7 @@ def run_cases(
         )
         run.strict, run.shard = strict, part
         run.cases = sorted(records, key=lambda record: record.case)
+        run.notes = gone(run.cases)
         run.seconds = round(time.perf_counter() - begin, 3)
         write_run(run.counted(), folder)
     return run
@@ -140,6 +142,16 @@ def _judged(
     record = blank_record(ready.case, ready.eos, ready.atoms, engine)
     record.verdict, record.message = "error", f"judging failed: {found.message}"
     return record, {}
+
+
+def gone(cases: Sequence[CaseRecord]) -> list[str]:
+    """A sentence for every finding that some cases would show, and none of the run does."""
+    seen = {entry for case in cases for field in case.fields for entry in (field.explained_by or "").split(", ")}
+    unseen = Counter(entry for case in cases for entry in case.unseen if entry not in seen)
+    return [
+        f"this engine no longer shows {entry} ({count} case{'s' * (count > 1)} would): take it off the ledger's list"
+        for entry, count in sorted(unseen.items())
+    ]
 
 
 def _last(case: Case) -> int:
@@ -280,6 +292,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         merged.strict |= run.strict
     _check_shards([run.shard for run in runs])
     merged.shard = ""
+    merged.notes = gone(merged.cases)
     merged.cases.sort(key=lambda record: record.case)
     for case, following in itertools.pairwise(merged.cases):
         if case.case == following.case:

@@ -163,7 +163,7 @@ def ledger_command(as_json: bool) -> int:
                 "severity": entry.severity,
                 "engines": list(entry.engines),
                 "cases": list(entry.cases),
-                "variant": entry.variant.__name__ if entry.variant else entry.outcome,
+                "variant": entry.named_variant,
             }
             for entry in LEDGER
         ]
@@ -173,5 +173,7 @@ def ledger_command(as_json: bool) -> int:
         click.secho(f"{entry.id} ({entry.severity}): {entry.title}", bold=True)
         for key in ("documented", "observed", "argument", "workaround"):
             click.echo(f"  {key}: {getattr(entry, key)}")
+        if entry.scene:
+            click.echo(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}")
         click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {', '.join(entry.cases)}")
     return 0

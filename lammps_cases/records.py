@@ -164,6 +164,7 @@ class RunRecord(_Record):
     command: str = ""
     strict: bool = False
     shard: str = Field("", description="i/n, if this is a part of a run")
+    notes: list[str] = Field([], description="what concerns the run as a whole: findings that the engine no longer has")
     cases: list[CaseRecord] = []
     summary: dict[str, int] = {}
     seconds: float = 0.0

@@ -49,6 +49,12 @@ class Entry:
     outcome: Verdict | None = None
     outcome_text: str = ""
 
+    @property
+    def named_variant(self) -> str:
+        """What reproduces or predicts it: a variant's name, or the outcome of a run."""
+        part = self.variant or (self.particles and (self.particles.stages or self.particles.stepping))
+        return part.__name__ if part else (self.outcome or "")
+
     def covers(self, case: str, engine: str) -> bool:
         """Whether the entry speaks of a case on an engine, given by its distribution's version.
 

@@ -36,6 +36,38 @@ ENTRIES: tuple[Entry, ...] = (
         outcome_text="SIGSEGV",
     ),
     Entry(
+        id="self-mass-missing",
+        title="The keyword self/mass does not exist",
+        severity="medium",
+        documented="fix rheo, syntax: rho/sum takes the optional argument self/mass, with which a particle uses its own "
+        "mass in the summation; an example has it too.",
+        observed="'rho/sum self/mass' is refused: 'Illegal fix rheo command: self/mass'. No order of the words, nor the "
+        "spelling rhosum of the manual's example, is accepted.",
+        argument="Two fluids of different particle masses need it: with sum m_j W_ij the density of a particle of mass "
+        "1.5 beside one of mass 0.7 comes out at 0.903 where its own mass gives 0.954, an error of 5 % that the "
+        "equation of state multiplies by c^2.",
+        workaround="Equal masses of all types, or densities by continuity.",
+        cases=("undocumented.self-mass",),
+        engines=ALL,
+        outcome="refused",
+        outcome_text="Illegal fix rheo command: self/mass",
+    ),
+    Entry(
+        id="reconstruct-refuses-cubic",
+        title="interface/reconstruct refuses the cubic law, even for the fluid alone",
+        severity="low",
+        documented="fix rheo and fix rheo/pressure: no law is excluded from interface/reconstruct.",
+        observed="If any type has the style cubic, a run with interface/reconstruct ends with 'RHEO interface "
+        "reconstruction incompatible with pressure equation of state'.",
+        argument="The reconstruction needs the inverse of the solid's law only; for A3 > 0 the cubic is monotone and has "
+        "one. A fluid with a cubic law over linear walls needs no inverse of it at all.",
+        workaround="tait/general with an exponent of the same curvature, or linear.",
+        cases=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
+        engines=ALL,
+        outcome="refused",
+        outcome_text="incompatible with pressure equation of state",
+    ),
+    Entry(
         id="double-star-abort",
         title="A type range of two stars aborts the process",
         severity="low",

@@ -24,20 +24,35 @@ from numba.extending import intrinsic, overload
 from eos_ref import elementary, laws
 from eos_ref.cache import cache_folder
 
+SOURCES = ("compiled.py", "elementary.py", "laws.py")
 
-def _cache_directory() -> Path:
+
+def _cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:
     # numba notices changes of the file that holds a loop, but not of the law it calls: key the cache by both.
     digest = hashlib.sha256()
-    for name in ("compiled.py", "elementary.py", "laws.py"):
+    for name in sources:
         digest.update(Path(__file__).with_name(name).read_bytes())
     return cache_folder(f"numba/{digest.hexdigest()[:16]}")
 
 
-_users_cache = numba.config.CACHE_DIR
-numba.config.CACHE_DIR = str(_cache_directory())
-_jit = numba.njit(cache=True, error_model="numpy")
+def cached(*sources: str) -> Any:
+    """Decorator of a compiled loop kept on disk until one of these files, or of `SOURCES`, changes."""
+    folder = str(_cache_directory((*SOURCES, *sources)))
+
+    def decorate(loop: Any) -> Any:
+        # Other packages' functions stay where they were: the setting is read when a loop is decorated.
+        users, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
+        try:
+            return numba.njit(cache=True, error_model="numpy")(loop)
+        finally:
+            numba.config.CACHE_DIR = users
+
+    return decorate
+
+
+_jit = cached()
 # LLVM does not inline a body as long as a power of its own accord, and a loop with a call in it stays scalar.
-_inline = numba.njit(error_model="numpy", forceinline=True)
+inline = numba.njit(error_model="numpy", forceinline=True)
 
 LINEAR, CUBIC, TAIT_WATER, TAIT_GENERAL, IDEAL_GAS = range(5)
 BLOCK = 2048  # particles handled at a time: all arrays of a block fit the first-level cache
@@ -88,7 +103,7 @@ _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9, _L10 = (1 / (2 * k + 1) for k in ra
 _E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1 / math.factorial(k) for k in range(2, 14))
 
 
-@_inline
+@inline
 def _log_ratio(a: float, b: float) -> float:
     """ln(a/b) for ratios within 2**-1000 to 2**1000, relative error below 2 eps.
 
@@ -108,7 +123,7 @@ def _log_ratio(a: float, b: float) -> float:
     return _fma(k, _LN2_HIGH, t + _fma(t * z, series, k * _LN2_LOW))  # type: ignore[no-any-return]
 
 
-@_inline
+@inline
 def _expm1(y: float) -> float:
     """exp(y) - 1, relative error below 2 eps; infinite above 709.8, NaN stays NaN."""
     y = 710.0 if y > 710.0 else y
@@ -131,6 +146,30 @@ def _expm1(y: float) -> float:
 def _powm1(rho: Any, rho0: Any, gamma: Any) -> Any:
     def code(rho: Any, rho0: Any, gamma: Any) -> Any:
         return _expm1(gamma * _log_ratio(float(rho), float(rho0)))
+
+    return code
+
+
+@overload(elementary.maximum)
+def _maximum(a: Any, b: Any) -> Any:
+    def code(a: Any, b: Any) -> Any:
+        return a if (a >= b) | (a != a) else b  # as in numpy, either's NaN is the result
+
+    return code
+
+
+@overload(elementary.minimum)
+def _minimum(a: Any, b: Any) -> Any:
+    def code(a: Any, b: Any) -> Any:
+        return a if (a <= b) | (a != a) else b
+
+    return code
+
+
+@overload(elementary.where)
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    def code(condition: Any, a: Any, b: Any) -> Any:
+        return a if condition else b
 
     return code
 
@@ -158,7 +197,7 @@ for _name in ("asin", "asinh", "exp", "log1p", "sin", "sinh", "sqrt"):
     _register(_name)
 
 _linear, _cubic, _water, _general, _ideal = (
-    _inline(law) for law in (laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas)
+    inline(law) for law in (laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas)
 )
 
 
@@ -170,7 +209,7 @@ def power_range(rho0: float) -> tuple[float, float]:
     return max(rho0 * 2.0**-1000, 2.0**-1074), min(rho0 * 2.0**1000, 2.0**1023)
 
 
-_power_range = _inline(power_range)
+_power_range = inline(power_range)
 
 
 @_jit
@@ -271,6 +310,3 @@ def pressure_of_one_type(
         e_b = e_n[start:stop] if e_n.size else e_n
         outside += _one_type(style, rho_n[start:stop], e_b, rho0, cs, parameter, background, out_n[start:stop])
     return outside
-
-
-numba.config.CACHE_DIR = _users_cache  # other packages' functions stay where they were

@@ -69,6 +69,8 @@ class Viscosity:
         for name in ("eta", "gd0", "K"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} of rheo/viscosity", "must not be negative", getattr(self, name))
+        if self.style not in ("constant", "power"):
+            raise InputError("style of rheo/viscosity", "must be constant or power", self.style)
         if self.style == "power" and self.gd0 == 0:
             raise InputError("gd0 of rheo/viscosity", "must be positive for power", self.gd0)
 
@@ -89,6 +91,8 @@ class Thermal:
             raise InputError("specific/heat", "must be positive", self.specific_heat)
         if not (math.isfinite(self.latent_heat) and self.latent_heat >= 0):
             raise InputError("latent/heat", "must be finite and not negative", self.latent_heat)
+        if self.T_freeze is not None and not math.isfinite(self.T_freeze):
+            raise InputError("Tfreeze", "must be a finite number", self.T_freeze)
         if self.latent_heat and self.T_freeze is None:
             raise InputError("latent/heat", "needs a freezing temperature (Tfreeze)")
 
@@ -119,6 +123,15 @@ class Force:
     style: Literal["gravity", "addforce", "setforce"]
     vector: tuple[float | None, ...]
     types: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.style not in ("gravity", "addforce", "setforce"):
+            raise InputError("force", "must be one of gravity, addforce, setforce", self.style)
+        for component in self.vector:
+            if component is None and self.style != "setforce":
+                raise InputError(self.style, "needs a number for every axis (None is for setforce)", self.vector)
+            if component is not None and not math.isfinite(component):
+                raise InputError(self.style, "needs finite components", component)
 
     def acts_on(self, type_n: IntArray) -> BoolArray:
         """Which particles it acts on."""
@@ -167,6 +180,8 @@ class Model:
         for mass in self.mass_t:
             if not (math.isfinite(mass) and mass > 0):
                 raise InputError("mass", "must be positive", mass)
+        if self.fix.kernel not in ORDER:
+            raise InputError("kernel", f"must be one of {', '.join(ORDER)}", self.fix.kernel)
         if not (math.isfinite(self.fix.cut) and self.fix.cut > 0):
             raise InputError("cut", "must be positive", self.fix.cut)
         if self.pair.cut != self.fix.cut:
@@ -184,12 +199,18 @@ class Model:
         for what, values_t in (("density", self.fix.rho0), ("speed/sound", self.fix.cs)):
             if values_t is not None and len(values_t) != n:
                 raise InputError(what, f"needs one value per atom type ({n})", len(values_t))
+            for number in values_t or ():
+                if not (math.isfinite(number) and number > 0):
+                    raise InputError(what, "must be positive", number)
         if self.fix.shift:
             for types in self.fix.shift.exclude_types:
                 type_range(types, n, "exclude/type")
         for force in self.forces:
             if len(force.vector) != self.dimension:
                 raise InputError(force.style, f"needs {self.dimension} components", len(force.vector))
+            for t in force.types or ():
+                if not 1 <= t <= n:
+                    raise InputError(f"types of {force.style}", f"must lie within 1 to {n}", t)
 
     @property
     def cut(self) -> float:
@@ -327,6 +348,9 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
         finite = np.isfinite(np.asarray(values, float)).reshape(n, -1).all(axis=1)
         if not finite.all():
             raise InputError(what, f"must be finite, but is not for particle {int(np.argmin(finite)) + 1}", where=where)
+    for what, values, kinds in (("type", state.type_n, "iu"), ("solid", state.solid_n, "b")):
+        if values.dtype.kind not in kinds:
+            raise InputError(what, "must be whole numbers" if what == "type" else "must be flags", str(values.dtype), where)
     if state.type_n.min() < 1 or state.type_n.max() > len(model.mass_t):
         found = int(state.type_n.min() if state.type_n.min() < 1 else state.type_n.max())
         raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", found, where)
@@ -340,7 +364,8 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     if outside.any():
         k = int(np.argmax(outside))
         raise InputError("position", f"of particle {k + 1} must lie in the box", tuple(state.x_nc[k].tolist()), where)
-    unique, first = np.unique(state.x_nc, axis=0, return_index=True)
+    wrapped_nc = np.where(np.array(box.periodic) & (state.x_nc == high_c), low_c, state.x_nc)  # one spot, two names
+    unique, first = np.unique(wrapped_nc, axis=0, return_index=True)
     if len(unique) < n:
         k = int(np.setdiff1d(np.arange(n), first)[0])
         raise InputError(

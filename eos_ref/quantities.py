@@ -135,6 +135,8 @@ def required(model: Model, wanted: Iterable[str]) -> tuple[str, ...]:
         if absent.get(name):
             raise InputError("field", "is not part of this model (see the keywords of fix rheo)", field)
         ahead.append(name)
+        if field == "rho" and model.fix.interface_reconstruct:
+            ahead.append("chi")  # the density read is the one that the walls have got
     while ahead:
         name = ahead.pop()
         if name not in found:

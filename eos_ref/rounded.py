@@ -135,11 +135,14 @@ class Rounded:
         return Rounded(x, slope * self.error + (2 + np.abs(power)) * ROUNDING * np.abs(x) + TINY)
 
     def sqrt(self) -> Rounded:
-        """Square root; the error is that of the interval, which near 0 is far larger than a slope says."""
+        r"""Square root; the error is that of the interval, which near 0 is far larger than a slope says.
+
+        :math:`|\sqrt a-\sqrt b| = |a-b|/(\sqrt a+\sqrt b) \le \sqrt{|a-b|}`; the latter counts at 0.
+        """
         low = np.sqrt(np.maximum(self.value - self.error, 0.0))
         x = np.sqrt(self.value)
         with np.errstate(invalid="ignore", divide="ignore"):
-            spread = np.where(self.error > 0, self.error / (x + low), 0.0)
+            spread = np.where(self.error > 0, np.fmin(self.error / (x + low), np.sqrt(self.error)), 0.0)
         return self._rounded(x, spread)
 
     def maximum(self, other: Any) -> Rounded:

@@ -81,12 +81,7 @@ class Simulation:
         if "pairs" in plan:
             e.move(s.x_nc)
             self.fields["coordination"] = e.coordination_n
-        if "rho" in plan and self.model.fix.rho_sum:
-            s.rho_n = e.density_sum()
-        if "correction" in plan:
-            e.correct(s.rho_n)
-        if "chi" in plan:
-            self.reconstruct()
+        self._densities()
         want = [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]
         if want:
             self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, None, want)
@@ -96,6 +91,15 @@ class Simulation:
         if "f" in plan or "heatflow" in plan or "drho" in plan:
             self._forces()
         return self.fields
+
+    def _densities(self) -> None:
+        s, e, plan = self.state, self.evaluator, self.plan
+        if "rho" in plan and self.model.fix.rho_sum:
+            s.rho_n = e.density_sum()
+        if "correction" in plan:
+            e.correct(s.rho_n)
+        if "chi" in plan:
+            self.reconstruct()
 
     def reconstruct(self) -> None:
         """Same-phase fraction and densities of walls, from the accelerations kept."""

@@ -1,0 +1,156 @@
+"""Compiled gradients of the reproducing kernels RK1 and RK2 for `eos_ref.fast`.
+
+A moment matrix has few different entries: the moments of all monomials up to twice the order are summed instead, and
+each matrix is put together from them.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from eos_ref import kernels, loops
+from eos_ref.compiled import cached, inline
+from eos_ref.loops import Pairs
+from eos_ref.vectors import add_to, graded, matrix_times, mirrored, monomials, outer, plus, put, row, scaled
+
+_jit = cached(*loops.SOURCES, "corrections.py")
+
+
+class Basis:
+    """The basis of a reproducing kernel, read off `kernels.basis`: which monomials, and with which factors.
+
+    Attributes
+    ----------
+    factor_b : (b,) basis function b is ``factor_b[b]`` times a monomial
+    place_b : (b,) which one, in the order of `eos_ref.vectors.graded`
+    index_bb : (b, b) the monomial that is the product of two
+    moments : int
+        Number of monomials up to twice the order.
+    """
+
+    def __init__(self, order: int, dimension: int) -> None:
+        functions = kernels.basis(order, [_Monomial(1.0, (a,)) for a in range(dimension)])
+        place = {axes: k for k, axes in enumerate(graded(dimension, 2 * order))}
+        self.factor_b = np.array([f.factor for f in functions])
+        self.place_b = np.array([place[f.axes] for f in functions])
+        self.index_bb = np.array([[place[(f * g).axes] for g in functions] for f in functions])
+        self.moments = len(place)
+
+
+class _Monomial:
+    """A number times a product of coordinates."""
+
+    def __init__(self, factor: float, axes: tuple[int, ...]) -> None:
+        self.factor, self.axes = factor, axes
+
+    def __mul__(self, other: Any) -> _Monomial:
+        if isinstance(other, _Monomial):
+            return _Monomial(self.factor * other.factor, tuple(sorted(self.axes + other.axes)))
+        return _Monomial(self.factor * other, self.axes)
+
+    __rmul__ = __mul__
+
+    def __radd__(self, number: float) -> _Monomial:
+        assert self.factor == 0, "a basis function is one monomial"
+        return _Monomial(number, ())
+
+
+@_jit
+def moments(pairs: Pairs, volume_n: Any, cut: float, like: Any, like_m: Any, out_nm: Any) -> None:
+    """Add sum_j V_j W_ij times the monomials of x_ij/cut."""
+    for i in range(volume_n.size):
+        total = scaled(0.0, like_m)
+        for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
+            j, w = pairs.j_p[p], pairs.w_p[p]
+            u = scaled(1 / cut, row(pairs.x_pc, p, like))
+            m = monomials(u, like_m)
+            total = plus(total, scaled(volume_n[j] * w, m))
+            add_to(out_nm, j, scaled(volume_n[i] * w, mirrored(m, u)))
+        add_to(out_nm, i, total)
+
+
+@_jit
+def coefficients(
+    moment_nm: Any, index_bb: Any, place_b: Any, factor_b: Any, scale: float, corrected_n: Any, out_nf: Any
+) -> None:
+    """Columns 1 to d of the inverse moment matrices, as coefficients of monomials; fewer ``corrected_n`` may remain.
+
+    Entry a, b of a matrix is factor_a factor_b times moment index_bb[a, b]; basis function b is factor_b times
+    monomial place_b[b].
+    """
+    size = factor_b.size
+    lower = np.empty((size, size))
+    y = np.empty(size)
+    for i in range(corrected_n.size):
+        if corrected_n[i]:
+            for a in range(size):
+                for b in range(a + 1):
+                    lower[a, b] = factor_b[a] * factor_b[b] * moment_nm[i, index_bb[a, b]]
+            corrected_n[i] = _factorise(lower)
+        if corrected_n[i]:
+            for axis in range(out_nf.shape[1] // size):
+                _solve_unit(lower, 1 + axis, y)
+                for b in range(size):
+                    out_nf[i, axis * size + place_b[b]] = scale * factor_b[b] * y[b]
+
+
+@inline
+def _factorise(lower: Any) -> bool:
+    """Cholesky's factor in place; False if there is none."""
+    size = lower.shape[0]
+    for a in range(size):
+        for b in range(a + 1):
+            rest = lower[a, b]
+            for k in range(b):
+                rest -= lower[a, k] * lower[b, k]
+            if a != b:
+                lower[a, b] = rest / lower[b, b]
+            elif rest > 0:
+                lower[a, a] = math.sqrt(rest)
+            else:
+                return False
+    return True
+
+
+@inline
+def _solve_unit(lower: Any, unit: int, y: Any) -> None:
+    """Solve for the unit vector of one row; its forward substitution begins at that row."""
+    size = lower.shape[0]
+    for a in range(size):
+        rest = 1.0 if a == unit else 0.0
+        for k in range(unit, a):
+            rest -= lower[a, k] * y[k]
+        y[a] = rest / lower[a, a]
+    for a in range(size - 1, -1, -1):
+        rest = y[a]
+        for k in range(a + 1, size):
+            rest -= lower[k, a] * y[k]
+        y[a] = rest / lower[a, a]
+
+
+@_jit
+def corrected_gradients(
+    pairs: Pairs, coefficient_nf: Any, corrected_n: Any, cut: float, like: Any, like_b: Any, gi_pc: Any, gj_pc: Any
+) -> None:
+    """Corrected gradients of both sides of every pair; a side without coefficients has the plain one."""
+    like_f = outer(like, like_b)
+    for i in range(corrected_n.size):
+        c_i = row(coefficient_nf, i, like_f)
+        for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
+            j, w = pairs.j_p[p], pairs.w_p[p]
+            x = row(pairs.x_pc, p, like)
+            u = scaled(1 / cut, x)
+            m = monomials(u, like_b)
+            g_i = scaled(pairs.slope_p[p], x)
+            g_j = scaled(-1.0, g_i)
+            if corrected_n[i]:
+                g_i = scaled(w, matrix_times(c_i, m))
+            if corrected_n[j]:
+                g_j = scaled(w, matrix_times(row(coefficient_nf, j, like_f), mirrored(m, u)))
+            put(gi_pc, p, g_i)
+            put(gj_pc, p, g_j)

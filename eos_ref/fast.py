@@ -1,0 +1,294 @@
+r"""The particle model, compiled: the stages of `eos_ref.plain`, each pair taken once and its kernel evaluated once.
+
+What is shared by all sums of a force evaluation is stored per pair: displacement, :math:`W`, :math:`W'/r`, and the
+gradients of a reproducing kernel. The sums themselves are in
+`eos_ref.loops`, `eos_ref.corrections` and `eos_ref.forces`. Sources are named in `eos_ref.plain`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from eos_ref import corrections, forces, interactions, kernels, loops
+from eos_ref.eos import FloatArray
+from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
+from eos_ref.neighbours import Neighbours
+from eos_ref.plain import Plain
+
+SKIN = 0.1  # of the cutoff
+
+
+class Fast(Plain):
+    """Compiled evaluator, with the interface of `Plain`; float64 only.
+
+    Parameters
+    ----------
+    model : Model
+    box : Box
+    type_n : (n,) types, 1 to N
+    solid_n : (n,) whether a particle is solid; may be set anew when phases change
+    skin : float, optional
+        How far beyond the cutoff pairs are listed: the list lasts until a particle has moved by half of it.
+
+    Notes
+    -----
+    Results have the same bits on every run. They do not depend on the age of the neighbour list, but on the order of
+    summation, and so on the positions that came first where those were without spatial order.
+    """
+
+    def __init__(self, model: Model, box: Box, type_n: IntArray, solid_n: BoolArray, skin: float | None = None) -> None:
+        super().__init__(model, box, type_n, solid_n)
+        d = model.dimension
+        self.like = (0.0,) * d
+        self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if skin is None else skin)
+        self.edge = tuple(edge if p else 0.0 for edge, p in zip(box.edge_c, box.periodic, strict=True))
+        self.reach = _least_square(model.cut)
+        self.basis = corrections.Basis(model.order, d) if model.corrects_gradients else None
+        self.pairs: Any = None  # of `loops.Pairs`
+        self._buffers: dict[str, Any] = {}
+
+    # --- internal order
+
+    def _in(self, array_n: Any) -> Any:
+        """A caller's array in internal order."""
+        array_n = np.ascontiguousarray(array_n)
+        if array_n.dtype not in (np.float64, np.bool_):
+            array_n = array_n.astype(np.float64 if array_n.dtype.kind == "f" else np.int64)
+        order_n = self.neighbours.order_n
+        return array_n if order_n is None else np.take(array_n, order_n, axis=0)
+
+    def _out(self, array_n: Any) -> Any:
+        """An array in internal order as the caller has it."""
+        order_n = self.neighbours.order_n
+        if order_n is None:
+            return array_n
+        found_n = np.empty_like(array_n)
+        found_n[order_n] = array_n
+        return found_n
+
+    def _buffer(self, name: str, width: int = 0, dtype: Any = np.float64) -> Any:
+        """Room for what is kept of every listed pair, for as long as the list lasts."""
+        if name not in self._buffers:
+            # Pages of pairs that turn out to be too far are never touched, so that they take no memory.
+            size = len(self.neighbours.j_p)
+            self._buffers[name] = np.empty((size, width) if width else size, dtype)
+        return self._buffers[name]
+
+    def _volume_among_solids(self, rho_n: Any) -> Any:
+        """Volume of a particle for one of its phase if that is solid; see `Plain.density_pair`."""
+        return self.mass_n / (self.rho0_n if self.walls else rho_n)
+
+    # --- stages, in the order of an evaluation
+
+    def move(self, x_nc: Any) -> None:
+        """Take new positions; see `Plain.move`. Any periodic image will do."""
+        x_nc = np.ascontiguousarray(x_nc, float)
+        model, near, d = self.model, self.neighbours, self.model.dimension
+        if not near.holds(x_nc):
+            self.pairs = None  # memory for a new list
+            self._buffers.clear()
+            near.build(x_nc)
+        j_p, x_pc = self._buffer("j", dtype=np.uint32), self._buffer("x", d)
+        start_n = np.empty(self.n + 1, np.uint64)
+        self.pairs = loops.Pairs(start_n, j_p, x_pc, self._buffer("w"), self._buffer("slope"), None, None)
+        sigma = kernels.normalisation(d, model.cut)
+        count_n = np.zeros(self.n, np.int64)
+        lists = near.start_n.view(np.uint64), near.j_p, near.image_pc
+        loops.geometry(self._in(x_nc), *lists, self.edge, self.reach, model.h, sigma, self.pairs, count_n)
+        self._count_n = count_n
+        self.coordination_n = self._out(count_n)
+        self.corrected_n = np.zeros(self.n, bool)
+
+    def density_sum(self) -> FloatArray:
+        """Density by summation; see `Plain.density_sum`."""
+        sum_n = np.zeros(self.n)
+        w0 = kernels.self_value(self.model.dimension, self.model.cut)
+        if self.model.fix.self_mass:
+            loops.kernel_sum(self.pairs, np.ones(self.n), sum_n)
+            return np.asarray(self.mass_n * (w0 + self._out(sum_n)))
+        loops.kernel_sum(self.pairs, self._in(self.mass_n), sum_n)
+        return np.asarray(self.mass_n * w0 + self._out(sum_n))
+
+    def correct(self, rho_n: Any) -> None:
+        """Gradients of the reproducing kernels; see `Plain.correct`."""
+        basis, model = self.basis, self.model
+        if basis is None:
+            return
+        d = model.dimension
+        like_m, like_b = (0.0,) * basis.moments, (0.0,) * len(basis.factor_b)
+        moment_nm = np.zeros((self.n, basis.moments))
+        corrections.moments(self.pairs, self._in(self.volume_of_wall(rho_n)), model.cut, self.like, like_m, moment_nm)
+        corrected_n = self._count_n >= model.fix.zmin
+        coefficient_nf = np.zeros((self.n, d * len(like_b)))
+        tables = basis.index_bb, basis.place_b, basis.factor_b
+        corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, coefficient_nf)
+        sides = self._buffer("gi", d), self._buffer("gj", d)
+        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+        corrections.corrected_gradients(plain, coefficient_nf, corrected_n, model.cut, self.like, like_b, *sides)
+        self.pairs = plain._replace(gi_pc=sides[0], gj_pc=sides[1])
+        self.corrected_n = self._out(corrected_n)
+
+    def interface(self, rho_n: Any, acceleration_nc: Any, energy_n: Any = None) -> tuple[FloatArray, FloatArray]:
+        """Same-phase fraction, and densities with those of solids; see `Plain.interface`."""
+        all_n, same_n, wall_nf = np.zeros(self.n), np.zeros(self.n), np.zeros((self.n, 2))
+        inputs = (self.solid_n, self.pressure(rho_n, energy_n), rho_n, acceleration_nc)
+        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+        loops.wall_sums(plain, *map(self._in, inputs), self.like, all_n, same_n, wall_nf)
+        all_n, same_n, wall_nf = map(self._out, (all_n, same_n, wall_nf))
+        chi_n = np.divide(same_n, all_n, out=np.zeros(self.n), where=self.coordination_n > 0)
+        found_n = np.where(self.solid_n, self.rho0_n, rho_n)
+        for t, law in enumerate(self.model.eos, 1):
+            at = np.flatnonzero(self.solid_n & (self.type_n == t) & (wall_nf[:, 0] > 0))
+            p_n = wall_nf[at, 1] / wall_nf[at, 0]
+            e_n = None if energy_n is None else energy_n[at] / self.mass_n[at]
+            wall_n = np.asarray(law.density(p_n, e_n))
+            torn = np.isnan(wall_n) & (p_n < law.background)  # no density: below the pressure of vacuum
+            found_n[at] = np.maximum(np.where(torn, 0.0, wall_n), self.rho0_n[at] / 10)
+        return chi_n, found_n
+
+    def gradients(
+        self,
+        chi_n: Any = None,
+        v_nc: Any = None,
+        rho_n: Any = None,
+        energy_n: Any = None,
+        viscosity_n: Any = None,
+        want: Sequence[str] = ("v", "rho"),
+    ) -> Gradients:
+        """Gradients of the fields wanted, in one pass; see `Plain.gradients`."""
+        found, d = Gradients(), self.model.dimension
+        scalars = {"rho": self.apparent_density(rho_n), "energy": energy_n, "viscosity": viscosity_n}
+        names = [name for name in scalars if name in want]
+        velocity = [v_nc[:, a] for a in range(d)] if "v" in want else []
+        if not velocity and not names:
+            return found
+        field_nf = np.column_stack([*velocity, *(scalars[name] for name in names)])
+        rest_nf = np.column_stack([*velocity, *({**scalars, "rho": self.rho0_n}[name] for name in names)])
+        slips = (1.0,) * len(velocity) + (0.0,) * len(names)
+        sum_nf = np.zeros((self.n, len(slips) * d))
+        volume, rest_volume = self.mass_n / scalars["rho"], self.mass_n / self.rho0_n
+        loops.gradients(
+            self.pairs,
+            *map(self._in, (volume, field_nf, rest_volume, rest_nf, self.solid_n)),
+            self._in(chi_n) if self.walls else None,
+            self.model.cut,
+            slips,
+            self.like,
+            sum_nf,
+        )
+        sum_nf = self._out(sum_nf)
+        if velocity:
+            found.v_ncc = sum_nf[:, : d * d].reshape(self.n, d, d)
+        for k, name in enumerate(names, len(velocity)):
+            setattr(found, f"{name}_nc", sum_nf[:, k * d : (k + 1) * d])
+        return found
+
+    def shift(self, v_nc: Any, rho_n: Any) -> FloatArray:
+        """Shifting velocity; see `Plain.shift`."""
+        model, shift = self.model, self.model.fix.shift
+        volume_n = self._in(self.volume_of_wall(rho_n))
+        w_h = kernels.normalisation(model.dimension, model.cut) * float(kernels.quintic(1.0))
+        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+        sum_nc = np.zeros((self.n, model.dimension))
+        loops.shift_sums(plain, volume_n, w_h, self.like, sum_nc)
+        moves = ~self.solid_n & model.shifted_t[self.type_n - 1]
+        speed_n = np.sqrt(np.square(v_nc).sum(axis=1))
+        shift_nc: FloatArray = np.where(moves, -2 * model.h * speed_n, 0.0)[:, None] * self._out(sum_nc)
+        if shift and shift.scale_cross_type:
+            shift_nc = self._scaled_across_types(shift_nc, volume_n, *shift.scale_cross_type)
+        return shift_nc
+
+    def _scaled_across_types(self, shift_nc: Any, volume_n: Any, keep: float, cmin: float, wmin: float) -> FloatArray:
+        gradient_nc, color_n, same_n = np.zeros(shift_nc.shape), np.zeros(self.n), np.zeros(self.n)
+        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+        loops.color_sums(plain, volume_n, self._in(self.type_n), self.like, gradient_nc, color_n, same_n)
+        gradient_nc, color_n, same_n = map(self._out, (gradient_nc, color_n, same_n))
+        size_n = np.sqrt(np.square(gradient_nc).sum(axis=1))[:, None]
+        normal_nc = np.divide(gradient_nc, size_n, out=np.zeros(shift_nc.shape), where=size_n > 0)
+        along_n = (1 - keep) * (normal_nc * shift_nc).sum(axis=1)
+        scaled_nc = np.where((color_n >= cmin)[:, None], shift_nc - normal_nc * along_n[:, None], shift_nc)
+        return np.where((same_n < wmin)[:, None], 0.0, scaled_nc)
+
+    def surface(self, rho_n: Any, shift_nc: Any = None) -> tuple[Surface, Any]:
+        """Free surfaces, and the shift without its outward part there; see `Plain.surface`."""
+        setting = self.model.fix.surface_detection
+        assert setting is not None
+        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+        gradient_nc, divr_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n)
+        inputs = (self.volume_of_wall(rho_n), self._volume_among_solids(rho_n), self.solid_n)
+        loops.surface_sums(plain, *map(self._in, inputs), self.like, gradient_nc, divr_n)
+        gradient_nc, divr_n = self._out(gradient_nc), self._out(divr_n)
+        size_n = np.sqrt(np.square(gradient_nc).sum(axis=1)) + interactions.NORMAL_SOFTENING
+        low = (self.coordination_n if setting.style == "coordination" else divr_n) < setting.limit
+        splash = self.coordination_n < setting.splash
+        class_n = np.where(~self.solid_n & low, np.where(splash, 2.0, 1.0), 0.0)
+        normal_nc = np.where((class_n == 1)[:, None], -(gradient_nc / size_n[:, None]), 0.0)
+        r_n = np.full(self.n, self.model.cut)
+        loops.nearest(plain, self._in(class_n == 1), self.like, r_n)
+        r_n = np.where(self.solid_n, self.model.cut, np.where(class_n > 0, 0.0, self._out(r_n)))
+        if shift_nc is not None:
+            outward_n = np.maximum((normal_nc * shift_nc).sum(axis=1), 0.0)
+            shift_nc = np.where((class_n == 2)[:, None], 0.0, shift_nc - normal_nc * outward_n[:, None])
+        return Surface(class_n, r_n, normal_nc, divr_n), shift_nc
+
+    def pair_terms(
+        self,
+        v_nc: Any,
+        rho_n: Any,
+        pressure_n: Any,
+        viscosity_n: Any,
+        sound_n: Any,
+        chi_n: Any,
+        grad: Gradients,
+        temperature_n: Any = None,
+    ) -> PairTerms:
+        """Forces, density diffusion and heat flow; see `Plain.pair_terms`."""
+        model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
+        none, hot, damped = np.zeros(1), model.thermal is not None, pair.rho_damp and model.corrects_gradients
+        conductivity_t = np.array([p.conductivity for p in model.thermal or ()])
+        volumes = self.volume_of_wall(rho_n), self._volume_among_solids(rho_n)
+        always = (self.solid_n, *volumes, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n)
+        inputs = [
+            *map(self._in, always),
+            self._in(chi_n) if self.walls else none,
+            self._in(grad.v_ncc.reshape(n, d * d)) if pair.artificial_viscosity else np.zeros((1, d * d)),
+            self._in(grad.rho_nc) if damped else np.zeros((1, d)),
+            self._in(conductivity_t[self.type_n - 1]) if hot else none,
+            self._in(temperature_n) if hot else none,
+        ]
+        terms = forces.Terms(
+            float(pair.artificial_viscosity),
+            float(pair.rho_damp),
+            pair.harmonic_means,
+            hot,
+            self.walls,
+            model.h,
+            model.cut,
+        )
+        force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
+        forces.pair_terms(self.pairs, forces.Fields(*inputs), terms, self.like, force_nf, drho_n, heat_n)
+        force_nf = self._out(force_nf)
+        pressure_nc = force_nf[:, :d]
+        flow_n = self._out(heat_n) if hot else None
+        return PairTerms(pressure_nc + force_nf[:, d:], pressure_nc, self._out(drho_n), flow_n)
+
+    # --- properties of a particle
+
+    def pressure(self, rho_n: Any, energy_n: Any = None) -> FloatArray:
+        """Pressure of every particle from a density; see `Plain.pressure`."""
+        e_n = None if energy_n is None else energy_n / self.mass_n
+        return self.model.eos.pressure(rho_n, self.type_n, e_n)
+
+
+def _least_square(cut: float) -> float:
+    """The least number whose square root reaches the cutoff: r*r below it is the same as r < cut."""
+    square = cut * cut
+    while math.sqrt(square) >= cut:
+        square = math.nextafter(square, 0.0)
+    while math.sqrt(square) < cut:
+        square = math.nextafter(square, math.inf)
+    return square

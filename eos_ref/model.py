@@ -348,9 +348,10 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
         finite = np.isfinite(np.asarray(values, float)).reshape(n, -1).all(axis=1)
         if not finite.all():
             raise InputError(what, f"must be finite, but is not for particle {int(np.argmin(finite)) + 1}", where=where)
-    for what, values, kinds in (("type", state.type_n, "iu"), ("solid", state.solid_n, "b")):
-        if values.dtype.kind not in kinds:
-            raise InputError(what, "must be whole numbers" if what == "type" else "must be flags", str(values.dtype), where)
+    kinds = (("type", state.type_n, "iu", "whole numbers"), ("solid", state.solid_n, "b", "flags"))
+    for what, values, kind, rule in kinds:
+        if values.dtype.kind not in kind:
+            raise InputError(what, f"must be {rule}", str(values.dtype), where)
     if state.type_n.min() < 1 or state.type_n.max() > len(model.mass_t):
         found = int(state.type_n.min() if state.type_n.min() < 1 else state.type_n.max())
         raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", found, where)

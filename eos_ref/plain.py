@@ -356,7 +356,8 @@ class Plain:
             return eta_t[t]
         rate = per_atom.strain_rate(matrix(gradient_ncc))
         power = np.array([law.style == "power" for law in laws])[t]
-        return where(power, per_atom.power_viscosity(eta_t[t], gd0_t[t], K_t[t], n_t[t], rate), eta_t[t])
+        gd0_n = np.where(power, gd0_t[t], 1.0)  # any rate but 0, which the style constant has
+        return where(power, per_atom.power_viscosity(eta_t[t], gd0_n, K_t[t], n_t[t], rate), eta_t[t])
 
     def pressure(self, rho_n: Number, energy_n: Number = None) -> Number:
         """Pressure of every particle from its stored density; the energy is that of the particle."""

@@ -238,7 +238,9 @@ class Simulation:
 
     def _continuity(self, dt: float, drho_n: Array, gradient: Gradients) -> None:
         s = self.state
-        trace_n = np.trace(gradient.v_ncc, axis1=1, axis2=2)
+        trace_n = gradient.v_ncc[:, 0, 0].copy()  # np.trace takes five times as long
+        for a in range(1, self.model.dimension):
+            trace_n += gradient.v_ncc[:, a, a]
         s.rho_n = np.where(s.solid_n, s.rho_n, s.rho_n + dt * (drho_n - s.rho_n * trace_n))
 
     def _shift(self, dt: float, shift_nc: Array, gradient: Gradients) -> None:

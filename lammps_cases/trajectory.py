@@ -23,6 +23,9 @@ from eos_ref.steps import Simulation
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
+COMPILED_FROM = (
+    100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
 
 def predict(
     scene: Particles,
-    evaluator: type[Plain] = Plain,
+    evaluator: type[Plain] | None = None,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
 ) -> Prediction:
@@ -71,22 +74,33 @@ def predict(
     Parameters
     ----------
     evaluator, stepping : class
-        The stages, and the order in which a step takes them; a variant's, for a finding.
+        The stages, and the order in which a step takes them; a variant's, for a finding. By default the reference's
+        own stages, compiled if the scene is large enough to be worth loading them.
     seed : int
         Of the random signs of the moved runs.
     """
     fields, steps, last = scene.fields, scene.steps, scene.steps[-1]
-    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), evaluator)
+    stages = evaluator or own_stages(scene)
+    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, scene.timestep):
         values.append({field: sim.output(field).copy() for field in fields})
-        errors = sim.rounded(evaluator)
+        errors = sim.rounded(evaluator or Plain)
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-    runs = _moved_runs(scene, evaluator, stepping, sizes, seed) if last else []
+    runs = _moved_runs(scene, stages, stepping, sizes, seed) if last else []
     spreads = _spread(runs, scene, values)
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
     return Prediction(tuple(values), bounds)
+
+
+def own_stages(scene: Particles) -> type[Plain]:
+    """The reference's stages, plain or compiled."""
+    if len(scene.state.x_nc) * (1 + scene.steps[-1]) < COMPILED_FROM:
+        return Plain
+    from eos_ref.fast import Fast
+
+    return Fast
 
 
 # --- one evaluation

@@ -127,7 +127,7 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         return f"fix rheo has no {keyword} in this deck"
     if setting.between:
         return f"run executes commands in between that may change the model ({setting.between})"
-    if name not in PAIRWISE or (name == "viscosity" and not _is_power(model)):
+    if name not in PAIRWISE or (name == "viscosity" and not is_power(model)):
         return ""
     hidden = setting.deck.hides_pairs() or ("the box is not rectangular" if setting.triclinic else "")
     return hidden or _of_pairs(name, model, setting)
@@ -143,7 +143,8 @@ def _has(model: Model, keyword: str) -> bool:
     }[keyword]
 
 
-def _is_power(model: Model) -> bool:
+def is_power(model: Model) -> bool:
+    """Whether a viscosity depends on the velocity gradient."""
     return any(law.style == "power" for law in model.viscosity)
 
 

@@ -60,8 +60,7 @@ class Reader:
         self.actions = list(actions) if "f" in self.fields else []
         self.listed = [entry for entry in LEDGER if entry.particles is not None and entry.listed(engine)]
         self.last: Explained = {}
-        self.apart = 0  # most particles off the plane, and how far
-        self.height = 0.0
+        self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}
         end = 1
         for field, rank in COLUMNS.items():
@@ -82,6 +81,7 @@ class Reader:
         view = self._view(n, x_nc, setup)
         shown = self._shown(n)
         seen = Seen(view, self.fields)
+        self.tilted = max(self.tilted, int(seen.tilted().sum()))
         found = {}
         for field in self.fields:
             known_n = seen.known(field)
@@ -125,15 +125,7 @@ class Reader:
         acts = {g: atoms.extract_variable(name, "all", ATOM_VARIABLE)[:n] != 0 for g, name in self.groups.items()}
         actions = [(action, acts[action.group]) for action in self.actions]
         summed = setup and fix.rho_sum and fix.interface_reconstruct
-        return View(model, box, state, mass_n, actions, summed, self._apart(x_nc[:n]) if d == 2 else None)
-
-    def _apart(self, x_nc: Array) -> Array:
-        """Particles off the plane in 2D, where LAMMPS takes distances in space."""
-        height_n = np.abs(x_nc[:, 2] - np.median(x_nc[:, 2]))
-        apart_n = height_n > 0
-        self.apart = max(self.apart, int(apart_n.sum()))
-        self.height = max(self.height, float(height_n.max(initial=0.0)))
-        return apart_n
+        return View(model, box, state, mass_n, actions, summed, x_nc[:n, 2].copy() if d == 2 else None)
 
     def _shown(self, n: int) -> dict[str, Array]:
         d = self.model.dimension

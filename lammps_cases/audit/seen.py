@@ -20,7 +20,7 @@ from eos_ref.quantities import required
 from eos_ref.rounded import Decision, Rounded, error, value
 from eos_ref.steps import Simulation
 from lammps_cases.audit.deck import Action
-from lammps_cases.audit.fields import corrected_by_hidden_densities
+from lammps_cases.audit.fields import corrected_by_hidden_densities, is_power
 from lammps_cases.ledger import Entry
 from lammps_cases.trajectory import Particles
 from lammps_cases.variants import combined
@@ -36,7 +36,8 @@ class View:
 
     ``actions`` are the fixes that change forces, each with the particles it acts on. ``summed`` says that the
     densities of walls are not those that the forces used (after the set-up of a run with rho/sum and
-    interface/reconstruct; see the ledger). ``apart_n`` are particles off the plane of a 2D deck.
+    interface/reconstruct; see the ledger). ``z_n`` are the heights of
+    particles in 2D, where they ought to be all the same.
     """
 
     model: Model
@@ -45,7 +46,7 @@ class View:
     mass_n: Array
     actions: Sequence[tuple[Action, BoolArray]] = ()
     summed: bool = False
-    apart_n: BoolArray | None = None
+    z_n: Array | None = None
 
 
 class AtCutoff(Plain):
@@ -135,14 +136,14 @@ class Seen(Simulation):
         """Of which particles a field can be told.
 
         Not of those whose density LAMMPS does not show as it was used, nor where rounding decides the class of a
-        particle at the surface, nor near particles off the plane.
+        particle at the surface, nor near particles that do not lie in one plane.
         """
         view = self.view
         solid_n = view.state.solid_n
         everyone: BoolArray = np.ones(len(solid_n), bool)
         if field == "rho" and self.model.fix.interface_reconstruct:
             return ~solid_n & self._in_plane()
-        if field in LOCAL or (field == "viscosity" and "grad/v" not in self.plan):
+        if field in LOCAL or (field == "viscosity" and not is_power(self.model)):
             return everyone
         if view.summed and field != "chi" and field != "coordination":
             return ~everyone
@@ -163,12 +164,17 @@ class Seen(Simulation):
         return beside_n
 
     def _in_plane(self) -> BoolArray:
-        """Which particles have neither neighbours off the plane nor neighbours that have."""
-        apart_n = self.view.apart_n
-        if apart_n is None or not apart_n.any():
-            return np.ones(len(self.view.state.solid_n), bool)
-        near_n = apart_n | self._beside(apart_n)
-        return ~(near_n | self._beside(near_n))
+        """Which particles lie in a plane with their neighbours, as do these with theirs."""
+        tilted_n = self.tilted()
+        return ~(tilted_n | self._beside(tilted_n))
+
+    def tilted(self) -> BoolArray:
+        """Which particles of a 2D deck have neighbours above or below: LAMMPS takes distances in space."""
+        z_n, e = self.view.z_n, self.evaluator
+        if z_n is None or "pairs" not in self.plan:
+            return np.zeros(len(self.view.state.solid_n), bool)
+        tilted_n: BoolArray = np.bincount(e.i, z_n[e.i] != z_n[e.j], len(z_n)) > 0
+        return tilted_n
 
 
 # The fields outside their bounds for stages of an evaluation; values without a bound are left out if so told.

@@ -64,7 +64,7 @@ class Questions:
     _rho_set: bool = False
     _seen: dict[tuple[int, EOS], _Seen] = field(default_factory=dict)
     _said: list[str] = field(default_factory=list)
-    _apart: tuple[int, float] = (0, 0.0)
+    tilted: int = 0  # atoms of a 2D deck with neighbours above or below
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
@@ -78,10 +78,6 @@ class Questions:
     def unwatched(self, run: int) -> None:
         """A run without laws."""
         self._said.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
-
-    def apart(self, count: int, height: float) -> None:
-        """Atoms of a 2D deck off its plane."""
-        self._apart = max(self._apart, (count, height))
 
     def look(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:
         """Take density and pressure of all atoms of one type."""
@@ -105,11 +101,10 @@ class Questions:
             if law.style != "ideal/gas":  # has neither rho0 nor a pressure around 0
                 questions = [_unset(seen)] if _unset(seen) else [_unreached(seen), _offset(seen)]
                 said += [f"type {t}: {line}" for line in questions if line]
-        if self._apart[0]:
-            count, height = self._apart
+        if self.tilted:
             said.append(
-                f"{count} atoms of this 2D deck lie off the plane of the others, by up to {height:.4g}: LAMMPS takes "
-                "distances in space; fields of atoms near them were not checked"
+                f"{self.tilted} atoms of this 2D deck have neighbours at another height z: LAMMPS takes distances in "
+                "space; fields of these atoms and their neighbours were not checked"
             )
         return list(dict.fromkeys(said))
 

@@ -231,8 +231,8 @@ class Watch:
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not self._continued and step in (self._first, self._before)
         others = self.reader.look(tag, x_nc, setup) if self.reader is not None else {}
-        if self.reader is not None and self.reader.apart:
-            self.questions.apart(self.reader.apart, self.reader.height)
+        if self.reader is not None:
+            self.questions.tilted = max(self.questions.tilted, self.reader.tilted)
         if setup and self._sums_walls():  # then LAMMPS shows other densities of walls than it used (see the ledger)
             fluid = status_n & SOLID == 0
             now = {name: array if name in ("step", "box") else array[fluid] for name, array in now.items()}

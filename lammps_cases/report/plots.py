@@ -201,14 +201,15 @@ def _grid(values: FloatArray, scale: dict[str, Any]) -> FloatArray:
 def _checks(checks: list[CheckRecord]) -> dict[str, Any]:
     picked = [checks[i] for i in thinned_checks(checks, CHECKS)]
     columns = {name: _packed([getattr(check, name) for check in picked]) for name in ("step", "run", "type")}
-    return columns | {"ratio": _packed([check.max_over_bound for check in picked]), "total": len(checks)}
+    named: dict[str, Any] = {"field": [check.field for check in picked], "total": len(checks)}
+    return columns | named | {"ratio": _packed([check.max_over_bound for check in picked])}
 
 
 def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
-    """Positions of at most ``limit`` looks of an audit: the worst, others evenly over type and time."""
+    """Positions of at most ``limit`` looks of an audit: the worst, others evenly over field, type and time."""
     ratio = np.array([check.max_over_bound for check in checks], float)
     ratio[np.isnan(ratio)] = np.inf  # not a number is the worst there is
-    group = np.array([check.type for check in checks])
+    group = np.unique([f"{check.field} {check.type}" for check in checks], return_inverse=True)[1]
     return [int(i) for i in thinned(ratio, np.arange(len(checks), dtype=float), group, limit)]
 
 

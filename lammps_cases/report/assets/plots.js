@@ -245,16 +245,19 @@ const Plots = (() => {
 
   function checksFigure(checks, look) {
     const y = sizes([...checks.ratio, 1], "equal", "not finite");
-    const keys = [...new Set(checks.type.map((type, i) => `${type}/${checks.run[i]}`))].sort();
+    const several = new Set(checks.field).size > 1;
+    const labels = [...checks.step.keys()].map((i) => (several ? `${checks.field[i]}, ` : "") + (checks.type[i] ? `type ${checks.type[i]}` : "all types"));
+    const keys = [...new Set(labels.map((label, i) => `${label}|${checks.run[i]}`))].sort();
     const runs = new Set(checks.run).size > 1;
-    const types = [...new Set(checks.type)].sort((a, b) => a - b);
+    const kinds = [...new Set(labels)].sort();
     const traces = keys.map((key) => {
-      const [type, run] = key.split("/").map(Number);
-      const picked = [...checks.step.keys()].filter((i) => checks.type[i] === type && checks.run[i] === run).sort((a, b) => checks.step[a] - checks.step[b]);
+      const [label, number] = key.split("|");
+      const run = Number(number);
+      const picked = [...checks.step.keys()].filter((i) => labels[i] === label && checks.run[i] === run).sort((a, b) => checks.step[a] - checks.step[b]);
       return {
         x: picked.map((i) => checks.step[i]), y: picked.map((i) => y.of(checks.ratio[i])), mode: "lines+markers", line: { width: 1 },
-        marker: { size: 5, ...style(type, types, look) }, name: `type ${type}${runs ? `, run ${run}` : ""}`, hoverinfo: "text",
-        text: picked.map((i) => `step ${checks.step[i]}, run ${run}, type ${type}<br>largest difference/bound ${short(checks.ratio[i])}`),
+        marker: { size: 5, ...style(label, kinds, look) }, name: `${label}${runs ? `, run ${run}` : ""}`, hoverinfo: "text",
+        text: picked.map((i) => `step ${checks.step[i]}, run ${run}, ${label}<br>largest difference/bound ${short(checks.ratio[i])}`),
       };
     });
     const limit = { type: "line", xref: "paper", x0: 0, x1: 1, y0: 0, y1: 0, line: { color: OUTSIDE, width: 1.5, dash: "dash" } };

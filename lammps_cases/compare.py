@@ -111,7 +111,8 @@ def compare_field(
     """
     difference, ratio = excess(lammps_n, reference_n, bound_n)
     bound = worst_component(bound_n, ratio)
-    difference, ratio = difference.reshape(len(id_n), -1).max(axis=1), ratio.reshape(len(id_n), -1).max(axis=1)
+    if difference.ndim > 1:
+        difference, ratio = (side.reshape(len(id_n), -1).max(axis=1) for side in (difference, ratio))
     verdict: Verdict = "differs"
     outside = ~(ratio <= 1)
     if same_bits(lammps_n, reference_n) or (same_order_n is not None and same_bits(lammps_n, same_order_n)):

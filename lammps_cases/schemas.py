@@ -36,8 +36,21 @@ def scene_schema() -> dict[str, Any]:
 
 def run_schema() -> dict[str, Any]:
     """Schema of run.json; numbers that are not finite are written as strings."""
-    schema = RunRecord.model_json_schema(by_alias=True, mode="serialization")
+    schema = _with_infinities(RunRecord.model_json_schema(by_alias=True, mode="serialization"))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _with_infinities(schema: Any) -> Any:
+    """Admit, wherever a number may stand, what is written for one that is not finite."""
+    if isinstance(schema, list):
+        return [_with_infinities(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if schema.get("type") == "number":
+        rest = {key: value for key, value in schema.items() if key not in ("type", "title", "description")}
+        either = [{"type": "number", **rest}, {"enum": ["Infinity", "-Infinity", "NaN"]}]
+        return {"anyOf": either, **{key: schema[key] for key in ("title", "description") if key in schema}}
+    return {key: _with_infinities(value) for key, value in schema.items()}
 
 
 def documents() -> dict[Path, str]:

@@ -11,6 +11,7 @@ machine; the few ratios outside its range are counted and left to the caller.
 from __future__ import annotations
 
 import hashlib
+import logging
 import math
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,12 @@ def _cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:
     for name in sources:
         digest.update(Path(__file__).with_name(name).read_bytes())
     return cache_folder(f"numba/{digest.hexdigest()[:16]}")
+
+
+def announce_first_use(loop: Any) -> None:
+    """Say that loops have to be compiled, if this one of theirs is not on disk yet."""
+    if not loop.signatures and next(Path(loop.stats.cache_path).glob(f"*{loop.__name__}*.nbi"), None) is None:
+        logging.getLogger("eos_ref").warning("eos-ref: compiling the particle model, once on this machine (some 20 s)")
 
 
 def cached(*sources: str) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import corrections, forces, interactions, kernels, loops
+from eos_ref import compiled, corrections, forces, interactions, kernels, loops
 from eos_ref.eos import FloatArray
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
 from eos_ref.neighbours import Neighbours
@@ -42,6 +42,7 @@ class Fast(Plain):
 
     def __init__(self, model: Model, box: Box, type_n: IntArray, solid_n: BoolArray, skin: float | None = None) -> None:
         super().__init__(model, box, type_n, solid_n)
+        compiled.announce_first_use(loops.geometry)
         d = model.dimension
         self.like = (0.0,) * d
         self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if skin is None else skin)

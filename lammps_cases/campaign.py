@@ -18,19 +18,22 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from eos_ref import EOSTable, InputError
+from lammps_cases import twins
 from lammps_cases.atoms import Atoms, build
 from lammps_cases.casefile import Case
 from lammps_cases.commands import job
-from lammps_cases.engine import Answer
+from lammps_cases.engine import Answer, Job
 from lammps_cases.engines import Engine, library_sha256
-from lammps_cases.evaluate import Arrays, blank_record, evaluate, first_step
+from lammps_cases.evaluate import Arrays, blank_record, evaluate, evaluate_twin, first_step
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
+from lammps_cases.twins import Twin
 from lammps_cases.workers import Failure, Workers, solve
 
 JUDGING = 1800.0  # seconds that judging a case may take
 Progress = Callable[[CaseRecord, int, int], None]
+Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,15 @@ class Prepared:
     case: Case
     eos: EOSTable | None
     atoms: Atoms
+    twin: Twin | None = None
+
+    @property
+    def jobs(self) -> list[Job]:
+        """What LAMMPS is told: one job, or those of the original and its twin."""
+        if self.twin is None:
+            return [job(self.case.scene, self.atoms, plan(self.case.scene))]
+        sides = ((self.twin.scene, self.twin.atoms), (self.twin.other_scene, self.twin.other_atoms))
+        return [job(scene, atoms, plan(scene)) for scene, atoms in sides]
 
 
 def prepare(case: Case) -> Prepared:
@@ -50,7 +62,8 @@ def prepare(case: Case) -> Prepared:
     InputError
     """
     eos = None if case.scene.expect else case.scene.eos(case.where)
-    return Prepared(case, eos, build(case, eos))
+    atoms = build(case, eos)
+    return Prepared(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
 
 
 def run_cases(
@@ -78,19 +91,19 @@ def run_cases(
         queue = []
         for case in sorted(cases, key=_last):
             ready = prepare(case)
-            told = job(case.scene, ready.atoms, plan(case.scene))
-            queue.append((ready, workers.submit(told, case.scene.engine.time_limit)))
+            queue.append((ready, [workers.submit(told, case.scene.engine.time_limit) for told in ready.jobs]))
         who = workers.outcome(identity)
         answering = engine_record(engine, {} if isinstance(who, Failure) else who)
         records: list[CaseRecord] = []
-        judged: list[Answer | Failure | Future[Any]] = []
-        for ready, future in queue:
-            outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
+        judged: list[Outcomes | Future[Any]] = []
+        for ready, futures in queue:
+            found = (workers.outcome(future, ready.case.scene.engine.time_limit) for future in futures)
+            outcomes: Outcomes = list(found)
             # The particle model takes the reference longer than LAMMPS: it is judged by the workers too.
-            apart = ready.case.scene.whole_model and isinstance(outcome, Answer)
-            judged.append(workers.call(judge, ready, outcome, answering, time_limit=JUDGING) if apart else outcome)
-        for (ready, _), found in zip(queue, judged, strict=True):
-            record, arrays = _judged(workers, ready, found, answering)
+            apart = ready.case.scene.whole_model and all(isinstance(outcome, Answer) for outcome in outcomes)
+            judged.append(workers.call(judge, ready, outcomes, answering, time_limit=JUDGING) if apart else outcomes)
+        for (ready, _), verdict in zip(queue, judged, strict=True):
+            record, arrays = _judged(workers, ready, verdict, answering)
             if arrays:
                 write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
             records.append(record)
@@ -108,11 +121,12 @@ def run_cases(
     return run
 
 
-def judge(
-    site: str | None, ready: Prepared, outcome: Answer | Failure, engine: EngineRecord
-) -> tuple[CaseRecord, Arrays]:
+def judge(site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord) -> tuple[CaseRecord, Arrays]:
     """Task: judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+    outcome = outcomes[0]
     try:
+        if ready.twin is not None:
+            return evaluate_twin(ready.case, ready.twin, outcomes, engine)
         record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
         if record.verdict == "differs" and ready.case.scene.whole_model and isinstance(outcome, Answer):
             record.message = _first_step(site, ready) or record.message
@@ -132,11 +146,11 @@ def _first_step(site: str | None, ready: Prepared) -> str:
 
 
 def _judged(
-    workers: Workers, ready: Prepared, outcome: Answer | Failure | Future[Any], engine: EngineRecord
+    workers: Workers, ready: Prepared, outcomes: Outcomes | Future[Any], engine: EngineRecord
 ) -> tuple[CaseRecord, Arrays]:
-    if not isinstance(outcome, Future):
-        return judge(None, ready, outcome, engine)
-    found = workers.outcome(outcome, JUDGING)
+    if not isinstance(outcomes, Future):
+        return judge(None, ready, outcomes, engine)
+    found = workers.outcome(outcomes, JUDGING)
     if not isinstance(found, Failure):
         return cast("tuple[CaseRecord, Arrays]", found)
     record = blank_record(ready.case, ready.eos, ready.atoms, engine)

@@ -86,12 +86,11 @@ def _explanation(case: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
     from eos_ref import bounds
+    from lammps_cases import twins
     from lammps_cases.campaign import prepare
-    from lammps_cases.commands import job
     from lammps_cases.plan import plan
 
     ready, the_plan = prepare(case), plan(case.scene)
-    told = job(case.scene, ready.atoms, the_plan)
     laws = [
         {
             "type": t,
@@ -115,13 +114,16 @@ def _explanation(case: Any) -> dict[str, Any]:
         "laws": laws,
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
-        "commands": [
-            *told.setup,
-            f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}",
-            *told.commands,
-            *(run.command for run in told.runs),
-        ],
+        "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
+        "commands": _commands(ready.jobs[0]),
+        "commands_of_twin": _commands(ready.jobs[1]) if case.scene.twin else None,
     }
+
+
+def _commands(told: Any) -> list[str]:
+    per_atom = f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}"
+    ranks = [f"# on {told.ranks} ranks"] if told.ranks > 1 else []
+    return [*ranks, *told.setup, per_atom, *told.commands, *(run.command for run in told.runs)]
 
 
 def _show(explanation: dict[str, Any]) -> None:
@@ -129,6 +131,8 @@ def _show(explanation: dict[str, Any]) -> None:
     click.echo(explanation["about"])
     if explanation["expects"]:
         click.echo(f"LAMMPS is expected to refuse this scene with: {explanation['expects']}")
+    if explanation["twin"]:
+        click.echo(f"Compared with a second run of LAMMPS, its twin. {explanation['twin']}")
     for law in explanation["laws"]:
         parameters = ", ".join(f"{k} {law[k]}" for k in ("rho0", "cs", "parameter", "background") if law[k] is not None)
         click.echo(f"type {law['type']}: {law['style']}, {parameters}")
@@ -143,6 +147,9 @@ def _show(explanation: dict[str, Any]) -> None:
         )
     click.echo("LAMMPS commands:")
     click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
+    if explanation["commands_of_twin"]:
+        click.echo("LAMMPS commands of the twin:")
+        click.echo("\n".join(f"  {line}" for line in explanation["commands_of_twin"]))
 
 
 @click.command("ledger", short_help="List the findings.")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +15,12 @@ from lammps_cases.atoms import Atoms, seed
 from lammps_cases.casefile import Case
 from lammps_cases.compare import Comparison, State, compare_field, compare_pressure
 from lammps_cases.engine import Answer
-from lammps_cases.ledger import explain_outcome, explain_pressure
+from lammps_cases.ledger import Entry, explain_outcome, explain_pressure, shown_by
 from lammps_cases.mutants import unseen
 from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Seconds, worst
 from lammps_cases.scene import Scene
-from lammps_cases.trajectory import Particles
+from lammps_cases.trajectory import Particles, Prediction, predict
+from lammps_cases.twins import Twin
 from lammps_cases.variants import Snapshot
 from lammps_cases.workers import Failure
 
@@ -38,6 +41,7 @@ def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineR
         steps=scene.evolve.steps if scene.evolve else 0,
         dimension=scene.dimension,
         units=scene.units,
+        twin=scene.twin.kind if scene.twin else "",
         expects=scene.expect.refused if scene.expect else "",
         laws=laws,
         seed=seed(case.name),
@@ -178,6 +182,105 @@ def snapshot(scene: Scene, arrays: Arrays) -> Snapshot:
         else:
             found[field] = arrays[f"q.{field}"]
     return found
+
+
+# --- LAMMPS against itself
+
+
+def evaluate_twin(
+    case: Case, twin: Twin, outcomes: Sequence[Answer | Failure], engine: EngineRecord
+) -> tuple[CaseRecord, Arrays]:
+    """Judge two runs of LAMMPS that must give the same, the original's and the twin's; see `evaluate`."""
+    begin = time.perf_counter()
+    record = blank_record(case, case.scene.eos(case.where), twin.atoms, engine)
+    arrays: Arrays = {}
+    answers = [outcome for outcome in outcomes if isinstance(outcome, Answer)]
+    failures = [outcome for outcome in outcomes if isinstance(outcome, Failure)]
+    lost = [answer for answer in answers if not np.array_equal(answer.arrays["id"], twin.atoms.id_n)]
+    if failures:
+        _judge_failure(record, failures[0], engine.distribution)
+        if not isinstance(outcomes[1], Answer) and len(failures) == 1:
+            record.message = f"LAMMPS answers, and its twin ({twin.kind}) does not: {record.message}"
+    elif lost:
+        _judge_lost_atoms(record, twin.atoms, lost[0])
+    else:
+        arrays = _judge_twin(record, case, twin, answers, engine.distribution)
+    lammps = sum(answer.seconds for answer in answers)
+    reference = time.perf_counter() - begin
+    record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
+    return record, arrays
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One of two runs: what the reference predicts, and LAMMPS' fields at the steps compared."""
+
+    scene: Particles
+    prediction: Prediction
+    snapshots: list[Snapshot]
+    random: int
+
+
+def _judge_twin(record: CaseRecord, case: Case, twin: Twin, answers: Sequence[Answer], engine: str) -> Arrays:
+    one, other = _sides(case, twin, answers)
+    id_n, steps = twin.atoms.id_n, twin.steps
+    returned = tuple(twin.back(fields, step) for fields, step in zip(other.snapshots, steps, strict=True))
+    bounds = tuple(_both_bounds(twin, one, other, at, returned[at]) for at in range(len(steps)))
+    table = particles.compare_all(one.scene, id_n, one.snapshots, Prediction(returned, bounds))
+    for comparison in (c for comparisons in table.values() for c in comparisons):
+        comparison.record.stage = "twin"
+        own = comparison.record.derivation
+        comparison.record.derivation = f"LAMMPS against itself ({twin.kind}): the bounds of both runs, added ({own})"
+    first = particles.first_outside(one.scene, table, id_n, ("as given", f"as its {twin.kind} twin"))
+    if first:
+        record.message = f"LAMMPS against itself (twin: {twin.kind}): {first.message}"
+        entries = _explain_twin(one, other, id_n, engine)
+        if entries:
+            names = ", ".join(entry.id for entry in entries)
+            record.message += f"; explained by {names}"
+            for comparison in (c for comparisons in table.values() for c in comparisons):
+                if comparison.record.verdict == "differs":
+                    comparison.record.verdict, comparison.record.explained_by = "explained", names
+    comparisons = [particles.over_steps(table[field], steps) for field in particles.in_order(one.scene.fields)]
+    record.fields = [comparison.record for comparison in comparisons]
+    record.verdict = worst([field.verdict for field in record.fields])
+    return _arrays(twin.atoms, answers[0].arrays, comparisons)
+
+
+def _sides(case: Case, twin: Twin, answers: Sequence[Answer]) -> tuple[_Side, _Side]:
+    """Both runs; where only LAMMPS' settings differ, the reference's prediction is one and the same."""
+    sides: list[_Side] = []
+    told = ((twin.scene, twin.atoms), (twin.other_scene, twin.other_atoms))
+    for (scene, atoms), answer, name in zip(told, answers, (case.name, f"{case.name}/twin"), strict=True):
+        snapshots = [snapshot(scene, answer.snapshots[scene.snapshots.index(step)]) for step in twin.steps]
+        if sides and twin.same_problem:
+            sides.append(replace(sides[0], snapshots=snapshots))
+            continue
+        problem, random = particles_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
+        sides.append(_Side(problem, predict(problem, seed=random), snapshots, random))
+    return sides[0], sides[1]
+
+
+def _both_bounds(twin: Twin, one: _Side, other: _Side, at: int, returned: Snapshot) -> Snapshot:
+    """Either run lies within its own bound of the exact result, so they differ by no more than the sum."""
+    rounding = twin.rounding(returned, twin.steps[at])
+    theirs = twin.in_place(other.prediction.bounds[at])
+    ours = one.prediction.bounds[at]
+    return {field: ours[field] + theirs[field] + rounding.get(field, 0.0) for field in ours}
+
+
+def _explain_twin(one: _Side, other: _Side, id_n: Any, engine: str) -> list[Entry]:
+    """The findings that reproduce both runs; none if one of them is not reproduced."""
+    needed: list[Entry] = []
+    for side in (one, other):
+        table = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
+        if particles.first_outside(side.scene, table, id_n):
+            listed = shown_by(side.scene, engine)
+            found = particles.explain(side.scene, id_n, side.snapshots, listed, side.random)
+            if not found:
+                return []
+            needed += [entry for entry in found if entry not in needed]
+    return needed
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer) -> str:

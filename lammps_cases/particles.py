@@ -158,7 +158,12 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
     return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
 
 
-def first_outside(scene: Particles, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
+def first_outside(
+    scene: Particles,
+    table: dict[str, list[Comparison]],
+    id_n: Any,
+    sides: tuple[str, str] = ("LAMMPS", "reference"),
+) -> Blame | None:
     """The first step, then the first field in the order of a step, then the first atom outside the bound."""
     for at, step in enumerate(scene.steps):
         for field in in_order(scene.fields):
@@ -169,17 +174,17 @@ def first_outside(scene: Particles, table: dict[str, list[Comparison]], id_n: An
             atom = int(np.searchsorted(id_n, record.first_id))
             message = (
                 f"{field} (stage {record.stage}) leaves its bound at step {step} at {record.outside} of {len(id_n)} "
-                f"atoms, first atom {record.first_id}: " + _numbers(comparison, atom)
+                f"atoms, first atom {record.first_id}: " + _numbers(comparison, atom, sides)
             )
             return Blame(step, field, message)
     return None
 
 
-def _numbers(comparison: Comparison, atom: int) -> str:
-    ratio_n = excess(comparison.lammps_n, comparison.reference_n, comparison.bound_n)[1]
-    sides = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
-    lammps, reference, bound = (float(worst_component(side, ratio_n)[atom]) for side in sides)
-    return f"LAMMPS {lammps!r}, reference {reference!r}, bound {bound:.3g}"
+def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
+    arrays = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
+    ratio_n = excess(*arrays)[1]
+    one, other, bound = (float(worst_component(array_n, ratio_n)[atom]) for array_n in arrays)
+    return f"{sides[0]} {one!r}, {sides[1]} {other!r}, bound {bound:.3g}"
 
 
 # --- the ledger

@@ -6,8 +6,11 @@ what it names.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from eos_ref import quantities
+from lammps_cases import reference
 from lammps_cases.scene import Scene
 
 
@@ -32,33 +35,70 @@ class Plan:
         return any(item.needed for item in (*self.reference, *self.lammps) if item.name == name)
 
 
+# What LAMMPS names otherwise, or not at all.
+_WORDS = {
+    "pairs": "neighbour list",
+    "kernel": "kernel values",
+    "correction": "reproducing kernel",
+    "chi": "walls (chi, wall density)",
+    "surface": "surface detection",
+    "f": "forces",
+}
+
+
 def plan(scene: Scene) -> Plan:
     """Derive the plan of a scene."""
+    of_model = scene.whole_model and not scene.expect
+    return Plan(tuple(_model_items(scene) if of_model else _law_items(scene)), tuple(_lammps_items(scene)))
+
+
+def _model_items(scene: Scene) -> Iterable[Item]:
+    """Quantities of the particle model: compared, needed by another one, needed to step, or left out."""
+    model = reference.with_cut(scene, scene.rheo.cut or 1.0)
+    graph = quantities.inputs(model)
+    words = _WORDS | {"rho": "density, summed" if scene.rho_sum else "density, given"}
+    compared = {quantities.PART_OF.get(field, field) for field in scene.compare}
+    stepping = quantities.needed_to_step(model) if scene.evolve else ()
+    needed = quantities.required(model, (*scene.compare, *stepping))
+    for name in quantities.ORDER:
+        users = [words.get(user, user) for user in needed if name in graph[user]]
+        reasons = ["compared"] * (name in compared) + ["steps need it"] * (name in stepping)
+        reasons += [f"for {', '.join(users)}"] * bool(users)
+        yield Item(words.get(name, name), name in needed, "; ".join(reasons) or "nothing compared depends on it")
+    steps = f"{scene.evolve.steps} steps, compared at {', '.join(map(str, scene.snapshots))}" if scene.evolve else ""
+    yield Item("time steps", bool(steps), steps or "one evaluation of the state given")
+
+
+def _law_items(scene: Scene) -> Iterable[Item]:
+    """What an equation of state alone needs."""
     moves = scene.evolve is not None
     sums = scene.rho_sum
     ideal = any(law.style == "ideal/gas" for law in scene.pressure)
     engine_density = "LAMMPS' own density is fed to the reference law, so nothing else can be blamed on the law"
-    reference = (
-        Item("pressure", True, "the field compared"),
-        Item(
-            "density",
-            not (moves or sums),
-            engine_density if moves or sums else "input of every law, given by the scene",
-        ),
-        Item("energy", ideal, "input of ideal/gas" if ideal else "no law of this scene depends on it"),
-        Item("positions", False, "no law depends on them"),
-        Item("neighbour list", False, "no compared field is a sum over neighbours"),
-        Item("kernel", False, "no compared field is a sum over neighbours"),
-        Item(
-            "forces",
-            False,
-            "not compared; LAMMPS' own density is used after its time steps" if moves else "not compared",
-        ),
+    yield Item("pressure", True, "the field compared")
+    yield Item(
+        "density",
+        not (moves or sums),
+        engine_density if moves or sums else "input of every law, given by the scene",
     )
+    yield Item("energy", ideal, "input of ideal/gas" if ideal else "no law of this scene depends on it")
+    yield Item("positions", False, "no law depends on them")
+    yield Item("neighbour list", False, "no compared field is a sum over neighbours")
+    yield Item("kernel", False, "no compared field is a sum over neighbours")
+    yield Item(
+        "forces",
+        False,
+        "not compared; LAMMPS' own density is used after its time steps" if moves else "not compared",
+    )
+
+
+def _lammps_items(scene: Scene) -> Iterable[Item]:
+    """What LAMMPS is told, and why."""
+    moves, sums = scene.evolve is not None, scene.rho_sum
     neighbours = scene.interacts
     reason = "density is summed over neighbours" if sums else "particles move" if moves else "neighbours are compared"
     heats = scene.thermal and (moves or scene.whole_model)
-    lammps = (
+    yield from (
         Item("fix rheo", True, "defines rho0 and cs"),
         Item("fix rheo/pressure", True, "fills the pressure that forces use, and evaluates the one that is output"),
         Item("fix rheo/viscosity", True, "LAMMPS does not run without it"),
@@ -84,4 +124,3 @@ def plan(scene: Scene) -> Plan:
             f"{scene.evolve.steps} steps" if scene.evolve else "the law acts on given densities",
         ),
     )
-    return Plan(reference, lammps)

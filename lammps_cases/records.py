@@ -121,6 +121,7 @@ class CaseRecord(_Record):
     seconds: Seconds = Seconds()
     fields: list[FieldRecord] = []
     message: str = Field("", description="one line: the blame, the engine's error, or the reason")
+    twin: str = Field("", description="kind of the second run that LAMMPS is compared with; empty: the reference")
     expects: str = Field("", description="text of the refusal that the case expects; empty: none")
     explained_by: str | None = Field(None, description="ledger entry that explains how the case ended")
     laws: list[LawRecord] = []

@@ -25,7 +25,18 @@ def model(scene: Scene, atoms: Atoms, where: str) -> Model:
     InputError
         Options that contradict each other.
     """
-    fix, pair = _fix(scene, atoms), scene.pair
+    return with_cut(scene, kernel_cut(scene, atoms.spacing), where)
+
+
+def with_cut(scene: Scene, cut: float, where: str = "") -> Model:
+    """The particle model of a scene, for a cutoff of the kernel.
+
+    Raises
+    ------
+    InputError
+        Options that contradict each other.
+    """
+    fix, pair = _fix(scene, cut), scene.pair
     try:
         return Model(
             dimension=scene.dimension,
@@ -44,10 +55,10 @@ def model(scene: Scene, atoms: Atoms, where: str) -> Model:
         raise error.at(where) from None
 
 
-def _fix(scene: Scene, atoms: Atoms) -> FixRheo:
+def _fix(scene: Scene, cut: float) -> FixRheo:
     rheo, shift, surface = scene.rheo, scene.rheo.shifting, scene.rheo.surface_detection
     return FixRheo(
-        kernel_cut(scene, atoms.spacing),
+        cut,
         rheo.kernel,
         rheo.zmin,
         thermal=scene.thermal,

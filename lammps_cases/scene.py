@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
@@ -398,23 +399,56 @@ class Evolve(_Model):
         return self.compare_at or (*(step for step in SNAPSHOTS if step < self.steps), self.steps)
 
 
-class EngineSettings(_Model):
+class Rebuild(_Model):
+    """When neighbour lists are built anew."""
+
+    every: int = Field(1, ge=1, strict=True)
+    delay: int = Field(0, ge=0, strict=True)
+    check: bool = True
+
+    @model_validator(mode="after")
+    def _multiple(self) -> Rebuild:
+        if self.delay % self.every:
+            raise ValueError(f"delay must be 0 or a multiple of every, found {self.delay} and {self.every}")
+        return self
+
+
+class EngineSettings(Rebuild):
     """Settings of LAMMPS that do not change what is documented to come out."""
 
     newton: bool = True
     skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
-    every: int = Field(1, ge=1, strict=True)
-    delay: int = Field(0, ge=0, strict=True)
-    check: bool = True
     ranks: Literal[1, 2] = 1
     split: bool = Field(False, description="a set-up of its own for every stretch between steps compared")
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
 
+
+class TwinSettings(_Model):
+    """A second run of LAMMPS, its own first one the reference: exactly one of the keys. See `lammps_cases.twins`."""
+
+    translate: Vector | None = Field(None, description="displacement of all particles, wrapped in periodic axes")
+    boost: Vector | None = Field(None, description="velocity added to all particles, walls included")
+    relabel: Literal[True] | None = Field(None, description="ids dealt out anew (seeded)")
+    rescale: Positive | None = Field(None, description="lengths times a power of two; densities and velocities stay")
+    newton: Annotated[bool, Field(strict=True)] | None = Field(None, description="the other setting")
+    skin: Positive | None = Field(None, description="another skin, in spacings")
+    rebuild: Rebuild | None = Field(None, description="neighbour lists built at other steps")
+    split: Literal[True] | None = Field(None, description="one run against two, the second with pre no")
+    ranks: Literal[2] | None = Field(None, description="two processes against one")
+
     @model_validator(mode="after")
-    def _multiple(self) -> EngineSettings:
-        if self.delay % self.every:
-            raise ValueError(f"delay must be 0 or a multiple of every, found {self.delay} and {self.every}")
+    def _exactly_one(self) -> TwinSettings:
+        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {' '.join(given) or 0}")
+        if self.rescale is not None and (math.frexp(self.rescale)[0] != 0.5 or self.rescale == 1):
+            raise ValueError(f"rescale must be a power of two other than 1, found {self.rescale!r}")
         return self
+
+    @property
+    def kind(self) -> str:
+        """The key given."""
+        return next(key for key in type(self).model_fields if getattr(self, key) is not None)
 
 
 class Expect(_Model):
@@ -451,6 +485,7 @@ class Scene(_Model):
         ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
     )
     engine: EngineSettings = EngineSettings()
+    twin: TwinSettings | None = Field(None, description="compare LAMMPS with a second run of its own")
     violate: Violation | None = None
     expect: Expect | None = None
 
@@ -476,7 +511,24 @@ class Scene(_Model):
         self._check_types()
         self._check_vectors()
         self._check_compare()
+        if self.twin:
+            self._check_twin(self.twin)
         return self
+
+    def _check_twin(self, twin: TwinSettings) -> None:
+        if self.expect or not self.whole_model:
+            raise ValueError("twin compares fields of the whole model: it needs more in compare than pressure")
+        if twin.boost is not None and self.rheo.shift:
+            raise ValueError("twin.boost: shifting follows the speed of each particle, which depends on the frame")
+        if twin.split and (self.evolve is None or self.evolve.steps < 2):
+            raise ValueError("twin.split needs two time steps or more")
+        if twin.kind in ("newton", "skin", "ranks") and getattr(twin, twin.kind) == getattr(self.engine, twin.kind):
+            raise ValueError(f"twin.{twin.kind} must differ from engine.{twin.kind}")
+        if twin.rescale is not None:
+            octaves = int(math.log2(twin.rescale))
+            for law in (t.viscosity for t in self.types if isinstance(t.viscosity, PowerLaw)):
+                if (Fraction(law.n) * octaves).denominator != 1:
+                    raise ValueError(f"twin.rescale must be exact: rescale to the power of n ({law.n!r}) is not")
 
     def _check_types(self) -> None:
         n = len(self.types)
@@ -494,6 +546,7 @@ class Scene(_Model):
             "velocity.uniform": [self.velocity.uniform],
             "velocity of a type": [t.velocity for t in self.types],
             "vector of a force": [force.vector for force in self.forces],
+            "vector of twin": [self.twin.translate or self.twin.boost] if self.twin else [],
         }
         for what, given in vectors.items():
             for vector in given:

@@ -8,7 +8,6 @@ rounding, for which there are bounds, or a fault.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -81,8 +80,6 @@ def dimensions(d: int) -> dict[str, tuple[int, int, int]]:
         "acceleration": (1, 0, -2),
         "diffusivity": (2, 0, -1),
         "kernel": (-d, 0, 0),
-        "energy per mass": (2, 0, -2),
-        "A3": (2 * d, -2, 0),
     }
 
 
@@ -138,25 +135,26 @@ class Twin:
 
     def in_place(self, fields: Fields) -> Fields:
         """Fields of the twin in the original's order and units; what holds for bounds too."""
-        return {
-            name: np.broadcast_to(array, np.shape(array) or self.row_n.shape)[self.row_n] / self.scale.of(name)
-            for name, array in fields.items()
-        }
+        return {name: array[self.row_n] / self.scale.of(name) for name, array in fields.items()}
 
-    def rounding(self, step: int) -> Fields:
-        """Largest rounding error of `back`: a product or two in the displacement, one difference, one period."""
-        d, atoms = self.scene.dimension, self.atoms
-        reach_c = np.maximum(np.abs(atoms.low_c[:d]), np.abs(atoms.high_c[:d]))
-        speed_c = 0.0 if atoms.v_nc is None else np.abs(atoms.v_nc[:, :d]).max(axis=0, initial=0.0)
-        size = {"x": 2 * reach_c, "v": speed_c}
-        return {
-            field: 2 * UNIT * (size[field] + np.abs(added_c)) if step and added_c.any() else np.zeros(d)
-            for field, added_c in self._added(step).items()
-        }
+    def rounding(self, returned: Fields, step: int) -> Fields:
+        """Largest rounding error of `back`: of the displacement and the difference, and of a period added later."""
+        atoms, d, found = self.atoms, self.scene.dimension, {}
+        for field, added_c in self._added(step).items():
+            if step and field in returned and added_c.any():
+                period_c = (atoms.high_c - atoms.low_c)[:d] if field == "x" else 0.0
+                found[field] = 2 * UNIT * (np.abs(returned[field]) + np.abs(added_c) + period_c)
+        return found
 
     def _added(self, step: int) -> dict[str, FloatArray]:
         time = step * self.scene.evolve.timestep if self.scene.evolve else 0.0
         return {"x": self.displacement_c + time * self.velocity_c, "v": self.velocity_c}
+
+
+def describe(settings: TwinSettings) -> str:
+    """What the second run is, and why it must give the same, in one line."""
+    (given,) = settings.model_dump(exclude_none=True).values()
+    return f"{settings.kind} {given}: {WHY[settings.kind]}"
 
 
 def make(case: Case, atoms: Atoms) -> Twin:
@@ -171,18 +169,8 @@ def make(case: Case, atoms: Atoms) -> Twin:
     assert settings is not None
     n, d, kind = len(atoms), scene.dimension, settings.kind
     nowhere_c = np.zeros(d)
-    same = Twin(
-        kind,
-        scene,
-        atoms,
-        scene,
-        atoms,
-        scene.snapshots,
-        np.arange(n),
-        Scale(1.0, d),
-        nowhere_c,
-        nowhere_c,
-    )
+    unscaled = Scale(1.0, d)
+    same = Twin(kind, scene, atoms, scene, atoms, scene.snapshots, np.arange(n), unscaled, nowhere_c, nowhere_c)
     if settings.translate is not None:
         return _translated(same, settings.translate, case.where)
     if settings.boost is not None:
@@ -245,10 +233,16 @@ def _with_plane(array_nc: FloatArray, full_nc: FloatArray) -> FloatArray:
 def _relabelled(same: Twin, name: str) -> Twin:
     atoms = same.atoms
     order_n = np.random.default_rng(seed(f"{name}/relabel")).permutation(len(atoms))
-    per_atom = ("type_n", "x_nc", "mass_n", "v_nc", "rho_n", "energy_n")
-    arrays = {key: getattr(atoms, key) for key in per_atom}
-    dealt = {key: None if array is None else array[order_n] for key, array in arrays.items()}
-    return replace(same, other_atoms=dataclasses.replace(atoms, **dealt), row_n=np.argsort(order_n))
+    other = replace(
+        atoms,
+        type_n=atoms.type_n[order_n],
+        x_nc=atoms.x_nc[order_n],
+        mass_n=atoms.mass_n[order_n],
+        v_nc=None if atoms.v_nc is None else atoms.v_nc[order_n],
+        rho_n=None if atoms.rho_n is None else atoms.rho_n[order_n],
+        energy_n=None if atoms.energy_n is None else atoms.energy_n[order_n],
+    )
+    return replace(same, other_atoms=other, row_n=np.argsort(order_n))
 
 
 def _split(same: Twin) -> Twin:
@@ -275,61 +269,41 @@ def _told_otherwise(scene: Scene, settings: TwinSettings) -> Scene:
 
 
 def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
-    """A scene at another size: every parameter with a dimension multiplied by its power of the factor.
+    """A scene at another size: every parameter that is not one of density and velocity, times its own factor.
 
-    The extra repulsion of reconstructed walls (specification, 6.4) has the dimension of a force in 3D only.
+    So pressures, energies per mass, temperatures, specific heats and the parameters of all equations of state stay as
+    they are. The extra repulsion of reconstructed walls (specification, 6.4) has the dimension of a force in 3D only,
+    and the normal of a surface a constant that does not scale (1e-10, specification, 7).
     """
     positions = scene.positions
     if isinstance(positions, Lattice):
         positions = positions.model_copy(update={"spacing": positions.spacing * scale.of("x")})
-    pair = scene.pair.model_copy(update={"rho_damp": scene.pair.rho_damp * scale.of("diffusivity")})
-    evolve = scene.evolve
-    if evolve:
-        evolve = evolve.model_copy(update={"timestep": evolve.timestep * scale.of("time")})
-    return scene.model_copy(
-        update={
-            "types": tuple(_rescaled_type(t, scale) for t in scene.types),
-            "positions": positions,
-            "pressure": tuple(
-                law.model_copy(
-                    update={
-                        "A3": None if law.A3 is None else law.A3 * scale.of("A3"),
-                        "P_b": None if law.P_b is None else law.P_b * scale.of("pressure"),
-                    }
-                )
-                for law in scene.pressure
-            ),
-            "rheo": _rescaled_rheo(scene.rheo, scale, cut),
-            "pair": pair,
-            "forces": tuple(_rescaled_force(force, scale) for force in scene.forces),
-            "evolve": evolve,
-        }
-    )
-
-
-def _rescaled_type(t: AtomType, scale: Scale) -> AtomType:
-    law = t.viscosity
-    if isinstance(law, PowerLaw):
-        # K is a viscosity times a rate to the power of 1 - n.
-        K = law.K * scale.of("viscosity") * scale.of("grad/v") ** (1 - law.n)
-        update = {"eta": law.eta * scale.of("viscosity"), "gd0": law.gd0 * scale.of("grad/v"), "K": K}
-        law = law.model_copy(update=update)
-    else:
-        law = law * scale.of("viscosity")
-    heat, velocity = scale.of("energy per mass"), t.velocity
-    found: dict[str, Any] = {
-        "mass": t.mass * scale.of("mass"),
-        "rho0": None if t.rho0 is None else t.rho0 * scale.of("rho"),
-        "cs": None if t.cs is None else t.cs * scale.of("v"),
-        "viscosity": law,
-        "conductivity": t.conductivity * scale.of("conductivity"),
-        "specific_heat": t.specific_heat * heat,
-        "latent_heat": None if t.latent_heat is None else t.latent_heat * heat,
-        "velocity": None if velocity is None else tuple(v * scale.of("v") for v in velocity),
+    update: dict[str, Any] = {
+        "types": tuple(_rescaled_type(t, scale, scene.thermal) for t in scene.types),
+        "positions": positions,
+        "rheo": _rescaled_rheo(scene.rheo, scale, cut),
+        "pair": scene.pair.model_copy(update={"rho_damp": scene.pair.rho_damp * scale.of("diffusivity")}),
+        "forces": tuple(_rescaled_force(force, scale) for force in scene.forces),
     }
-    given = {key: value for key, value in found.items() if key in t.model_fields_set or key == "viscosity"}
-    # A default is a quantity like any other; but a thermal one that is given makes particles carry energy.
-    return t.model_copy(update=given if not t.thermal else found)
+    if scene.evolve:
+        timestep = scene.evolve.timestep * scale.of("time")
+        update["evolve"] = scene.evolve.model_copy(update={"timestep": timestep})
+    return scene.model_copy(update=update)
+
+
+def _rescaled_type(t: AtomType, scale: Scale, thermal: bool) -> AtomType:
+    law, eta = t.viscosity, scale.of("viscosity")
+    if isinstance(law, PowerLaw):
+        # K is a viscosity times a strain rate to the power of 1 - n.
+        rate = scale.of("grad/v")
+        scaled = {"eta": law.eta * eta, "gd0": law.gd0 * rate, "K": law.K * eta * rate ** (1 - law.n)}
+        law = law.model_copy(update=scaled)
+    else:
+        law = law * eta
+    update: dict[str, Any] = {"mass": t.mass * scale.of("mass"), "viscosity": law}
+    if thermal:  # a type with a thermal property makes particles carry energy
+        update["conductivity"] = t.conductivity * scale.of("conductivity")
+    return t.model_copy(update=update)
 
 
 def _rescaled_rheo(rheo: RheoSettings, scale: Scale, cut: float) -> RheoSettings:
@@ -347,7 +321,7 @@ def _rescaled_force(force: ForceSettings, scale: Scale) -> ForceSettings:
 
 
 def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:
-    """Particles at another size."""
+    """Particles at another size, with their densities and velocities."""
     length = scale.of("x")
     return replace(
         atoms,
@@ -356,7 +330,5 @@ def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:
         high_c=atoms.high_c * length,
         spacing=atoms.spacing * length,
         mass_n=atoms.mass_n * scale.of("mass"),
-        v_nc=None if atoms.v_nc is None else atoms.v_nc * scale.of("v"),
-        rho_n=None if atoms.rho_n is None else atoms.rho_n * scale.of("rho"),
         energy_n=None if atoms.energy_n is None else atoms.energy_n * scale.of("energy"),
     )

@@ -147,6 +147,23 @@ ENTRIES: tuple[Entry, ...] = (
         particles=Variant(variants.sums_walls, stepping=variants.WallsSummedAfterSetup),
     ),
     Entry(
+        id="walls-after-rebuild",
+        title="Densities of walls are wrong in single steps after neighbour lists are rebuilt",
+        severity="high",
+        documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
+        "2012), whatever the neighbour lists; neigh_modify: settings of the lists must not change the physics.",
+        observed="In a step in which atoms enter or leave the layer of periodic images, solids that see fluid "
+        "through a periodic boundary get densities that are off by up to 1 %, and with them the forces; the step "
+        "after is right again. With 'neigh_modify check no' the scene shows it at other steps than with 'check yes'.",
+        argument="The same run with another skin or other rebuild settings has another trajectory. Only solids with "
+        "neighbours across the boundary are hit, so the numbering of images is suspect: their accelerations, which "
+        "the extrapolation needs, would be those of other atoms. Open: no variant reproduces the numbers yet.",
+        workaround="A large skin, so that lists are rebuilt seldom.",
+        cases=("open.walls-after-rebuild",),
+        engines=ALL,
+        scene="fluid over fixed solids under gravity, periodic along the wall, lists rebuilt every step",
+    ),
+    Entry(
         id="stale-gradient-below-zmin",
         title="A particle with fewer than zmin neighbours uses memory nobody wrote",
         severity="high",

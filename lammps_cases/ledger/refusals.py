@@ -12,8 +12,8 @@ ENTRIES: tuple[Entry, ...] = (
         documented="fix rheo, Restrictions: must be used in conjunction with fix rheo/pressure.",
         observed="Without fix rheo/pressure a run is refused with 'Missing fix rheo/pressure', unless a compute "
         "rheo/property/atom asks for the pressure: then the run ends in SIGSEGV before that check.",
-        argument="The same omission gives an error or a crash depending on whether it is looked at. A crash loses the "
-        "output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
+        argument="The same omission gives an error or a crash depending on whether it is looked at. A crash loses "
+        "the output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
         workaround="Define fix rheo/pressure before the first run.",
         cases=("refused.no-fix-pressure-read",),
         engines=ALL,
@@ -25,10 +25,10 @@ ENTRIES: tuple[Entry, ...] = (
         title="Asking for stress/t without the pressure ends in a segmentation fault",
         severity="medium",
         documented="compute rheo/property/atom: inputs may be given in any combination; stress/t is the total stress.",
-        observed="'compute rheo/property/atom stress/t' ends in SIGSEGV, unless pressure is another input of the same "
-        "compute.",
-        argument="The total stress contains the pressure, and nothing documents that it has to be asked for as well. A "
-        "crash loses the output buffers and, where LAMMPS is a library, the host program.",
+        observed="'compute rheo/property/atom stress/t' ends in SIGSEGV, unless pressure is another input of the "
+        "same compute.",
+        argument="The total stress contains the pressure, and nothing documents that it has to be asked for as well. "
+        "A crash loses the output buffers and, where LAMMPS is a library, the host program.",
         workaround="Name pressure among the inputs of the same compute.",
         cases=("strain.unasked.*",),
         engines=ALL,
@@ -39,12 +39,12 @@ ENTRIES: tuple[Entry, ...] = (
         id="self-mass-missing",
         title="The keyword self/mass does not exist",
         severity="medium",
-        documented="fix rheo, syntax: rho/sum takes the optional argument self/mass, with which a particle uses its own "
-        "mass in the summation; an example has it too.",
-        observed="'rho/sum self/mass' is refused: 'Illegal fix rheo command: self/mass'. No order of the words, nor the "
-        "spelling rhosum of the manual's example, is accepted.",
-        argument="Two fluids of different particle masses need it: with sum m_j W_ij the density of a particle of mass "
-        "1.5 beside one of mass 0.7 comes out at 0.903 where its own mass gives 0.954, an error of 5 % that the "
+        documented="fix rheo, syntax: rho/sum takes the optional argument self/mass, with which a particle uses its "
+        "own mass in the summation; an example has it too.",
+        observed="'rho/sum self/mass' is refused: 'Illegal fix rheo command: self/mass'. No order of the words, nor "
+        "the spelling rhosum of the manual's example, is accepted.",
+        argument="Two fluids of different particle masses need it: with sum m_j W_ij the density of a particle of "
+        "mass 1.5 beside one of mass 0.7 comes out at 0.903 where its own mass gives 0.954, an error of 5 % that the "
         "equation of state multiplies by c^2.",
         workaround="Equal masses of all types, or densities by continuity.",
         cases=("undocumented.self-mass",),
@@ -53,14 +53,28 @@ ENTRIES: tuple[Entry, ...] = (
         outcome_text="Illegal fix rheo command: self/mass",
     ),
     Entry(
+        id="exclude-takes-one-range",
+        title="shift exclude/type takes one range, not a list of types",
+        severity="low",
+        documented="fix rheo, syntax: exclude/type values = types, types = list of types.",
+        observed="'shift exclude/type 1 2' is refused: 'Illegal fix rheo command: 2'. One range (n, m*n, *) is "
+        "accepted.",
+        argument="Types 1 and 3 of three cannot be excluded together, as no range holds just these two.",
+        workaround="Order the types so that those excluded are adjacent, and write a range.",
+        cases=("undocumented.exclude-list",),
+        engines=ALL,
+        outcome="refused",
+        outcome_text="Illegal fix rheo command: 2",
+    ),
+    Entry(
         id="reconstruct-refuses-cubic",
         title="interface/reconstruct refuses the cubic law, even for the fluid alone",
         severity="low",
         documented="fix rheo and fix rheo/pressure: no law is excluded from interface/reconstruct.",
         observed="If any type has the style cubic, a run with interface/reconstruct ends with 'RHEO interface "
         "reconstruction incompatible with pressure equation of state'.",
-        argument="The reconstruction needs the inverse of the solid's law only; for A3 > 0 the cubic is monotone and has "
-        "one. A fluid with a cubic law over linear walls needs no inverse of it at all.",
+        argument="The reconstruction needs the inverse of the solid's law only; for A3 > 0 the cubic is monotone and "
+        "has one. A fluid with a cubic law over linear walls needs no inverse of it at all.",
         workaround="tait/general with an exponent of the same curvature, or linear.",
         cases=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
         engines=ALL,
@@ -87,10 +101,10 @@ ENTRIES: tuple[Entry, ...] = (
         title="A type range with a hyphen is taken for its first number",
         severity="medium",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
-        observed="'1-2 linear' sets the law of type 1 alone, without a message; '* linear 1-2 tait/water' leaves type "
-        "2 linear. Only if type 2 has no law at all is the command refused, for that reason.",
-        argument="A user who writes 1-2 means both types. A law silently dropped for one of them changes its stiffness "
-        "by any factor, while '1;2' or '0*' are refused as invalid.",
+        observed="'1-2 linear' sets the law of type 1 alone, without a message; '* linear 1-2 tait/water' leaves "
+        "type 2 linear. Only if type 2 has no law at all is the command refused, for that reason.",
+        argument="A user who writes 1-2 means both types. A law silently dropped for one of them changes its "
+        "stiffness by any factor, while '1;2' or '0*' are refused as invalid.",
         workaround="Write 1*2.",
         cases=("refused.range-hyphen",),
         engines=ALL,

@@ -6,12 +6,17 @@ Everything is made from the models of ``run.json`` and, where present, the per-a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lammps_cases.records import RunRecord, write_atomically
 
+if TYPE_CHECKING:
+    from lammps_cases.ledger import Entry
 
-def write_report(run: RunRecord, directory: Path) -> Path:
+
+def write_report(run: RunRecord, directory: Path, ledger: Sequence[Entry] | None = None) -> Path:
     """Write ``summary.md``, ``junit.xml`` and ``report.html`` into a report folder.
 
     Parameters
@@ -20,6 +25,8 @@ def write_report(run: RunRecord, directory: Path) -> Path:
         The run, of cases or of an audit.
     directory : Path
         Report folder; ``fields/CASE.npz`` is read from it where a case has fields and the file exists.
+    ledger : sequence of Entry, optional
+        The findings to look for in the run; the project's own unless given.
 
     Returns
     -------
@@ -31,10 +38,12 @@ def write_report(run: RunRecord, directory: Path) -> Path:
     InputError
         plotly, whose script is embedded in the page, is not installed.
     """
+    from lammps_cases.ledger import LEDGER
     from lammps_cases.report import junit, markdown, page
 
-    write_atomically(directory / "summary.md", markdown.summary(run))
+    ledger = LEDGER if ledger is None else ledger
+    write_atomically(directory / "summary.md", markdown.summary(run, ledger))
     write_atomically(directory / "junit.xml", junit.document(run))
     path = directory / "report.html"
-    write_atomically(path, page.render(run, directory / "fields"))
+    write_atomically(path, page.render(run, directory / "fields", ledger))
     return path

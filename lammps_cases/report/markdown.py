@@ -5,21 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
+from lammps_cases.ledger import LEDGER, Entry
 from lammps_cases.records import CaseRecord, RunRecord
-from lammps_cases.report import wording
+from lammps_cases.report import agreement, findings, wording
 
 LISTED = 100  # rows of the table of failures: GitHub refuses summaries above 1 MiB
 LONGEST = 300  # characters of a message
 EXTREMES = 5  # rows of the tables of extremes
 
 
-def summary(run: RunRecord) -> str:
+def summary(run: RunRecord, ledger: Sequence[Entry] = LEDGER) -> str:
     """A run as GitHub-flavoured Markdown."""
     blocks = [
         f"## eos-ref: {wording.stamp(run)}",
         _text(wording.sentence(run)),
-        _table(("verdict", "cases"), wording.counts(run).items()) if run.cases else "",
+        "\n".join(f"> **Note:** {_text(note)}" for note in run.notes),
         _failures(run),
+        _findings(findings.of_run(run, ledger)),
+        *map(_agreement, agreement.matrices(run)),
         _slowest(run),
         _worst_conditioned(run),
         _provenance(run),
@@ -52,6 +55,52 @@ def _failure(case: CaseRecord) -> Sequence[str]:
     )
 
 
+def _findings(found: Sequence[findings.Finding]) -> str:
+    """One line per finding that the run shows or could have shown."""
+    rows = [
+        (f.entry.severity, _code(f.entry.id), _text(f.entry.title), len(f.cases), len(f.unseen) or "")
+        for f in found
+        if f.status != "absent"
+    ]
+    if not rows:
+        return ""
+    absent = sum(f.status == "absent" for f in found)
+    rest = f"\n\n{absent} more of the ledger not applicable in this run." if absent else ""
+    head = ("severity", "finding", "what LAMMPS does", "cases", "applies, not seen")
+    return f"### Findings\n\n{_table(head, rows)}{rest}"
+
+
+def _agreement(matrix: agreement.Matrix) -> str:
+    """Fields against steps: cases inside the bound with the largest difference/bound, then those outside it."""
+    shown = [row for row in matrix.rows if not row.exact]
+    same = [row.field for row in matrix.rows if row.exact]
+    blocks = [
+        f"### Agreement: {matrix.title} ({matrix.cases} cases)",
+        "Cases inside the bound (largest difference/bound); explained ones: as documented, their variants are inside.",
+        _table(("field", *(f"step {step}" for step in matrix.steps)), map(_fields_row, shown)) if shown else "",
+        f"The same bits in every case: {', '.join(map(_text, same))}." if same else "",
+    ]
+    return "\n\n".join(block for block in blocks if block)
+
+
+def _fields_row(row: agreement.Row) -> Sequence[str]:
+    return (_text(row.field), *("" if cell is None else _cell(cell) for cell in row.cells))
+
+
+def _cell(cell: agreement.Cell) -> str:
+    words = []
+    if cell.agree:
+        words.append(f"{cell.agree} (0)" if not cell.inside.cases else f"{cell.agree} ({_ratio(cell.inside)})")
+    for name, worst in (("explained", cell.explained), ("**differ**", cell.outside)):
+        if worst.cases:
+            words.append(f"{worst.cases} {name} ({_ratio(worst)})")
+    return ", ".join(words)
+
+
+def _ratio(worst: agreement.Worst) -> str:
+    return wording.brief(worst.ratio)
+
+
 def _slowest(run: RunRecord) -> str:
     cases = sorted(run.cases, key=lambda c: -c.seconds.total)[:EXTREMES]
     rows = [
@@ -64,7 +113,7 @@ def _slowest(run: RunRecord) -> str:
         if c.seconds.total > 0
     ]
     head = ("case", "atoms", "total s", "LAMMPS s", "reference s")
-    return f"### Slowest\n\n{_table(head, rows)}" if rows else ""
+    return _folded("Slowest", _table(head, rows)) if rows else ""
 
 
 def _worst_conditioned(run: RunRecord) -> str:
@@ -72,7 +121,7 @@ def _worst_conditioned(run: RunRecord) -> str:
     worst = sorted((row for row in lost if max(row[:2]) > 0), key=lambda row: -max(row[:2]))[:EXTREMES]
     rows = [(_code(c.case), wording.kind(c), f"{lammps:.1f}", f"{own:.1f}") for lammps, own, c in worst]
     head = ("case", "verdict", "digits lost, LAMMPS", "digits lost, reference")
-    return f"### Most digits lost\n\n{_table(head, rows)}" if rows else ""
+    return _folded("Most digits lost", _table(head, rows)) if rows else ""
 
 
 def _provenance(run: RunRecord) -> str:
@@ -82,6 +131,10 @@ def _provenance(run: RunRecord) -> str:
     parts += [run.date, f"{run.seconds:.2f} s"]
     line = "; ".join(_text(part) for part in parts if part)
     return f"{line}\n\n{_code(run.command)}" if run.command else line
+
+
+def _folded(title: str, block: str) -> str:
+    return f"<details><summary>{title}</summary>\n\n{block}\n\n</details>"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

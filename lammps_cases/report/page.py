@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import json
-from collections.abc import Iterator
+import math
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +19,9 @@ from markupsafe import Markup
 from eos_ref.cache import cache_folder
 from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
-from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord
-from lammps_cases.report import plots, wording
+from lammps_cases.ledger import LEDGER, Entry
+from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
+from lammps_cases.report import agreement, findings, plots, wording
 from lammps_cases.report.arrays import one_per_atom, read_arrays
 
 ASSETS = Path(__file__).parent / "assets"
@@ -33,7 +37,17 @@ class Worst:
 
 
 @dataclass(frozen=True)
-class Entry:
+class Row:
+    """A field at all steps that a case compares; ``span`` rows from this one on are of its stage."""
+
+    record: FieldRecord
+    span: int
+    cells: list[StepRecord | None]
+    drawn: bool
+
+
+@dataclass(frozen=True)
+class Shown:
     """A case as the page shows it."""
 
     record: CaseRecord
@@ -48,9 +62,13 @@ class Entry:
     checks: list[CheckRecord]
     worst: list[Worst]
     data: Markup | None
+    message: str
+    explained: list[str]
+    steps: list[int]
+    rows: list[Row]
 
 
-def render(run: RunRecord, fields: Path) -> str:
+def render(run: RunRecord, fields: Path, ledger: Sequence[Entry] = LEDGER) -> str:
     """The page of a run; per-atom arrays are read from the folder ``fields``."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(ASSETS),
@@ -62,6 +80,8 @@ def render(run: RunRecord, fields: Path) -> str:
         lstrip_blocks=True,
     )
     environment.filters["number"] = wording.number
+    environment.filters["brief"] = wording.brief
+    environment.filters["shade"] = shade
     environment.filters["sortable"] = _sortable
     return environment.get_template("report.html.j2").render(
         run=run,
@@ -70,7 +90,12 @@ def render(run: RunRecord, fields: Path) -> str:
         sentence=wording.sentence(run),
         engine=wording.engine(run),
         counts=wording.counts(run),
-        entries=[_entry(case, run, fields) for case in run.cases],
+        entries=[_shown(case, run, fields) for case in run.cases],
+        notes=run.notes,
+        tags=_tags(run),
+        matrices=agreement.matrices(run),
+        findings=findings.of_run(run, ledger),
+        known={entry.id for entry in ledger},
         provenance=dict(_provenance(run)),
         seeds={case.case: case.seed for case in run.cases if case.seed is not None},
         css=Markup((ASSETS / "report.css").read_text(encoding="utf-8")),
@@ -84,12 +109,40 @@ def embedded(data: Any) -> Markup:
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 
-def _entry(case: CaseRecord, run: RunRecord, fields: Path) -> Entry:
+def shade(ratio: float | None, verdict: str) -> int:
+    """Depth of a colour from 0 to 9 on a log scale: within the bound to 4, beyond it from 4 to 1e15 times it."""
+    if ratio is None or ratio == 0:
+        return 0
+    decades = math.log10(ratio) if 0 < ratio < math.inf else math.inf
+    if verdict in ("exact", "pass"):
+        return max(0, min(4, 4 + math.floor(decades)))
+    return max(4, min(9, 4 + math.floor(min(decades, 15.0) / 3)))
+
+
+def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[Row]:
+    rows = []
+    for _, of_stage in itertools.groupby(case.fields, key=lambda record: record.stage):
+        records = list(of_stage)
+        for i, record in enumerate(records):
+            at = {found.step: found for found in record.steps}
+            cells = [at.get(step) for step in steps]
+            rows.append(Row(record, len(records) if i == 0 else 0, cells, record.field in drawn))
+    return rows
+
+
+def _tags(run: RunRecord) -> dict[str, int]:
+    found = Counter(tag for case in run.cases for tag in set(case.tags))
+    return {tag: found[tag] for tag in sorted(found)}
+
+
+def _shown(case: CaseRecord, run: RunRecord, fields: Path) -> Shown:
     arrays = _arrays(case, fields)
     found = {} if arrays is None else plots.differences(arrays)
     data = plots.payload(case, arrays, found)
-    words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message)
-    return Entry(
+    words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message, case.twin)
+    steps = sorted({at.step for record in case.fields for at in record.steps})
+    drawn = set((data or {}).get("fields", ()))
+    return Shown(
         record=case,
         kind=wording.kind(case),
         rank=wording.rank(case, run),
@@ -100,8 +153,17 @@ def _entry(case: CaseRecord, run: RunRecord, fields: Path) -> Entry:
         styles=wording.styles(case),
         text=" ".join(words).lower(),
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
-        worst=[_worst(case, arrays, field, *of) for field, of in found.items() if arrays and of[0].any()],
+        worst=[
+            _worst(case, arrays, field, *of)
+            for field, of in found.items()
+            if arrays and of[0].any() and not steps  # of the model only the field in which a difference enters
+            or data and arrays and field == data.get("first")
+        ],
         data=None if data is None else embedded(data),
+        message=wording.blame(case),
+        explained=wording.explained_by(case),
+        steps=steps,
+        rows=_rows(case, steps, drawn) if steps else [],
     )
 
 

@@ -1,12 +1,14 @@
 """The numbers that the page draws from: a few hundred atoms of a case, the curves of its laws, its checks.
 
-Arrays travel as base64 of little-endian float64: exact, NaN and infinity included, no longer than six-digit
-text and far faster to write. The drawing itself happens in the browser, when a case is opened.
+Arrays travel as base64 of little-endian floats, NaN and infinity included: no longer than six-digit text and far
+faster to write. Values are float64; what is float32 by its value, or serves for drawing only, is float32 (marked by
+``f:``); a constant is one number. The drawing itself happens in the browser, when a case is opened.
 """
 
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -21,7 +23,9 @@ from lammps_cases.records import CaseRecord, CheckRecord, LawRecord
 Arrays = Mapping[str, npt.NDArray[Any]]
 Differences = Mapping[str, tuple[FloatArray, FloatArray]]
 ATOMS = 400  # atoms embedded per case
+MODEL_ATOMS = 200  # of the particle model, where they have a dozen fields
 CHECKS = 600  # looks of an audit embedded per case
+SINGLE = np.finfo(np.float32)
 GRID = 200  # points of a curve
 
 
@@ -89,40 +93,72 @@ def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> Fl
 
 
 def _atoms(case: CaseRecord, arrays: Arrays, found: Differences) -> dict[str, Any]:
-    # An input that LAMMPS holds exactly as given makes no picture.
-    fields = [field for field, (difference_n, _) in found.items() if field == "pressure" or difference_n.any()]
+    stepped = {record.field: record for record in case.fields if record.steps}
+    # An input that LAMMPS holds exactly as given makes no picture, nor does a field of the model with the same bits.
+    law = "pressure" in found and not stepped
+    fields = [name for name in _in_order(case, found) if (law and name == "pressure") or found[name][0].any()]
+    if stepped and not fields:
+        return {}
     type_n, rho_n = arrays["type"], np.asarray(arrays["rho"], float)
     ratio_n = np.max([found[field][1] for field in fields], axis=0) if fields else np.zeros(rho_n.shape)
-    picked = thinned(ratio_n, rho_n, type_n, ATOMS)
+    picked = thinned(ratio_n, rho_n, type_n, MODEL_ATOMS if stepped else ATOMS)
     x_nc = np.asarray(arrays["x"], float)[picked]
     dimension = case.dimension or (3 if np.ptp(x_nc[:, 2]) > 0 else 2)
     data = {
         "natoms": int(rho_n.size),
+        "n": int(picked.size),
         "types": [int(t) for t in np.unique(type_n)],
-        "x": [_packed(x_nc[:, c]) for c in range(dimension)],
+        "rho0": {law.type: law.rho0 for law in case.laws},
+        "x": [_column(x_nc[:, c], rough=True) for c in range(dimension)],
         "box": _packed(arrays["box"]) if "box" in arrays else None,
-        "id": _packed(arrays["id"][picked]),
-        "type": _packed(type_n[picked]),
-        "rho": _packed(rho_n[picked]),
-        "delta": _packed(offsets(case, type_n, rho_n)[picked]),
-        "fields": {field: _field(arrays, field, found[field], picked) for field in fields},
-        "laws": _curves(case, arrays) if "pressure" in fields else [],
+        "id": _column(arrays["id"][picked]),
+        "type": _column(type_n[picked]),
+        "rho": _column(rho_n[picked], rough=bool(stepped)),
+        "fields": {field: _field(arrays, field, picked) for field in fields},
+        "laws": _curves(case, arrays) if law else [],
     }
+    if stepped:
+        steps = {field: stepped[field].worst_step for field in fields if field in stepped}
+        data |= {"steps": steps, "other": "twin" if case.twin else "reference", "first": _first(case, fields)}
+    if "phase.lammps" in arrays and stepped:
+        data["phase"] = _column(arrays["phase.lammps"][picked])
     if "e" in arrays:
-        data["energy"] = _packed((rho_n * arrays["e"])[picked])
+        data["energy"] = _column((rho_n * arrays["e"])[picked])
     return data
 
 
-def _field(
-    arrays: Arrays, field: str, found: tuple[FloatArray, FloatArray], picked: npt.NDArray[np.intp]
-) -> dict[str, Any]:
-    difference_n, ratio_n = found
-    lammps_n = np.asarray(arrays[f"{field}.lammps"], float)[picked]
+def _in_order(case: CaseRecord, found: Differences) -> list[str]:
+    """Fields of the arrays in the order of the record, which is that of a step."""
+    recorded = [record.field for record in case.fields if record.field in found]
+    return [*dict.fromkeys(recorded), *(field for field in found if field not in recorded)]
+
+
+def _first(case: CaseRecord, fields: list[str]) -> str:
+    """The field in which a difference enters: at the earliest step, the first that is outside its bound."""
+    outside = [
+        (at.step, place, record.field)
+        for place, record in enumerate(case.fields)
+        for at in record.steps
+        if record.field in fields and at.verdict not in ("exact", "pass")
+    ]
+    if outside:
+        return min(outside)[2]
+    ratios = {record.field: record.max_over_bound or 0.0 for record in case.fields if record.field in fields}
+    return max(fields, key=lambda field: ratios.get(field, 0.0))
+
+
+def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp]) -> dict[str, Any]:
+    sides = (np.asarray(arrays[f"{field}.{side}"], float)[picked] for side in ("lammps", "reference", "bound"))
+    lammps_n, reference_n, bound_n = sides
+    with np.errstate(all="ignore"):
+        difference_n = lammps_n - reference_n
+        difference_n[~(np.isfinite(lammps_n) & np.isfinite(reference_n))] = np.inf
+        # Seven digits will do, unless they decide on which side of the bound an atom is.
+        rough = not bool(np.any(np.abs(np.abs(difference_n) / bound_n - 1) < 1e-6))
     return {
-        "lammps": _packed(lammps_n),
-        "difference": _packed(difference_n[picked]),
-        "bound": _packed(arrays[f"{field}.bound"][picked]),
-        "ratio": _packed(ratio_n[picked]),
+        "lammps": _column(lammps_n),
+        "difference": _column(difference_n, rough),
+        "bound": _column(bound_n, rough),
         "scale": scale_of(lammps_n),
     }
 
@@ -211,6 +247,24 @@ def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
     ratio[np.isnan(ratio)] = np.inf  # not a number is the worst there is
     group = np.unique([f"{check.field} {check.type}" for check in checks], return_inverse=True)[1]
     return [int(i) for i in thinned(ratio, np.arange(len(checks), dtype=float), group, limit)]
+
+
+def _column(values: npt.ArrayLike, rough: bool = False) -> str | float:
+    """A column of atoms in as few bytes as its values need; ``rough`` keeps seven digits."""
+    exact = np.asarray(values, "<f8")
+    if exact.size and math.isfinite(exact[0]) and bool((exact == exact[0]).all()):
+        return float(exact[0])
+    with np.errstate(all="ignore"):
+        single = exact.astype("<f4")
+        if np.array_equal(single, exact, equal_nan=True) or (rough and _fits(exact)):
+            return "f:" + base64.b64encode(single.tobytes()).decode("ascii")
+    return _packed(exact)
+
+
+def _fits(values: FloatArray) -> bool:
+    """Whether float32 holds values with all of its digits."""
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    return bool(np.all((sizes > SINGLE.tiny) & (sizes < SINGLE.max)))
 
 
 def _packed(values: npt.ArrayLike) -> str:

@@ -73,16 +73,34 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
+def brief(value: float | None) -> str:
+    """A number of two digits for a narrow cell: 3.6e9, 0.12."""
+    text = number(value, 2)
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}e{int(exponent)}" if e else text
+
+
+def explained_by(case: CaseRecord) -> list[str]:
+    """The ledger entries that explain a case, each once."""
+    named = [case.explained_by, *(field.explained_by for field in case.fields)]
+    return list(dict.fromkeys(entry for text in named if text for entry in text.split(", ")))
+
+
+def blame(case: CaseRecord) -> str:
+    """The message without the ledger entries that it ends with, for where they stand beside it."""
+    return case.message.removesuffix(f"; explained by {', '.join(explained_by(case))}")
+
+
 def worst_field(case: CaseRecord) -> FieldRecord | None:
     """The field to blame: worst verdict, then largest difference in units of the bound."""
-    return max(case.fields, key=lambda f: (SEVERITY[f.verdict], _size(f.max_over_bound)), default=None)
+    return max(case.fields, key=lambda f: (SEVERITY[f.verdict], size(f.max_over_bound)), default=None)
 
 
 def worst_ratio(case: CaseRecord) -> float | None:
     """Largest difference in units of the bound, over the fields and checks of a case."""
     ratios = [f.max_over_bound for f in case.fields if f.max_over_bound is not None]
     ratios += [check.max_over_bound for check in case.checks]
-    return max(ratios, key=_size, default=None)
+    return max(ratios, key=size, default=None)
 
 
 def digits_lost(case: CaseRecord, side: Literal["lammps", "reference"]) -> float | None:
@@ -102,5 +120,6 @@ def engine(run: RunRecord) -> str:
     return " · ".join(part for part in parts if part)
 
 
-def _size(ratio: float | None) -> float:
+def size(ratio: float | None) -> float:
+    """A ratio for ordering: not a number is the worst there is, none the best."""
     return -1.0 if ratio is None else math.inf if math.isnan(ratio) else ratio

@@ -1,0 +1,121 @@
+"""The particle model on one table: each field at each step, over all cases of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from eos_ref.quantities import PART_OF
+from lammps_cases.particles import STAGES, in_order, stage
+from lammps_cases.records import CaseRecord, RunRecord, StepRecord, Verdict
+from lammps_cases.report import wording
+
+
+@dataclass
+class Worst:
+    """Number of cases with some verdict, the largest difference/bound among them and whose it is."""
+
+    cases: int = 0
+    ratio: float | None = None
+    case: str = ""
+
+    def add(self, case: str, ratio: float) -> None:
+        """Count one case."""
+        self.cases += 1
+        if wording.size(ratio) > wording.size(self.ratio):
+            self.ratio, self.case = ratio, case
+
+
+@dataclass
+class Cell:
+    """A field at a step: cases with the same bits, inside the bound, explained, and outside it."""
+
+    exact: Worst = field(default_factory=Worst)
+    inside: Worst = field(default_factory=Worst)
+    explained: Worst = field(default_factory=Worst)
+    outside: Worst = field(default_factory=Worst)
+
+    def add(self, case: str, at: StepRecord) -> None:
+        """Count a case by its verdict."""
+        kinds = {"exact": self.exact, "pass": self.inside, "explained": self.explained}
+        kinds.get(at.verdict, self.outside).add(case, at.max_over_bound)
+
+    @property
+    def cases(self) -> int:
+        """Number of cases that compare the field at the step."""
+        return self.agree + self.explained.cases + self.outside.cases
+
+    @property
+    def agree(self) -> int:
+        """Number of cases inside the bound, the same bits included."""
+        return self.exact.cases + self.inside.cases
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst verdict of the cases."""
+        if self.outside.cases:
+            return "differs"
+        return "explained" if self.explained.cases else "pass" if self.inside.cases else "exact"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A field with the stage of a step that it comes from."""
+
+    field: str
+    stage: str
+    cells: list[Cell | None]
+
+    @property
+    def exact(self) -> bool:
+        """Whether all cases have the same bits at all steps."""
+        return all(cell is None or cell.verdict == "exact" for cell in self.cells)
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """Fields against steps."""
+
+    title: str
+    cases: int
+    steps: list[int]
+    rows: list[Row]
+    explained: list[str]
+
+
+def matrices(run: RunRecord) -> list[Matrix]:
+    """LAMMPS against the reference and, where a run has such cases, against itself; empty without the model."""
+    stepped = [case for case in run.cases if any(record.steps for record in case.fields)]
+    kinds = {
+        "LAMMPS against the reference": [case for case in stepped if not case.twin],
+        "LAMMPS against itself": [case for case in stepped if case.twin],
+    }
+    return [matrix(title, cases) for title, cases in kinds.items() if cases]
+
+
+def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
+    """All fields that are compared at steps, in the order of a step."""
+    found: dict[str, dict[int, Cell]] = {}
+    for case in cases:
+        for record in case.fields:
+            for at in record.steps:
+                found.setdefault(record.field, {}).setdefault(at.step, Cell()).add(case.case, at)
+    steps = sorted({step for of_field in found.values() for step in of_field})
+    rows = [Row(name, _stage(name), [found[name].get(step) for step in steps]) for name in ordered(found)]
+    explained = dict.fromkeys(entry for case in cases for entry in wording.explained_by(case))
+    return Matrix(title, len(cases), steps, rows, sorted(explained))
+
+
+def ordered(fields: Iterable[str]) -> list[str]:
+    """Fields in the order of a step; those that this version does not know, last."""
+    names = list(fields)
+    known = [name for name in names if _known(name)]
+    return in_order(known) + sorted(name for name in names if not _known(name))
+
+
+def _known(name: str) -> bool:
+    return name in STAGES or PART_OF.get(name, name) in STAGES
+
+
+def _stage(name: str) -> str:
+    return stage(name) if _known(name) else ""

@@ -1,0 +1,68 @@
+"""Which findings of the ledger a run shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from lammps_cases.ledger import Entry
+from lammps_cases.records import CaseRecord, RunRecord
+from lammps_cases.report import wording
+
+Status = Literal["seen", "unseen", "absent"]
+STATUSES: tuple[Status, ...] = ("seen", "unseen", "absent")
+SEVERITIES = ("high", "medium", "low")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A ledger entry with the cases of a run that show it, and those that would if it were still there."""
+
+    entry: Entry
+    cases: list[str]
+    unseen: list[str]
+    listed: bool
+
+    @property
+    def status(self) -> Status:
+        """Whether the run shows it, could have shown it, or neither."""
+        return "seen" if self.cases else "unseen" if self.unseen else "absent"
+
+    @property
+    def words(self) -> str:
+        """The status in words."""
+        if self.cases:
+            return f"seen in {_cases(self.cases)} of this run"
+        if self.unseen:
+            return f"applies to {_cases(self.unseen)}, not seen"
+        return "not applicable in this run: " + (
+            "no case of it" if self.listed else "not known of this version of LAMMPS"
+        )
+
+
+def of_run(run: RunRecord, ledger: Sequence[Entry]) -> list[Finding]:
+    """Every finding, the most severe first; of equal severity those that the run shows first."""
+    explained = [(case, set(wording.explained_by(case))) for case in run.cases]
+    found = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
+    return sorted(found, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
+
+
+def _finding(entry: Entry, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str) -> Finding:
+    seen, unseen = [], []
+    for case, entries in explained:
+        shown = entry.id in entries
+        would = entry.id in case.unseen
+        # A finding of the particle model names the cases that would show it; the others speak of cases by name.
+        if not shown and entry.particles is None and entry.covers(case.case, engine) and case.verdict != "skipped":
+            shown = case.verdict == "differs" and not entry.named_variant
+            would = not shown
+        if shown:
+            seen.append(case.case)
+        elif would:
+            unseen.append(case.case)
+    return Finding(entry, seen, unseen, entry.listed(engine))
+
+
+def _cases(names: Sequence[str]) -> str:
+    return f"{len(names)} case{'' if len(names) == 1 else 's'}"

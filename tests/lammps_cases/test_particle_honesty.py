@@ -1,0 +1,187 @@
+"""The harness must be able to turn red for the particle model: every planted mistake is seen by a shipped case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import interactions, kernels, per_atom, plain, steps
+from lammps_cases import campaign, casefile
+from lammps_cases.engine import Answer, Job
+from lammps_cases.records import CaseRecord, EngineRecord
+from lammps_cases.variants import ForcePerVolume
+from lammps_cases.workers import Workers
+
+ENGINE = EngineRecord(distribution="2025.7.22.4.0")
+CASES = {case.name: case for case in casefile.load()}
+Solver = Callable[[Job], Answer]
+Judge = Callable[[str], CaseRecord]
+
+
+@pytest.fixture(scope="module")
+def solver() -> Iterator[Solver]:
+    """Real LAMMPS in a process of its own."""
+    with Workers(None, 1) as workers:
+
+        def solve(job: Job) -> Answer:
+            answer = workers.outcome(workers.submit(job, 120.0))
+            assert isinstance(answer, Answer), answer
+            return answer
+
+        yield solve
+
+
+@pytest.fixture(scope="module")
+def answers(solver: Solver) -> Callable[[str], tuple[campaign.Prepared, Answer]]:
+    """LAMMPS' answer to a case, asked once."""
+    known: dict[str, tuple[campaign.Prepared, Answer]] = {}
+
+    def answer(name: str) -> tuple[campaign.Prepared, Answer]:
+        if name not in known:
+            ready = campaign.prepare(CASES[name])
+            known[name] = ready, solver(ready.jobs[0])
+        return known[name]
+
+    return answer
+
+
+@pytest.fixture
+def judge(
+    answers: Callable[[str], tuple[campaign.Prepared, Answer]], solver: Solver, monkeypatch: pytest.MonkeyPatch
+) -> Judge:
+    monkeypatch.setattr(campaign, "solve", lambda site, job: solver(job))
+
+    def of(name: str) -> CaseRecord:
+        ready, answer = answers(name)
+        return campaign.judge(None, ready, [answer], ENGINE)[0]
+
+    return of
+
+
+def _times(function: Callable[..., Any], factor: float) -> Callable[..., Any]:
+    return lambda *arguments: function(*arguments) * factor
+
+
+def _no_floor(self: plain.Plain, rho_n: Any) -> Any:
+    return rho_n
+
+
+def _late_gradients(self: steps.Simulation) -> Any:
+    return self.gradient
+
+
+FORCES, WALLS = "forces.all.quintic.2d", "walls.reconstructed.plain"
+# what is wrong: (where, its name there, the wrong one, the case that must see it)
+FAULTS: dict[str, tuple[Any, str, Any, str]] = {
+    "kernel off by 1e-9": (kernels, "quintic", _times(kernels.quintic, 1 + 1e-9), "density.one.2d"),
+    "slope off by 1e-9": (kernels, "quintic_slope", _times(kernels.quintic_slope, 1 + 1e-9), FORCES),
+    "2D normalisation in 3D": (
+        kernels,
+        "normalisation",
+        lambda d, cut: 21 / (478 * np.pi * cut * cut),
+        "density.one.3d",
+    ),
+    "self term left out": (kernels, "self_value", lambda d, cut: 0.0, "density.one.2d"),
+    "sign of the pressure force": (interactions, "pressure_term", lambda vi, vj, p: vi * vj * p, FORCES),
+    "viscosity halved": (
+        interactions,
+        "viscous_term",
+        _times(interactions.viscous_term, 0.5),
+        "forces.viscous.quintic.2d",
+    ),
+    "arithmetic for harmonic": (
+        interactions,
+        "harmonic_mean",
+        interactions.arithmetic_mean,
+        "forces.harmonic.quintic.2d",
+    ),
+    "harmonic for arithmetic": (
+        interactions,
+        "arithmetic_mean",
+        interactions.harmonic_mean,
+        "forces.viscous.quintic.2d",
+    ),
+    "softening of artificial viscosity": (interactions, "VISCOUS_SOFTENING", 0.0, "forces.artificial.quintic.2d"),
+    "damping of the other sign": (interactions, "diffusion_term", _times(interactions.diffusion_term, -1), FORCES),
+    "heat of the other sign": (interactions, "heat_term", _times(interactions.heat_term, -1), "thermal.arithmetic.2d"),
+    "interface half as far": (
+        interactions,
+        "interface_distance",
+        lambda chi, cut: cut * (chi - 0.45),
+        WALLS,
+    ),
+    "no repulsion": (interactions, "REPULSION_CHI", 2.0, "walls.reconstructed.penetrated"),
+    "shift weight": (interactions, "shift_weight", lambda w, w_h: 1 + 0.2 * (w / w_h) ** 3, "shift.all.2d"),
+    "softening of normals": (interactions, "NORMAL_SOFTENING", 1e-8, "surfaces.coordination.periodic"),
+    "strain without factor 2": (per_atom, "strain_rate", _times(per_atom.strain_rate, 0.5**0.5), "strain.bingham.2d"),
+    "no latent heat": (
+        per_atom,
+        "temperature",
+        lambda e, cv, latent, freezes, T_freeze: e / cv,
+        "thermal.latent.2d",
+    ),
+    "stress of the other sign": (
+        per_atom,
+        "stress",
+        lambda G, eta, p=None: [[-eta * g for g in row] for row in G],
+        FORCES,
+    ),
+    "wall density without floor": (plain.Plain, "apparent_density", _no_floor, WALLS),
+    "gradients of the last evaluation": (steps.Simulation, "_half_step_gradients", _late_gradients, FORCES),
+    "forces of walls kept": (steps.Simulation, "keep_forces", lambda self: None, "walls.reconstructed.gravity"),
+}
+
+
+@pytest.mark.parametrize("case", sorted({fault[3] for fault in FAULTS.values()} & set(CASES)))
+def test_without_a_fault_nothing_is_red(case: str, judge: Judge) -> None:
+    assert judge(case).as_expected
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_fault_turns_a_case_red(fault: str, judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+    where, name, wrong, case = FAULTS[fault]
+    monkeypatch.setattr(where, name, wrong)
+    record = judge(case)
+    assert record.verdict == "differs", f"{case} does not see: {fault}"
+    assert "leaves its bound at step" in record.message
+
+
+def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = steps.Simulation.step
+
+    def disturbed(self: steps.Simulation, dt: float) -> None:
+        right(self, dt)
+        self.taken = getattr(self, "taken", 0) + 1
+        if self.taken == 4:
+            self.state.v_nc[7, 1] += 1e-7
+
+    # The reference takes over LAMMPS' known fault, so that nothing else is red.
+    monkeypatch.setattr(plain.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
+    assert judge(FORCES).verdict == "pass"
+    monkeypatch.setattr(steps.Simulation, "step", disturbed)
+    record = judge(FORCES)  # compared at steps 0, 1 and 10
+    assert record.verdict == "differs"
+    assert record.message.startswith("v (stage integration) leaves its bound at step 4 at 1 of 80 atoms, first atom 8:")
+
+
+@pytest.mark.parametrize("field", ["q.coordination", "q.grad/v", "q.viscosity", "pressure", "f", "drho", "x", "v"])
+def test_one_wrong_number_of_lammps_is_seen(
+    field: str,
+    answers: Callable[[str], tuple[campaign.Prepared, Answer]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ready, answer = answers(FORCES)
+    monkeypatch.setattr(plain.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
+    monkeypatch.setattr(campaign, "_first_step", lambda site, ready: "")
+    snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
+    snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1
+    spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
+    record = campaign.judge(None, ready, [spoilt], ENGINE)[0]
+    assert record.verdict == "differs"
+    name = {"pressure": "pressure_used"}.get(field, field.removeprefix("q."))
+    assert [f.field for f in record.fields if f.verdict == "differs"] == [name]
+    assert record.message.startswith(f"{name} (stage ")
+    assert "leaves its bound at step 1 at 1 of 80 atoms, first atom 6:" in record.message

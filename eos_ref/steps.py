@@ -216,12 +216,19 @@ class Simulation:
 
     def rounded(self, evaluator: Evaluator = Plain) -> Simulation:
         """The evaluation of the present state in `eos_ref.rounded` arrays: every field with its rounding bound."""
+        return self._evaluated_in(Rounded, evaluator)
+
+    def precise(self, evaluator: Evaluator = Plain) -> Simulation:
+        """The evaluation of the present state in longdoubles, where they have more digits than doubles."""
+        return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator)
+
+    def _evaluated_in(self, number: Callable[[Any], Array], evaluator: Evaluator) -> Simulation:
         s = self.state
         twin: Simulation = copy.copy(self)
-        energy_n = None if s.energy_n is None else Rounded(s.energy_n)
-        twin.state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
+        energy_n = None if s.energy_n is None else number(s.energy_n)
+        twin.state = State(number(s.x_nc), number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n)
         twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
-        twin.other_nc = Rounded(self.other_nc)
+        twin.other_nc = number(self.other_nc)
         twin.setup() if self.fresh else twin.evaluate()
         return twin
 

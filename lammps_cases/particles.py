@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.bounds import EPS
 from eos_ref.eos import FloatArray
 from eos_ref.quantities import PART_OF
 from lammps_cases.atoms import seed
 from lammps_cases.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.ledger import Entry, shown_by
 from lammps_cases.records import StepRecord, Verdict, worst
-from lammps_cases.trajectory import Particles, Prediction, predict
+from lammps_cases.trajectory import Particles, Prediction, precise_setup, predict
 from lammps_cases.variants import Snapshot, Variant, combined
 
 # In the order in which a step computes them; after the first step the state comes out at the end.
@@ -95,7 +96,30 @@ def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot],
             comparison.record.verdict = "explained"
             comparison.record.explained_by = ", ".join(entry.id for entry in entries)
     unseen = [entry for entry in listed if entry not in entries] if entries or not first else []
-    return Judged([over_steps(table[field], scene.steps) for field in in_order(scene.fields)], entries, unseen, first)
+    comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
+    if scene.steps[0] == 0:
+        _add_digits_lost(scene, table, comparisons)
+    return Judged(comparisons, entries, unseen, first)
+
+
+def _add_digits_lost(scene: Particles, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
+    """Digits that each side loses in the first evaluation; not LAMMPS' where it evaluates another formula."""
+    precise = precise_setup(scene)
+    for comparison in comparisons:
+        first = table[comparison.record.field][0]
+        exact = precise[comparison.record.field]
+        comparison.record.digits_lost.reference = digits(first.reference_n, exact)
+        if first.record.verdict in ("exact", "pass"):
+            comparison.record.digits_lost.lammps = digits(first.lammps_n, exact)
+
+
+def digits(values: FloatArray, exact: Any) -> float:
+    """Decimal digits lost by the worst particle: log10 of the error of its row over eps times the size of the row."""
+    rows = len(values)
+    error_n, size_n = (np.abs(side.reshape(rows, -1)).max(axis=1).astype(float) for side in (values - exact, exact))
+    with np.errstate(all="ignore"):
+        ratio_n = np.where(error_n == 0, 0.0, error_n / (EPS * size_n))
+    return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
 
 
 def blame(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot]) -> Blame | None:

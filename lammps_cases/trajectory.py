@@ -167,6 +167,12 @@ def moved(evaluator: type[Plain], sizes: Sizes, random: np.random.Generator) -> 
     return Moved
 
 
+def precise_setup(scene: Particles) -> Fields:
+    """Fields of the first evaluation in extended precision."""
+    twin = Simulation(scene.model, scene.box, scene.state, wanted(scene)).precise()
+    return {field: twin.output(field) for field in scene.fields}
+
+
 def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
     """Steps after each of which the state moves by one unit of the last place."""
 

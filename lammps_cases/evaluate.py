@@ -19,9 +19,9 @@ from lammps_cases.ledger import Entry, explain_outcome, explain_pressure, shown_
 from lammps_cases.mutants import unseen
 from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Seconds, worst
 from lammps_cases.scene import Scene
-from lammps_cases.trajectory import Particles, Prediction, predict
+from lammps_cases.trajectory import Particles, Prediction, predict, visit, wanted
 from lammps_cases.twins import Twin
-from lammps_cases.variants import Snapshot
+from lammps_cases.variants import Snapshot, combined
 from lammps_cases.workers import Failure
 
 Arrays = dict[str, Any]
@@ -153,6 +153,7 @@ def _judge_particles(record: CaseRecord, case: Case, atoms: Atoms, answer: Answe
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     record.unseen = [entry.id for entry in judged.unseen]
+    record.lint = judged.lint
     if judged.first is not None:
         explained = ", ".join(entry.id for entry in judged.entries)
         record.message = judged.first.message + (f"; explained by {explained}" if explained else "")
@@ -224,9 +225,7 @@ class _Side:
 def _judge_twin(record: CaseRecord, case: Case, twin: Twin, answers: Sequence[Answer], engine: str) -> Arrays:
     one, other = _sides(case, twin, answers)
     id_n, steps = twin.atoms.id_n, twin.steps
-    returned = tuple(twin.back(fields, step) for fields, step in zip(other.snapshots, steps, strict=True))
-    bounds = tuple(_both_bounds(twin, one, other, at, returned[at]) for at in range(len(steps)))
-    table = particles.compare_all(one.scene, id_n, one.snapshots, Prediction(returned, bounds))
+    table = _against(twin, one, other, one.snapshots, other.snapshots)
     for comparison in (c for comparisons in table.values() for c in comparisons):
         comparison.record.stage = "twin"
         own = comparison.record.derivation
@@ -234,13 +233,7 @@ def _judge_twin(record: CaseRecord, case: Case, twin: Twin, answers: Sequence[An
     first = particles.first_outside(one.scene, table, id_n, ("as given", f"as its {twin.kind} twin"))
     if first:
         record.message = f"LAMMPS against itself (twin: {twin.kind}): {first.message}"
-        entries = _explain_twin(one, other, id_n, engine)
-        if entries:
-            names = ", ".join(entry.id for entry in entries)
-            record.message += f"; explained by {names}"
-            for comparison in (c for comparisons in table.values() for c in comparisons):
-                if comparison.record.verdict == "differs":
-                    comparison.record.verdict, comparison.record.explained_by = "explained", names
+        _explain_twin(record, twin, one, other, table, engine)
     comparisons = [particles.over_steps(table[field], steps) for field in particles.in_order(one.scene.fields)]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
@@ -261,26 +254,57 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer]) -> tuple[_Side, _S
     return sides[0], sides[1]
 
 
-def _both_bounds(twin: Twin, one: _Side, other: _Side, at: int, returned: Snapshot) -> Snapshot:
-    """Either run lies within its own bound of the exact result, so they differ by no more than the sum."""
-    rounding = twin.rounding(returned, twin.steps[at])
-    theirs = twin.in_place(other.prediction.bounds[at])
-    ours = one.prediction.bounds[at]
-    return {field: ours[field] + theirs[field] + rounding.get(field, 0.0) for field in ours}
+def _against(
+    twin: Twin, one: _Side, other: _Side, ours: Sequence[Snapshot], theirs: Sequence[Snapshot]
+) -> dict[str, list[Comparison]]:
+    """Fields of two runs compared in the frame of the original.
+
+    Either run lies within its own bound of the exact result, so they differ by no more than the sum.
+    """
+    returned, bounds = [], []
+    for at, step in enumerate(twin.steps):
+        returned.append(twin.back(theirs[at], step))
+        rounding, their_bounds = twin.rounding(returned[at], step), twin.in_place(other.prediction.bounds[at])
+        our_bounds = one.prediction.bounds[at]
+        bounds.append({f: our_bounds[f] + their_bounds[f] + rounding.get(f, 0.0) for f in our_bounds})
+    return particles.compare_all(one.scene, twin.atoms.id_n, ours, Prediction(tuple(returned), tuple(bounds)))
 
 
-def _explain_twin(one: _Side, other: _Side, id_n: Any, engine: str) -> list[Entry]:
-    """The findings that reproduce both runs; none if one of them is not reproduced."""
+def _explain_twin(
+    record: CaseRecord, twin: Twin, one: _Side, other: _Side, table: dict[str, list[Comparison]], engine: str
+) -> None:
+    """Explain a difference by the findings that make it, if findings reproduce both runs."""
+    id_n = twin.atoms.id_n
     needed: list[Entry] = []
     for side in (one, other):
-        table = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
-        if particles.first_outside(side.scene, table, id_n):
+        own = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
+        if particles.first_outside(side.scene, own, id_n):
             listed = shown_by(side.scene, engine)
             found = particles.explain(side.scene, id_n, side.snapshots, listed, side.random)
             if not found:
-                return []
+                return
             needed += [entry for entry in found if entry not in needed]
-    return needed
+    if not needed:
+        return
+
+    def breaks(entry: Entry) -> bool:
+        ours, theirs = (_with_finding(side, entry) for side in (one, other))
+        return particles.first_outside(one.scene, _against(twin, one, other, ours, theirs), id_n) is not None
+
+    names = ", ".join(entry.id for entry in [e for e in needed if breaks(e)] or needed)
+    record.message += f"; explained by {names}"
+    for comparison in (c for comparisons in table.values() for c in comparisons):
+        if comparison.record.verdict == "differs":
+            comparison.record.verdict, comparison.record.explained_by = "explained", names
+
+
+def _with_finding(side: _Side, entry: Entry) -> list[Snapshot]:
+    """The reference's fields of a run with one finding alone."""
+    assert entry.particles is not None
+    scene = side.scene
+    stages, stepping = combined([entry.particles], scene, side.snapshots[0])
+    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
+    return [{f: sim.output(f).copy() for f in scene.fields} for _ in visit(sim, scene.steps, scene.timestep)]
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer) -> str:

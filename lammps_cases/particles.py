@@ -18,6 +18,7 @@ from eos_ref.quantities import PART_OF
 from lammps_cases.atoms import seed
 from lammps_cases.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.ledger import Entry, shown_by
+from lammps_cases.model_mutants import unseen_in_model
 from lammps_cases.records import StepRecord, Verdict, worst
 from lammps_cases.trajectory import Particles, Prediction, precise_setup, predict
 from lammps_cases.variants import Snapshot, Variant, combined
@@ -73,6 +74,7 @@ class Judged:
     entries: list[Entry]
     unseen: list[Entry]
     first: Blame | None
+    lint: list[str]
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,8 @@ class Blame:
 def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> Judged:
     """Compare all fields at all steps, and explain what is outside by the ledger."""
     random = seed(f"{name}/moved runs")
-    table = compare_all(scene, id_n, snapshots, predict(scene, seed=random))
+    prediction = predict(scene, seed=random)
+    table = compare_all(scene, id_n, snapshots, prediction)
     listed = shown_by(scene, engine)
     first = first_outside(scene, table, id_n)
     entries = explain(scene, id_n, snapshots, listed, random) if first else []
@@ -99,7 +102,8 @@ def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot],
     comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
     if scene.steps[0] == 0:
         _add_digits_lost(scene, table, comparisons)
-    return Judged(comparisons, entries, unseen, first)
+    lint = unseen_in_model(scene, prediction) if scene.steps[0] == 0 else []
+    return Judged(comparisons, entries, unseen, first, lint)
 
 
 def _add_digits_lost(scene: Particles, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:

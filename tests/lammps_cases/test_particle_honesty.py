@@ -185,3 +185,11 @@ def test_one_wrong_number_of_lammps_is_seen(
     assert [f.field for f in record.fields if f.verdict == "differs"] == [name]
     assert record.message.startswith(f"{name} (stage ")
     assert "leaves its bound at step 1 at 1 of 80 atoms, first atom 6:" in record.message
+
+
+def test_lint_names_what_a_scene_of_unit_volumes_cannot_tell(judge: Judge) -> None:
+    blind = judge("fluids.unit").lint
+    assert {"masses ignored", "no volume in the force", "V_i for V_j", "rho0 for rho in volumes"} <= set(blind)
+    assert judge(FORCES).lint == []
+    assert judge("walls.reconstructed.damped").lint == []
+    assert judge("thermal.arithmetic.2d").lint == []

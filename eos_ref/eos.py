@@ -170,16 +170,22 @@ class EOS:
     def stiffness(self, rho: Number, e: Number = None) -> Number:
         r"""Derivative :math:`(\partial P/\partial\rho)_e`, local sound speed squared (velocity squared)."""
         rho = np.asarray(rho, float)
+        # numpy's power of a scalar is another one than that of an array, and differs in the last bit.
+        found = self._stiffness(np.atleast_1d(rho), e)
+        return found.reshape(np.broadcast_shapes(rho.shape, np.shape(e) if self.needs_energy else ()))[()]
+
+    def _stiffness(self, rho: FloatArray, e: Number) -> FloatArray:
         with np.errstate(all="ignore"):
             match self.style:
                 case "linear":
-                    return laws.linear_stiffness(rho, self.rho0, self.cs)
+                    found = laws.linear_stiffness(rho, self.rho0, self.cs)
                 case "cubic":
-                    return laws.cubic_stiffness(rho, self.rho0, self.cs, self.parameter)
+                    found = laws.cubic_stiffness(rho, self.rho0, self.cs, self.parameter)
                 case "tait/water" | "tait/general":
-                    return laws.tait_stiffness(rho, self.rho0, self.cs, self.gamma)
+                    found = laws.tait_stiffness(rho, self.rho0, self.cs, self.gamma)
                 case _:
-                    return laws.ideal_gas_stiffness(np.asarray(self._energy(e), float) + 0 * rho, self.gamma)
+                    found = laws.ideal_gas_stiffness(np.asarray(self._energy(e), float) + 0 * rho, self.gamma)
+        return np.asarray(found)
 
     def sound_speed(self, rho: Number, e: Number = None) -> Number:
         r"""Local sound speed :math:`\sqrt{(\partial P/\partial\rho)_e}` (velocity); NaN where it is not real.

@@ -97,10 +97,12 @@ def run_cases(
         records: list[CaseRecord] = []
         judged: list[Outcomes | Future[Any]] = []
         for ready, futures in queue:
-            found = (workers.outcome(future, ready.case.scene.engine.time_limit) for future in futures)
-            outcomes: Outcomes = list(found)
+            outcomes: Outcomes = []
+            for future in futures:
+                outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
+                outcomes.append(outcome)
             # The particle model takes the reference longer than LAMMPS: it is judged by the workers too.
-            apart = ready.case.scene.whole_model and all(isinstance(outcome, Answer) for outcome in outcomes)
+            apart = ready.case.scene.whole_model and all(isinstance(each, Answer) for each in outcomes)
             judged.append(workers.call(judge, ready, outcomes, answering, time_limit=JUDGING) if apart else outcomes)
         for (ready, _), verdict in zip(queue, judged, strict=True):
             record, arrays = _judged(workers, ready, verdict, answering)

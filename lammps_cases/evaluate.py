@@ -276,6 +276,13 @@ def _explain_twin(
     """Explain a difference by the findings that make it, if findings reproduce both runs."""
     id_n = twin.atoms.id_n
     needed: list[Entry] = []
+
+    def same(ours: Sequence[Snapshot], theirs: Sequence[Snapshot]) -> bool:
+        return particles.first_outside(one.scene, _against(twin, one, other, ours, theirs), id_n) is None
+
+    if not same(one.prediction.fields, other.prediction.fields):
+        record.message += "; the reference differs as well, so the two are not the same problem"
+        return
     for side in (one, other):
         own = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
         if particles.first_outside(side.scene, own, id_n):
@@ -286,12 +293,8 @@ def _explain_twin(
             needed += [entry for entry in found if entry not in needed]
     if not needed:
         return
-
-    def breaks(entry: Entry) -> bool:
-        ours, theirs = (_with_finding(side, entry) for side in (one, other))
-        return particles.first_outside(one.scene, _against(twin, one, other, ours, theirs), id_n) is not None
-
-    names = ", ".join(entry.id for entry in [e for e in needed if breaks(e)] or needed)
+    breaking = [e for e in needed if not same(_with_finding(one, e), _with_finding(other, e))]
+    names = ", ".join(entry.id for entry in breaking or needed)
     record.message += f"; explained by {names}"
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if comparison.record.verdict == "differs":

@@ -141,7 +141,7 @@ class Twin:
         """Largest rounding error of `back`: of the displacement and the difference, and of a period added later."""
         atoms, d, found = self.atoms, self.scene.dimension, {}
         for field, added_c in self._added(step).items():
-            if step and field in returned and added_c.any():
+            if field in returned and added_c.any():
                 period_c = (atoms.high_c - atoms.low_c)[:d] if field == "x" else 0.0
                 found[field] = 2 * UNIT * (np.abs(returned[field]) + np.abs(added_c) + period_c)
         return found

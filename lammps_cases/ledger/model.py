@@ -172,8 +172,8 @@ ENTRIES: tuple[Entry, ...] = (
         observed="The pressure force that is taken out of the acceleration is, for the second particle of every pair, "
         "minus that of the first, made with the first particle's gradient; with the quintic kernel the two are the "
         "same. From 2025.7.22.2.0 on every particle has its own.",
-        argument="The twins that relabel the atoms or change newton, skin or frame give other densities from step 1 on, "
-        "by up to 6e-3. For one solid and three fluid particles one of the 64 orders of the six pairs reproduces "
+        argument="The twins that relabel the atoms or change newton, skin or frame give other densities from step 1 "
+        "on, by up to 6e-3. For one solid and three fluid particles one of the 64 orders of the six pairs reproduces "
         "LAMMPS to 4e-16, all others miss by 2e-5 or more. Open for larger scenes, whose order is not known.",
         workaround="The quintic kernel, or a newer LAMMPS.",
         cases=("walls.reconstructed.rk*", "walls-3d.reconstructed.rk*", "twins.walls.*"),

@@ -77,6 +77,7 @@ class Matrix:
     """Fields against steps."""
 
     title: str
+    twins: bool
     cases: int
     steps: list[int]
     rows: list[Row]
@@ -103,7 +104,7 @@ def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
     steps = sorted({step for of_field in found.values() for step in of_field})
     rows = [Row(name, _stage(name), [found[name].get(step) for step in steps]) for name in ordered(found)]
     explained = dict.fromkeys(entry for case in cases for entry in wording.explained_by(case))
-    return Matrix(title, len(cases), steps, rows, sorted(explained))
+    return Matrix(title, bool(cases[0].twin), len(cases), steps, rows, sorted(explained))
 
 
 def ordered(fields: Iterable[str]) -> list[str]:

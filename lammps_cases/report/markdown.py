@@ -22,7 +22,8 @@ def summary(run: RunRecord, ledger: Sequence[Entry] = LEDGER) -> str:
         "\n".join(f"> **Note:** {_text(note)}" for note in run.notes),
         _failures(run),
         _findings(findings.of_run(run, ledger)),
-        *map(_agreement, agreement.matrices(run)),
+        *map(_agreement, (m for m in agreement.matrices(run) if not m.twins)),
+        *map(_twins, (m for m in agreement.matrices(run) if m.twins)),
         _slowest(run),
         _worst_conditioned(run),
         _provenance(run),
@@ -81,6 +82,20 @@ def _agreement(matrix: agreement.Matrix) -> str:
         f"The same bits in every case: {', '.join(map(_text, same))}." if same else "",
     ]
     return "\n\n".join(block for block in blocks if block)
+
+
+def _twins(matrix: agreement.Matrix) -> str:
+    cells = [cell for row in matrix.rows for cell in row.cells if cell is not None]
+    exact, inside, explained, outside = (
+        sum(of.cases for of in column)
+        for column in zip(*((c.exact, c.inside, c.explained, c.outside) for c in cells), strict=True)
+    )
+    largest = max((c.inside.ratio for c in cells if c.inside.ratio is not None), default=0.0)
+    counts = (
+        f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {wording.brief(largest)})"
+    )
+    counts += f", {explained} explained, {outside} outside" if explained + outside else ""
+    return f"{matrix.title} ({matrix.cases} cases), fields at steps: {counts}."
 
 
 def _fields_row(row: agreement.Row) -> Sequence[str]:

@@ -130,6 +130,10 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[Ro
     return rows
 
 
+def _moved(found: plots.Differences) -> list[str]:
+    return [name for name, (difference_n, _) in found.items() if difference_n.any()]
+
+
 def _tags(run: RunRecord) -> dict[str, int]:
     found = Counter(tag for case in run.cases for tag in set(case.tags))
     return {tag: found[tag] for tag in sorted(found)}
@@ -141,7 +145,9 @@ def _shown(case: CaseRecord, run: RunRecord, fields: Path) -> Shown:
     data = plots.payload(case, arrays, found)
     words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message, case.twin)
     steps = sorted({at.step for record in case.fields for at in record.steps})
-    drawn = set((data or {}).get("fields", ()))
+    drawn = list((data or {}).get("fields", ()))
+    # Of the model only the field in which a difference enters: it has a dozen.
+    exact_numbers = [name for name in drawn if name == (data or {})["first"]] if steps else _moved(found)
     return Shown(
         record=case,
         kind=wording.kind(case),
@@ -153,12 +159,7 @@ def _shown(case: CaseRecord, run: RunRecord, fields: Path) -> Shown:
         styles=wording.styles(case),
         text=" ".join(words).lower(),
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
-        worst=[
-            _worst(case, arrays, field, *of)
-            for field, of in found.items()
-            if arrays and of[0].any() and not steps  # of the model only the field in which a difference enters
-            or data and arrays and field == data.get("first")
-        ],
+        worst=[_worst(case, arrays, name, *found[name]) for name in exact_numbers] if arrays else [],
         data=None if data is None else embedded(data),
         message=wording.blame(case),
         explained=wording.explained_by(case),

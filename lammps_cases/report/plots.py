@@ -108,20 +108,21 @@ def _atoms(case: CaseRecord, arrays: Arrays, found: Differences) -> dict[str, An
         "natoms": int(rho_n.size),
         "n": int(picked.size),
         "types": [int(t) for t in np.unique(type_n)],
-        "rho0": {law.type: law.rho0 for law in case.laws},
+        "rho0": {str(law.type): law.rho0 for law in case.laws if math.isfinite(law.rho0)},
         "x": [_column(x_nc[:, c], rough=True) for c in range(dimension)],
         "box": _packed(arrays["box"]) if "box" in arrays else None,
         "id": _column(arrays["id"][picked]),
         "type": _column(type_n[picked]),
-        "rho": _column(rho_n[picked], rough=bool(stepped)),
-        "fields": {field: _field(arrays, field, picked) for field in fields},
+        "fields": {field: _field(arrays, field, picked, bool(stepped)) for field in fields},
         "laws": _curves(case, arrays) if law else [],
     }
-    if stepped:
+    if not stepped:
+        data["rho"] = _column(rho_n[picked])
+    else:
         steps = {field: stepped[field].worst_step for field in fields if field in stepped}
         data |= {"steps": steps, "other": "twin" if case.twin else "reference", "first": _first(case, fields)}
-    if "phase.lammps" in arrays and stepped:
-        data["phase"] = _column(arrays["phase.lammps"][picked])
+        if "phase.lammps" in arrays:
+            data["phase"] = _column(arrays["phase.lammps"][picked])
     if "e" in arrays:
         data["energy"] = _column((rho_n * arrays["e"])[picked])
     return data
@@ -147,7 +148,7 @@ def _first(case: CaseRecord, fields: list[str]) -> str:
     return max(fields, key=lambda field: ratios.get(field, 0.0))
 
 
-def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp]) -> dict[str, Any]:
+def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp], model: bool) -> dict[str, Any]:
     sides = (np.asarray(arrays[f"{field}.{side}"], float)[picked] for side in ("lammps", "reference", "bound"))
     lammps_n, reference_n, bound_n = sides
     with np.errstate(all="ignore"):
@@ -156,7 +157,7 @@ def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp]) -> dict[str
         # Seven digits will do, unless they decide on which side of the bound an atom is.
         rough = not bool(np.any(np.abs(np.abs(difference_n) / bound_n - 1) < 1e-6))
     return {
-        "lammps": _column(lammps_n),
+        "lammps": _column(lammps_n, rough=model),
         "difference": _column(difference_n, rough),
         "bound": _column(bound_n, rough),
         "scale": scale_of(lammps_n),

@@ -18,6 +18,7 @@ import pytest
 from eos_ref import EOS, EOSTable, bounds
 from eos_ref.errors import InputError
 from lammps_cases import compare, records
+from lammps_cases.ledger import Entry
 from lammps_cases.records import (
     CaseRecord,
     CheckRecord,
@@ -26,11 +27,14 @@ from lammps_cases.records import (
     LawRecord,
     RunRecord,
     Seconds,
+    StepRecord,
 )
-from lammps_cases.report import markdown, page, plots, wording, write_report
+from lammps_cases.report import agreement, findings, markdown, page, plots, wording, write_report
 from lammps_cases.report.arrays import read_arrays
+from lammps_cases.variants import Variant
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
+NAME = HOSTILE.replace("/", "")  # of a case, which is that of a file
 WATER = EOS("tait/water", rho0=1000.0, cs=10.0)
 
 
@@ -117,7 +121,7 @@ def ended() -> list[CaseRecord]:
     """Cases without arrays, of every verdict that such a case can have."""
     illegal = "Illegal fix rheo/pressure"
     unknown = "ERROR: Unknown fix style rheo | (src/modify.cpp:1)"
-    name = f"hostile.{HOSTILE}".replace("/", "")
+    name = f"hostile.{NAME}"
     shift = FieldRecord(field="shift", stage="kernel", verdict="explained", max_over_bound=1e6, explained_by="F-3")
     return [
         CaseRecord(case="refuse.gamma", verdict="refused", expects=illegal, message=f"ERROR: {illegal} command"),
@@ -128,6 +132,69 @@ def ended() -> list[CaseRecord]:
         CaseRecord(case=name, verdict="pass", about=HOSTILE, tags=[HOSTILE], lint=[HOSTILE]),
         CaseRecord(case="ledger.artificial", verdict="explained", explained_by="F-3", fields=[shift]),
     ]
+
+
+def model(folder: Path, name: str, dimension: int) -> CaseRecord:
+    """A case of the particle model: a force outside its bound from step 0 on, a gradient from step 1 on."""
+    count = 60
+    id_n, x_nc = np.arange(1, count + 1), _positions(count, dimension)
+    rng = np.random.default_rng(3)
+    arrays = {"id": id_n, "type": 1 + id_n % 2, "x": x_nc, "rho": rng.uniform(1, 2, count)}
+    arrays["box"] = np.stack([x_nc.min(0) - 0.25, x_nc.max(0) + 0.25])
+    arrays["phase.lammps"] = arrays["phase.reference"] = np.asarray(id_n % 2, float)
+    arrays["phase.bound"] = np.zeros(count)
+    shapes = {"grad/v": (count, dimension, dimension), "f": (count, dimension), "pressure": (count,)}
+    worst = {"grad/v": (0.5, 7e3), "f": (3e9, 2e8), "pressure": (0.1, 20.0)}
+    fields = [FieldRecord(field="type (given)", stage="input", verdict="exact", max_over_bound=0.0)]
+    for field, shape in shapes.items():
+        reference, bound = rng.uniform(-1, 1, shape), np.full(shape, 1e-14)
+        largest = max(worst[field])
+        lammps = reference + bound * rng.uniform(-1, 1, shape)
+        lammps.flat[3] = reference.flat[3] + largest * 1e-14
+        arrays |= {f"{field}.lammps": lammps, f"{field}.reference": reference, f"{field}.bound": bound}
+        steps = [
+            StepRecord(
+                step=step,
+                verdict="pass" if ratio <= 1 else "explained",
+                max_abs=ratio * 1e-14,
+                max_over_bound=ratio,
+                worst_id=4,
+            )
+            for step, ratio in zip((0, 10), worst[field], strict=True)
+        ]
+        explained = "pairs, F-3" if largest > 1 else None
+        fields.append(
+            FieldRecord(
+                field=field,
+                stage={"f": "pair", "grad/v": "gradients", "pressure": "eos"}[field],
+                verdict="explained" if explained else "pass",
+                max_over_bound=largest,
+                worst_id=4,
+                worst_step=0 if field == "f" else 10,
+                explained_by=explained,
+                steps=steps,
+            )
+        )
+    records.write_arrays(folder / "fields" / f"{name}.npz", arrays)
+    message = "f (stage pair) leaves its bound at step 0; explained by pairs, F-3"
+    more = {"natoms": count, "steps": 10, "dimension": dimension, "message": message}
+    return CaseRecord(case=name, verdict="explained", fields=fields, laws=_laws(EOSTable((WATER,))), **more)
+
+
+def _entry(name: str, **more: Any) -> Entry:
+    texts = {"title": f"title of {name}", "documented": "this", "observed": "that", "argument": "so", "workaround": "-"}
+    known: dict[str, Any] = {"severity": "low", "cases": (), "engines": ("2025.7.22.4.0",)}
+    return Entry(id=name, **(texts | known | more))
+
+
+FINDINGS = (
+    _entry("elsewhere", severity="high", engines=("2024.1.1",), cases=("*",)),
+    _entry("F-3", severity="medium", particles=Variant(lambda scene: True)),
+    _entry("pairs", severity="high", cases=("*",), particles=Variant(lambda scene: True)),
+    _entry("gone", severity="high", particles=Variant(lambda scene: True)),
+    _entry("open", cases=("eos.broken",)),
+    _entry("hostile", title=HOSTILE, documented=HOSTILE, observed=HOSTILE, argument=HOSTILE, scene=HOSTILE),
+)
 
 
 def audit() -> CaseRecord:
@@ -174,6 +241,9 @@ def example(folder: Path) -> RunRecord:
         *ended(),
     ]
     cases[5].message = "pressure of atom 6 at stage eos is NaN"
+    cases += [model(folder, "model.flat", 2), model(folder, "model.cube", 3), model(folder, f"hostile2.{NAME}", 2)]
+    cases[-1].twin, cases[-1].unseen, cases[-1].fields[1].field = HOSTILE, [HOSTILE], HOSTILE
+    cases[-2].unseen = ["gone"]
     engine = EngineRecord(
         version_string="22 Jul 2025",
         distribution="2025.7.22.4.0",
@@ -186,6 +256,7 @@ def example(folder: Path) -> RunRecord:
         machine={"cpu": "some cpu"},
         date="2026-01-02T03:04:05+00:00",
         command="eos-ref run --tag quick",
+        notes=[f"this engine no longer shows gone {HOSTILE}"],
         cases=cases,
         seconds=2.5,
     )
@@ -222,8 +293,15 @@ class Page(HTMLParser):
             self.data[self._case] = json.loads(data)
 
 
-def numbers(text: str) -> np.ndarray:
-    return np.frombuffer(base64.b64decode(text), "<f8")
+def numbers(text: str | float, count: int = 1) -> np.ndarray:
+    if not isinstance(text, str):
+        return np.full(count, text)
+    kind = "<f4" if text.startswith("f:") else "<f8"
+    return np.frombuffer(base64.b64decode(text.removeprefix("f:")), kind).astype(float)
+
+
+def column(data: dict[str, Any], name: str, field: str = "") -> np.ndarray:
+    return numbers(data["fields"][field][name] if field else data[name], data["n"])
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +312,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(folder: Path) -> RunRecord:
     run = example(folder)
-    assert write_report(run, folder) == folder / "report.html"
+    assert write_report(run, folder, FINDINGS) == folder / "report.html"
     return run
 
 
@@ -266,7 +344,7 @@ def test_every_case_has_a_row_and_a_page(parsed: Page, run: RunRecord) -> None:
 
 
 def test_embedded_points(parsed: Page, run: RunRecord) -> None:
-    shown = {case: len(numbers(data["id"])) for case, data in parsed.data.items() if "id" in data}
+    shown = {case: data["n"] for case, data in parsed.data.items() if "id" in data}
     assert shown == {
         "eos.water.near": 400,
         "eos.cubic.compressed": 400,
@@ -274,10 +352,15 @@ def test_embedded_points(parsed: Page, run: RunRecord) -> None:
         "flow.block3d": 400,
         "eos.states": 400,
         "eos.broken": 400,
+        "model.flat": 60,
+        "model.cube": 60,
+        f"hostile2.{NAME}": 60,
     }
     for case, count in shown.items():
         data = parsed.data[case]
-        columns = [data["type"], data["rho"], data["delta"], *data["x"], *data["fields"]["pressure"].values()]
+        if "steps" in data:
+            continue
+        columns = [data["id"], data["type"], data["rho"], *data["x"], *data["fields"]["pressure"].values()]
         assert {len(numbers(column)) for column in columns if isinstance(column, str)} == {count}
     assert parsed.data["eos.states"]["natoms"] == 100_000
     assert [len(parsed.data[case]["x"]) for case in ("eos.states", "flow.block3d")] == [2, 3]
@@ -285,7 +368,8 @@ def test_embedded_points(parsed: Page, run: RunRecord) -> None:
 
 
 def test_an_input_that_is_equal_is_not_drawn(parsed: Page, html: str) -> None:
-    assert all(set(data["fields"]) == {"pressure"} for data in parsed.data.values() if "fields" in data)
+    drawn = [data for data in parsed.data.values() if "fields" in data and "steps" not in data]
+    assert len(drawn) == 6 and all(set(data["fields"]) == {"pressure"} for data in drawn)
     assert "Worst atom of pressure" in html and "Worst atom of rho" not in html
 
 
@@ -294,7 +378,7 @@ def test_the_worst_atoms_and_both_ends_are_kept(parsed: Page, folder: Path) -> N
         rho_n, id_n = arrays["rho"], arrays["id"]
         _, ratio_n = plots.differences(arrays)["pressure"]
     data = parsed.data["eos.states"]
-    drawn = set(numbers(data["id"]))
+    drawn = set(column(data, "id"))
     assert drawn >= {float(i) for i in id_n[np.argsort(ratio_n)[-100:]]}
     assert numbers(data["rho"]).max() > np.quantile(rho_n, 0.99)
     assert numbers(data["rho"]).min() < np.quantile(rho_n, 0.01)
@@ -303,21 +387,27 @@ def test_the_worst_atoms_and_both_ends_are_kept(parsed: Page, folder: Path) -> N
 def test_points_are_exact_and_not_finite_values_survive(parsed: Page, folder: Path) -> None:
     with np.load(folder / "fields" / "eos.broken.npz") as arrays:
         lammps_n = arrays["pressure.lammps"]
-    field = parsed.data["eos.broken"]["fields"]["pressure"]
-    np.testing.assert_array_equal(numbers(field["lammps"]), lammps_n)
-    assert np.isnan(numbers(field["lammps"])[5])
-    assert np.isinf(numbers(field["ratio"])[[5, 40]]).all()
+        reference_n = arrays["pressure.reference"]
+    data = parsed.data["eos.broken"]
+    drawn_n = column(data, "lammps", "pressure")
+    np.testing.assert_array_equal(drawn_n, lammps_n)
+    assert np.isnan(drawn_n[5])
+    difference_n = column(data, "difference", "pressure")
+    assert np.isinf(difference_n[[5, 40]]).all()
+    others = np.setdiff1d(np.arange(400), [5, 40])
+    # Differences are drawn with float32's digits.
+    np.testing.assert_allclose(difference_n[others], (lammps_n - reference_n)[others], rtol=2.0**-24)
 
 
 def test_near_rho0_keeps_its_offsets(parsed: Page) -> None:
     data = parsed.data["eos.water.near"]
-    delta, rho = numbers(data["delta"]), numbers(data["rho"])
-    np.testing.assert_array_equal(delta, (rho - 1000.0) / 1000.0)
+    assert data["rho0"] == {"1": 1000.0}
+    delta = (column(data, "rho") - 1000.0) / 1000.0  # as the browser computes it
     assert np.abs(delta[delta != 0]).min() < 1e-11
 
 
 def test_curves_are_the_reference_on_a_fitting_axis(parsed: Page) -> None:
-    laws = {case: parsed.data[case]["laws"] for case in parsed.data if "laws" in parsed.data[case]}
+    laws = {case: data["laws"] for case, data in parsed.data.items() if data.get("laws")}
     axes = {case: [(law["quantity"], law["scale"]["kind"]) for law in found] for case, found in laws.items()}
     assert axes["eos.water.near"] == [("delta", "symlog")]
     assert axes["eos.cubic.compressed"] == [("rho", "linear")]
@@ -384,16 +474,137 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert json.loads(page.embedded({"a": "</script>&"})) == {"a": "</script>&"}
 
 
+def test_fields_against_steps(parsed: Page, html: str) -> None:
+    start = html.index('data-case="model.flat"')
+    article = html[start : html.index("</article>", start)]
+    table = article[article.index('<table class="steps">') : article.index("</table>")]
+    rows = {re.search(r"data-field=\"([^\"]*)\"", row)[1]: row for row in table.split("<tr") if "data-field" in row}
+    assert list(rows) == ["grad/v", "f", "pressure"]  # the order of the record, which is that of a step
+    cells = {
+        name: re.findall(r'<td class="at v-(\w+) s(\d)" title="[^"]*atom 4: [^"]*">([^<]*)<', rows[name])
+        for name in rows
+    }
+    assert cells["grad/v"] == [("pass", "3", "0.5"), ("explained", "5", "7e3")]
+    assert cells["f"] == [("explained", "7", "3e9"), ("explained", "6", "2e8")]
+    assert '<td class="at v-exact" colspan="2">=</td>' in table  # what is compared once
+    blames = re.findall(r'<p class="blame[^>]*>(.*?)</p>', article)
+    assert blames[0] == "f (stage pair) leaves its bound at step 0"
+    assert blames[1] == 'Explained by <a href="#finding=pairs">pairs</a>, <a href="#finding=F-3">F-3</a>'
+
+
+def test_vectors_and_tensors_are_drawn_by_their_worst_component(parsed: Page, folder: Path) -> None:
+    for case, dimension in (("model.flat", 2), ("model.cube", 3)):
+        data = parsed.data[case]
+        assert list(data["fields"]) == ["grad/v", "f", "pressure"]  # the phase is equal: nothing to draw
+        assert data["first"] == "f" and data["steps"] == {"grad/v": 10, "f": 0, "pressure": 10}
+        assert len(data["x"]) == dimension and data["laws"] == []
+        with np.load(folder / "fields" / f"{case}.npz") as arrays:
+            lammps_nc, difference_nc = arrays["f.lammps"], arrays["f.lammps"] - arrays["f.reference"]
+            phase_n = arrays["phase.lammps"]
+        rows, at = np.arange(60), np.abs(difference_nc).argmax(axis=1)
+        np.testing.assert_allclose(column(data, "lammps", "f"), lammps_nc[rows, at], rtol=2.0**-24)
+        np.testing.assert_allclose(column(data, "difference", "f"), difference_nc[rows, at], rtol=2.0**-24)
+        assert column(data, "bound", "f") == pytest.approx(1e-14, rel=2.0**-24)
+        np.testing.assert_array_equal(column(data, "phase"), phase_n)
+
+
+def test_digits_that_decide_are_kept() -> None:
+    case = CaseRecord(case="x", verdict="differs")
+    bound_n = np.array([1.0, 2.0, 3.0]) / 3
+    arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3)}
+    arrays |= {"f.lammps": np.nextafter(bound_n, 2), "f.reference": np.zeros(3), "f.bound": bound_n}
+    data = plots.payload(case, arrays, plots.differences(arrays))
+    assert data is not None
+    assert np.all(numbers(data["fields"]["f"]["difference"]) > numbers(data["fields"]["f"]["bound"]))
+    assert isinstance(plots._column([1e-300, 2e-300], rough=True), str)
+    np.testing.assert_array_equal(numbers(plots._column([1e-300, 2e-300], rough=True)), [1e-300, 2e-300])
+    assert plots._column([2.5, 2.5]) == 2.5
+
+
+def test_colours_deepen_by_decades() -> None:
+    depths = [page.shade(ratio, "pass") for ratio in (0.0, 1e-9, 2e-3, 0.02, 0.2, 1.0)]
+    assert depths == sorted(depths) == [0, 0, 1, 2, 3, 4]
+    depths = [page.shade(ratio, "differs") for ratio in (1.1, 1e4, 1e10, 1e15, 1e300, np.inf, np.nan)]
+    assert depths == sorted(depths) and depths[0] == 4 and depths[-3:] == [9, 9, 9]
+    assert page.shade(None, "differs") == 0
+
+
+def test_findings_of_a_run(run: RunRecord, parsed: Page, html: str) -> None:
+    found = {finding.entry.id: finding for finding in findings.of_run(run, FINDINGS)}
+    assert list(found) == ["pairs", "gone", "elsewhere", "F-3", "open", "hostile"]  # severity, then status
+    assert found["pairs"].cases == ["model.flat", "model.cube", f"hostile2.{NAME}"]
+    assert found["pairs"].unseen == []  # of the particle model: a case's record says where it applies
+    assert "ledger.artificial" in found["F-3"].cases
+    assert (found["gone"].status, found["gone"].unseen) == ("unseen", ["model.cube"])
+    assert found["open"].cases == ["eos.broken"]  # without a variant a difference is shown, not explained
+    assert found["elsewhere"].status == "absent" and not found["elsewhere"].listed
+    places = [a for tag, a in parsed.elements if tag == "details" and (a.get("class") or "").startswith("finding")]
+    assert [place["id"] for place in places] == [f"finding={name}" for name in found]
+    links = {a["href"] for tag, a in parsed.elements if tag == "a" and "href" in a}
+    assert {"#finding=pairs", "#finding=F-3", "#case=model.flat", "#case=eos.broken"} <= links
+    assert "applies to 1 case, not seen" in html and "not known of this version of LAMMPS" in html
+    assert "About this run" in html and "this engine no longer shows gone" in html
+
+
+def test_an_outcome_that_is_not_as_predicted_is_not_seen() -> None:
+    entry = _entry("crash", cases=("[a-d]",), outcome="crashed")
+    cases = [
+        CaseRecord(case="a", verdict="explained", explained_by="crash"),
+        CaseRecord(case="b", verdict="refused", expects="x"),
+        CaseRecord(case="c", verdict="skipped"),
+        CaseRecord(case="d", verdict="differs"),
+    ]
+    run = RunRecord(engine=EngineRecord(distribution="2025.7.22.4.0"), reference={}, cases=cases)
+    (found,) = findings.of_run(run, (entry,))
+    assert (found.cases, found.unseen) == (["a"], ["b", "d"])
+
+
+def test_agreement(run: RunRecord, html: str, folder: Path) -> None:
+    model, twins = agreement.matrices(run)
+    assert (model.cases, model.steps, twins.cases) == (2, [0, 10], 1)
+    assert [row.field for row in model.rows] == ["grad/v", "pressure", "f"]
+    force = model.rows[2].cells[0]
+    assert force is not None and (force.agree, force.explained.cases, force.explained.ratio) == (0, 2, 3e9)
+    gradient = model.rows[0].cells[0]
+    assert gradient is not None and (gradient.agree, gradient.inside.ratio, gradient.verdict) == (2, 0.5, "pass")
+    assert 'title="model.flat">≤ 0.5</a>' in html
+    text = (folder / "summary.md").read_text(encoding="utf-8")
+    assert "### Agreement: LAMMPS against the reference (2 cases)" in text
+    assert "| grad/v | 2 (0.5) | 2 explained (7e3) |" in text
+    assert "| high | `pairs` | title of pairs | 3 |  |" in text and "| 1 |" in text
+    assert "> **Note:** this engine no longer shows gone" in text
+    assert agreement.ordered(["zz", "f", "x", "aa"]) == ["x", "f", "aa", "zz"]  # unknown fields do no harm
+
+
+def test_a_run_without_the_model(tmp_path: Path) -> None:
+    cases = [scene(tmp_path, "a", EOSTable((WATER,)), np.linspace(990, 1010, 10))]
+    write_report(RunRecord(engine=EngineRecord(), reference={}, cases=cases), tmp_path)
+    html = (tmp_path / "report.html").read_text()
+    assert 'id="agreement"' not in html and "#agreement" not in html and 'class="steps"' not in html
+    assert "Agreement" not in (tmp_path / "summary.md").read_text()
+    assert 'id="findings"' in html
+
+
+def test_a_model_case_without_arrays_keeps_its_table(tmp_path: Path) -> None:
+    case = model(tmp_path, "m", 2)
+    (tmp_path / "fields" / "m.npz").unlink()
+    write_report(RunRecord(engine=EngineRecord(), reference={}, cases=[case]), tmp_path)
+    html = (tmp_path / "report.html").read_text()
+    assert Page(html).data == {} and '<table class="steps">' in html and "data-field" not in html[: html.index("Plots")]
+
+
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium here")
-def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("case", "figures"), [("eos.types", 4 + 3), ("model.flat", 4)])
+def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, case: str, figures: int) -> None:
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--virtual-time-budget=8000"]
     options += ["--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={tmp_path}"]
-    address = f"{(folder / 'report.html').as_uri()}#case=eos.types"
+    address = f"{(folder / 'report.html').as_uri()}#case={case}"
     done = subprocess.run(["chromium", *options, "--dump-dom", address], capture_output=True, text=True, timeout=120)
     shown = Page(done.stdout[: done.stdout.rindex("</html>")])
-    assert [a["data-case"] for t, a in shown.elements if t == "article" and "hidden" not in a] == ["eos.types"]
+    assert [a["data-case"] for t, a in shown.elements if t == "article" and "hidden" not in a] == [case]
     plotted = [a for t, a in shown.elements if t == "div" and "js-plotly-plot" in (a.get("class") or "")]
-    assert len(plotted) == 4 + 3  # a law per type; difference and bound, pressure, ratio
+    # A law per type; difference and bound, pressure, ratio. Of the model: ratio, both sides, bound, value.
+    assert len(plotted) == figures
     assert not re.findall(r"CONSOLE.*(?:Uncaught|Error|Refused)", done.stderr)
 
 
@@ -424,7 +635,7 @@ def test_junit(run: RunRecord, folder: Path) -> None:
 def test_summary(run: RunRecord, folder: Path) -> None:
     text = (folder / "summary.md").read_text(encoding="utf-8")
     assert text.startswith("## eos-ref: FAIL") and "4 not as expected" in text
-    table = text[text.index("### Not as expected") : text.index("### Slowest")]
+    table = text[text.index("### Not as expected") : text.index("### Findings")]
     rows = [line for line in table.splitlines() if line.startswith("|")]
     assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {8}
     assert [row.split("`")[1] for row in rows[2:]] == [
@@ -434,7 +645,7 @@ def test_summary(run: RunRecord, folder: Path) -> None:
         "refuse.surprise",
     ]
     assert "| differs | pressure | eos | 6 | ∞ |" in table
-    assert "### Most digits lost" in text and "2025.7.22.4.0" in text
+    assert "<summary>Most digits lost</summary>" in text and "2025.7.22.4.0" in text
 
 
 def test_verdict_of_the_run() -> None:
@@ -485,7 +696,7 @@ def test_thinning() -> None:
 def test_same_bytes_again(run: RunRecord, folder: Path) -> None:
     names = ("report.html", "summary.md", "junit.xml")
     before = [(folder / name).read_bytes() for name in names]
-    write_report(run, folder)
+    write_report(run, folder, FINDINGS)
     assert [(folder / name).read_bytes() for name in names] == before
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "fields"])
 

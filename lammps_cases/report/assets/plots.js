@@ -17,9 +17,20 @@ const Plots = (() => {
     return Array.from(new Float64Array(bytes.buffer));
   }
 
-  function unpack(value) {
-    if (Array.isArray(value)) return value.map(unpack);
-    return typeof value === "string" ? numbers(value) : value;
+  function column(value, count) {
+    // A constant, float32 or float64; an array of columns.
+    if (Array.isArray(value)) return value.map((one) => column(one, count));
+    if (typeof value === "number") return Array(count).fill(value);
+    if (!value.startsWith("f:")) return numbers(value);
+    const bytes = Uint8Array.from(atob(value.slice(2)), (letter) => letter.charCodeAt(0));
+    return Array.from(new Float32Array(bytes.buffer));
+  }
+
+  function derive(field) {
+    // As the comparison does: no ratio where either side or the bound is not a finite number.
+    field.reference = field.lammps.map((value, i) => value - field.difference[i]);
+    field.difference = field.difference.map(Math.abs);
+    field.ratio = field.difference.map((size, i) => (!Number.isFinite(size) || !Number.isFinite(field.bound[i]) ? Infinity : size === 0 ? 0 : size / field.bound[i]));
   }
 
   // ---- axes: decades drawn on a linear axis, so that zero and "not finite" have a place of their own
@@ -85,8 +96,8 @@ const Plots = (() => {
   function theme(print) {
     const dark = !print && matchMedia("(prefers-color-scheme: dark)").matches;
     return dark
-      ? { ink: "#e4e7ea", line: "#363c44", axis: "#8a949e", paper: "#14171b", panel: "#1d2126", colours: DARK }
-      : { ink: "#1b1f24", line: "#e1e5ea", axis: "#59636e", paper: "#ffffff", panel: "#f5f6f8", colours: LIGHT };
+      ? { ink: "#e4e7ea", line: "#363c44", axis: "#8a949e", paper: "#14171b", panel: "#1d2126", colours: DARK, dark: true }
+      : { ink: "#1b1f24", line: "#e1e5ea", axis: "#59636e", paper: "#ffffff", panel: "#f5f6f8", colours: LIGHT, dark: false };
   }
 
   function axis(look, title, extra) {
@@ -109,8 +120,10 @@ const Plots = (() => {
 
   function hover(data, name) {
     const field = data.fields[name];
+    const kind = (i) => (data.phase ? (data.phase[i] ? ", solid" : ", fluid") : "");
+    const state = (i) => (data.steps ? [] : [`ρ ${short(data.rho[i])}`, `(ρ − ρ0)/ρ0 ${short(data.delta[i])}`]);
     return data.id.map((id, i) => [
-      `atom ${id}, type ${data.type[i]}`, `ρ ${short(data.rho[i])}`, `(ρ − ρ0)/ρ0 ${short(data.delta[i])}`,
+      `atom ${id}, type ${data.type[i]}${kind(i)}`, ...state(i),
       `${plain(name)} ${short(field.lammps[i])}`, `|difference| ${short(field.difference[i])}`,
       `bound ${short(field.bound[i])}`, `difference/bound ${short(field.ratio[i])}`,
     ].join("<br>"));
@@ -200,7 +213,11 @@ const Plots = (() => {
 
   function points(data, picked, look) {
     // The symbols of the types, as in the plots of the laws; 3D has too few of them.
-    return data.x.length === 3 ? { size: 4 } : { size: 6, symbol: picked.map((i) => style(data.type[i], data.types, look).symbol) };
+    return data.x.length === 3 ? { size: 4 } : { size: data.steps ? spot(data) : 6, symbol: picked.map((i) => style(data.type[i], data.types, look).symbol) };
+  }
+
+  function spot(data) {
+    return data.x.length === 3 ? 5 : Math.max(6, Math.min(14, 150 / Math.sqrt(data.natoms)));
   }
 
   function particleLayout(data, look) {
@@ -243,6 +260,92 @@ const Plots = (() => {
     return { title: "Particles: difference/bound", note, traces, layout: particleLayout(data, look) };
   }
 
+  // ---- the particle model: a field at its worst step
+
+  const LOWEST = -6; // decades of difference/bound below which the colour stays the same
+
+  function sides(data) {
+    return data.other === "twin" ? ["LAMMPS", "its twin"] : ["LAMMPS", "reference"];
+  }
+
+  function heat(field, look) {
+    // Blue inside the bound, orange to dark red beyond it, each by decades; grey without any difference.
+    const finite = field.ratio.filter((v) => v > 0 && Number.isFinite(v)).map(Math.log10);
+    const top = Math.max(1, Math.ceil(Math.max(...finite, 0)));
+    const low = Math.min(-1, Math.max(LOWEST, Math.floor(Math.min(...finite, 0))));
+    const outside = Math.max(...field.ratio) > 1;
+    const cmax = outside ? top : 0;
+    const bound = (0 - low) / (cmax - low);
+    const inside = look.dark ? ["#16324a", "#6cb6ee"] : ["#d6e6f5", "#2474b5"];
+    const beyond = look.dark ? ["#ffb27d", "#ff5630"] : ["#f6b26b", "#8c1d04"];
+    const colorscale = outside ? [[0, inside[0]], [bound, inside[1]], [bound, beyond[0]], [1, beyond[1]]] : [[0, inside[0]], [1, inside[1]]];
+    const ticks = [...new Set([...decades(low, 0, outside && top > 3 ? 1 : 4), 0, ...(outside ? decades(0, cmax, 5) : [])])].sort((a, b) => a - b);
+    const colorbar = { thickness: 12, outlinewidth: 0, len: 0.95, tickmode: "array", tickvals: ticks, ticktext: ticks.map((k) => (k === 0 ? "bound" : power(k))) };
+    const of = (v) => (v === 0 ? low : Number.isFinite(v) ? Math.max(low, Math.log10(v)) : cmax);
+    return { of, axis: { cmin: low, cmax, colorscale, colorbar } };
+  }
+
+  function byType(data, field, look, size, make) {
+    // A trace per type with its symbol, the atoms furthest outside last, on top; the legend has traces of its own.
+    const heated = heat(field, look);
+    const symbols = data.x.length === 3 && size.three ? ["circle", "square", "diamond", "cross", "x", "circle-open"] : SYMBOLS;
+    return data.types.flatMap((type, at) => {
+      const picked = [...data.id.keys()].filter((i) => data.type[i] === type).sort((a, b) => heated.of(field.ratio[a]) - heated.of(field.ratio[b]));
+      const phases = new Set(data.phase ? picked.map((i) => data.phase[i] !== 0) : []);
+      const solid = phases.size === 1 && phases.has(true);
+      const name = `type ${type}${phases.size === 1 ? (solid ? " (solid)" : " (fluid)") : ""}`;
+      const symbol = symbols[at % symbols.length];
+      const line = { width: solid ? 1.6 : 0.6, color: look.ink };
+      const made = make(picked);
+      const color = picked.map((i) => heated.of(field.ratio[i]));
+      const drawn = { ...made, mode: "markers", hoverinfo: "text", showlegend: false, legendgroup: name, marker: { symbol, size: size.of, color, coloraxis: "coloraxis", line } };
+      if (data.types.length < 2) return [drawn];
+      const empty = Object.fromEntries(["x", "y", "z"].filter((key) => key in made).map((key) => [key, [null]]));
+      return [drawn, { type: made.type ?? "scatter", ...empty, mode: "markers", name, legendgroup: name, hoverinfo: "skip", marker: { symbol, size: size.of, color: look.axis } }];
+    });
+  }
+
+  function modelFigures(data, name, look) {
+    const field = data.fields[name];
+    const text = hover(data, name);
+    const step = data.steps[name];
+    const at = step === undefined || step === null ? "" : `step ${step}`;
+    const heated = heat(field, look);
+    const take = (column, picked) => picked.map((i) => column[i]);
+    const labelled = (picked) => ({ text: take(text, picked) });
+    const [one, other] = sides(data);
+    const outside = field.ratio.filter((v) => !(v <= 1)).length;
+    const equal = field.difference.filter((v) => v === 0).length;
+    const count = `${outside} outside the bound, ${equal} equal, of ${data.n} drawn`;
+
+    const spots = byType(data, field, look, { of: spot(data), three: true }, (picked) => ({ ...place(data, data.x.map((c) => take(c, picked))), ...labelled(picked) }));
+    const map = {
+      title: `Particles: difference/bound of ${plain(name)}, ${at}`, note: `${count}; positions of the last step`,
+      traces: [...outline(data, look), ...spots], layout: { ...particleLayout(data, look), coloraxis: heated.axis },
+    };
+
+    const scale = scaled(field.scale, [...field.lammps, ...field.reference]);
+    const pairs = byType(data, field, look, { of: 7 }, (picked) => ({ x: take(field.reference, picked).map(scale.of), y: take(field.lammps, picked).map(scale.of), ...labelled(picked) }));
+    const drawn = [...field.lammps, ...field.reference].filter(Number.isFinite).map(scale.of);
+    const ends = [Math.min(...drawn), Math.max(...drawn)];
+    const diagonal = { x: ends, y: ends, mode: "lines", hoverinfo: "skip", showlegend: false, line: { color: look.axis, width: 1.2 } };
+    const scatter = {
+      title: `${one} against ${other}: ${plain(name)}, ${at}`, note: "on the line: equal; of vectors and tensors the component closest to its bound",
+      traces: drawn.length ? [diagonal, ...pairs] : pairs,
+      layout: layout(look, { coloraxis: heated.axis, xaxis: axis(look, other, scale.axis), yaxis: axis(look, one, scale.axis) }),
+    };
+
+    const x = sizes(field.bound, "0", "not finite"), y = sizes(field.difference, "equal", "not finite");
+    const errors = byType(data, field, look, { of: 7 }, (picked) => ({ x: take(field.bound, picked).map(x.of), y: take(field.difference, picked).map(y.of), ...labelled(picked) }));
+    const range = x.axis.range;
+    const limit = { x: range, y: range, mode: "lines", hoverinfo: "skip", showlegend: false, line: { color: OUTSIDE, width: 1.5, dash: "dash" } };
+    const error = {
+      title: `Difference against bound: ${plain(name)}, ${at}`, note: "below the dashed line: inside the bound",
+      traces: [limit, ...errors], layout: layout(look, { coloraxis: heated.axis, xaxis: axis(look, "bound", x.axis), yaxis: axis(look, "|difference|", y.axis) }),
+    };
+    return [map, scatter, error, valueFigure(data, name, look)];
+  }
+
   function checksFigure(checks, look) {
     const y = sizes([...checks.ratio, 1], "equal", "not finite");
     const several = new Set(checks.field).size > 1;
@@ -272,6 +375,7 @@ const Plots = (() => {
   function figures(data, name, look) {
     const found = data.checks ? [checksFigure(data.checks, look)] : [];
     if (!name) return found;
+    if (data.steps) return [...found, ...modelFigures(data, name, look)];
     if (name === "pressure") found.push(...data.laws.map((law) => lawFigure(data, law, look)));
     return [...found, errorFigure(data, name, look), valueFigure(data, name, look), ratioFigure(data, name, look)];
   }
@@ -287,8 +391,13 @@ const Plots = (() => {
     const script = article.querySelector("script.data");
     if (!script) return null;
     const data = JSON.parse(script.textContent);
-    for (const key of ["x", "box", "id", "type", "rho", "delta", "energy"]) if (data[key]) data[key] = unpack(data[key]);
-    for (const field of Object.values(data.fields ?? {})) for (const key of ["lammps", "difference", "bound", "ratio"]) field[key] = numbers(field[key]);
+    for (const key of ["x", "id", "type", "rho", "energy", "phase"]) if (key in data) data[key] = column(data[key], data.n);
+    if (data.box) data.box = numbers(data.box);
+    if (data.rho) data.delta = data.rho.map((rho, i) => (rho - (data.rho0[data.type[i]] ?? NaN)) / data.rho0[data.type[i]]);
+    for (const field of Object.values(data.fields ?? {})) {
+      for (const key of ["lammps", "difference", "bound"]) field[key] = column(field[key], data.n);
+      derive(field);
+    }
     for (const law of data.laws ?? []) { law.x = numbers(law.x); law.p = numbers(law.p); }
     if (data.checks) for (const key of ["step", "run", "type", "ratio"]) data.checks[key] = numbers(data.checks[key]);
     return data;
@@ -303,14 +412,15 @@ const Plots = (() => {
     return label;
   }
 
-  function draw(article, { name, print = false } = {}) {
+  function draw(article, { name, print = false, show = false } = {}) {
     const data = load(article);
     if (!data) return;
     remove(article);
     const panel = article.querySelector(".plots");
     const names = Object.keys(data.fields ?? {});
-    const field = name ?? panel.dataset.field ?? (names.includes("pressure") ? "pressure" : names[0]);
+    const field = name ?? panel.dataset.field ?? data.first ?? (names.includes("pressure") ? "pressure" : names[0]);
     if (field) panel.dataset.field = field;
+    for (const button of article.querySelectorAll(".pick")) button.setAttribute("aria-pressed", String(button.dataset.field === field));
     if (names.length > 1) panel.append(choice(article, names, field));
     if (data.id) {
       const thinned = data.id.length < data.natoms ? ": the worst by difference/bound, the others evenly by density" : "";
@@ -328,6 +438,7 @@ const Plots = (() => {
       const size = print ? { width: 640, height: 400, autosize: false } : {};
       Plotly.newPlot(plot, traces, { ...layout, ...size }, { responsive: true, displaylogo: false, modeBarButtons: [["toImage", ...buttons]] });
     }
+    if (show) panel.scrollIntoView({ block: "nearest" });
   }
 
   function remove(article) {

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lammps_cases.records import read_run
 
@@ -39,10 +41,25 @@ def fields(run: str | Path) -> pd.DataFrame:
 
 
 def particles(run: str | Path, case: str) -> pd.DataFrame:
-    """One row per particle of a case: id, type, position, density and both sides of every compared field."""
+    """One row per particle of a case: id, type, position, density and both sides of every compared field.
+
+    Components of vectors and tensors have columns of their own: ``f/x.lammps``, ``grad/v/xy.bound``.
+    """
     import pandas as pd
 
     with np.load(Path(run) / "fields" / f"{case}.npz") as arrays:
-        columns = {name: arrays[name] for name in arrays.files if name not in ("box", "x")}
+        columns = {}
+        for name in arrays.files:
+            if name not in ("box", "x"):
+                columns |= _columns(name, arrays[name])
         columns |= dict(zip("xyz", arrays["x"].T, strict=True))
     return pd.DataFrame(columns).sort_values("id", ignore_index=True)
+
+
+def _columns(name: str, values: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
+    if values.ndim == 1:
+        return {name: values}
+    field, dot, side = name.rpartition(".")
+    axes = itertools.product("xyz"[: values.shape[1]], repeat=values.ndim - 1)
+    parts = values.reshape(len(values), -1).T
+    return {f"{field}/{''.join(axis)}{dot}{side}": part for axis, part in zip(axes, parts, strict=True)}

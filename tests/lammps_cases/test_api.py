@@ -62,3 +62,12 @@ def test_tables(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None
     rows = tables.particles(tmp_path / "report", "near-rho0.linear.2d")
     assert list(rows.id) == list(range(1, len(rows) + 1))
     assert (rows["pressure.lammps"] == rows["pressure.reference"]).all()
+
+
+def test_tables_of_the_particle_model(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
+    eos_ref_command("run", "external.gravity", "--out", tmp_path / "report")
+    rows = tables.particles(tmp_path / "report", "external.gravity")
+    assert {"f/x.lammps", "f/y.reference", "grad/v/yx.bound", "coordination.lammps", "v/x.lammps"} <= set(rows.columns)
+    with np.load(tmp_path / "report" / "fields" / "external.gravity.npz") as arrays:
+        assert np.array_equal(rows["grad/v/yx.lammps"], arrays["grad/v.lammps"][:, 1, 0])
+        assert ase_io.as_atoms(dict(arrays)).arrays["f_lammps"].shape == (len(rows), 2)

@@ -48,7 +48,7 @@ def particles(run: str | Path, case: str) -> pd.DataFrame:
     import pandas as pd
 
     with np.load(Path(run) / "fields" / f"{case}.npz") as arrays:
-        columns = {}
+        columns: dict[str, npt.NDArray[Any]] = {}
         for name in arrays.files:
             if name not in ("box", "x"):
                 columns |= _columns(name, arrays[name])

@@ -49,6 +49,27 @@ def test_every_shipped_case_is_as_expected(everything: tuple[Path, subprocess.Co
     assert f"report: {out / 'report.html'}" in done.stdout
 
 
+def test_shipped_scenes_of_the_model_tell_formulas_apart(
+    everything: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    """What scenes are blind to: means where all viscosities are equal, walls never thinner than rho0, unit values."""
+    run = read_run(everything[0])
+    means, floor = "arithmetic for harmonic mean, or the reverse", "no lower limit to the density of walls"
+    blind = {case.case: set(case.lint) - {means} for case in run.cases if "model" in case.tags}
+    assert {name: lint for name, lint in blind.items() if lint} == {
+        "fluids.defaults": {"speed of sound ignored in artificial viscosity"},
+        "fluids.unit": {
+            "masses ignored",
+            "rho0 for rho in volumes",
+            "V_i for V_j",
+            "no volume in the force",
+            "speed of sound ignored in artificial viscosity",
+        },
+        "walls-summed.quintic": {floor},
+        "walls-summed.shift": {floor},
+    }
+
+
 def test_what_a_run_leaves_behind(everything: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     out, _ = everything
     names = {path.name for path in out.iterdir()}

@@ -522,6 +522,8 @@ def eos_density(eos: EOS, p: Number, e: Number) -> Number:
     with np.errstate(all="ignore"):
         own = bounds.engine(eos, rho, energy) + bounds.reference(eos, rho, energy)
         carried = (own + p.error) / np.abs(eos.stiffness(rho, energy))
+        if eos.needs_energy:
+            carried = carried + np.abs(rho / energy) * error(e)
     return Rounded(rho, carried + 8 * bounds.EPS * np.abs(rho))
 
 
@@ -569,7 +571,7 @@ def solve_unit(factor: list[list[Number]], row: int) -> list[Number]:
 
 
 def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
-    """All ordered pairs and images with 0 < r < cut: indices i, j and the displacement of j's image.
+    """All ordered pairs and images with r < cut: indices i, j and the displacement of j's image.
 
     A box shorter than two cutoffs gives every image of its own, a particle's own images among them.
     """

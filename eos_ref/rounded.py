@@ -159,7 +159,8 @@ class Rounded:
 
     def _compare(self, other: Any, relation: Callable[[Any, Any], Any]) -> Decision:
         a, b = self.value, value(other)
-        return Decision(relation(a, b), np.abs(a - b) <= self.error + error(other))
+        # Not "<=": an error that is no number leaves everything open.
+        return Decision(relation(a, b), ~(np.abs(a - b) > self.error + error(other)))
 
     def __eq__(self, other: object) -> Any:
         """Whether the values are equal, as plain flags: a guard against dividing by an exact 0."""

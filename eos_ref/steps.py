@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from eos_ref import per_atom, quantities
+from eos_ref.elementary import where
 from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.model import BoolArray, Box, Gradients, Model, State, check_state
+from eos_ref.model import Box, Gradients, Model, State, check_state
 from eos_ref.plain import Plain, joined, matrix
 from eos_ref.rounded import Rounded, value
 
@@ -71,13 +73,14 @@ class Simulation:
         self.pressure_force_nc: Array = None
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
+        self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
 
     # --- force evaluation
 
     def evaluate(self) -> dict[str, Array]:
         """Evaluate everything the plan names, for the state as it is (F of the documentation)."""
         s, e, plan = self.state, self.evaluator, self.plan
-        self.fields = {}
+        self.fields, self.evaluated = {}, replace(s)
         if "pairs" in plan:
             e.move(s.x_nc)
             self.fields["coordination"] = e.coordination_n
@@ -135,10 +138,12 @@ class Simulation:
         terms = e.pair_terms(
             s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, found.get("temperature")
         )
-        found["drho"], self.pressure_force_nc = terms.drho_n, terms.pressure_force_nc
+        found["drho"] = terms.drho_n
         if terms.heat_n is not None:
             found["heatflow"] = terms.heat_n
-        found["f"] = self._external(terms.force_nc)
+        if "f" in self.plan:
+            self.pressure_force_nc = terms.pressure_force_nc
+            found["f"] = self._external(terms.force_nc)
 
     def _external(self, force_nc: Array) -> Array:
         """Forces of other fixes, in their order."""
@@ -154,13 +159,8 @@ class Simulation:
             elif force.style == "addforce":
                 force_nc = force_nc + np.where(rows, vector_c, 0.0)
             else:
-                force_nc = self._set(force_nc, rows & ~keep_c, vector_c)
+                force_nc = where(rows & ~keep_c, vector_c + np.zeros(force_nc.shape), force_nc)
         return force_nc
-
-    def _set(self, force_nc: Array, at_nc: BoolArray, vector_c: FloatArray) -> Array:
-        from eos_ref.elementary import where
-
-        return where(at_nc, vector_c + np.zeros(force_nc.shape), force_nc)
 
     def setup(self) -> None:
         """The evaluation before the first step, without a history of forces."""
@@ -182,6 +182,7 @@ class Simulation:
     def step(self, dt: float) -> None:
         """One step of length dt (velocity Verlet with the half-step gradients at old positions)."""
         s, model = self.state, self.model
+        self._check_steps()
         if not self.fields:
             self.setup()
         self.fresh = False
@@ -215,15 +216,18 @@ class Simulation:
             self.step(dt)
 
     def rounded(self, evaluator: Evaluator = Plain) -> Simulation:
-        """The evaluation of the present state in `eos_ref.rounded` arrays: every field with its rounding bound."""
+        """The last evaluation once more in `eos_ref.rounded` arrays: every field with its rounding bound."""
         return self._evaluated_in(Rounded, evaluator)
 
     def precise(self, evaluator: Evaluator = Plain) -> Simulation:
-        """The evaluation of the present state in longdoubles, where they have more digits than doubles."""
+        """The last evaluation once more in longdoubles, where these have more digits than doubles.
+
+        The inverse of an equation of state, which walls need, stays in doubles.
+        """
         return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator)
 
     def _evaluated_in(self, number: Callable[[Any], Array], evaluator: Evaluator) -> Simulation:
-        s = self.state
+        s = self.evaluated
         twin: Simulation = copy.copy(self)
         energy_n = None if s.energy_n is None else number(s.energy_n)
         twin.state = State(number(s.x_nc), number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n)
@@ -231,6 +235,11 @@ class Simulation:
         twin.other_nc = number(self.other_nc)
         twin.setup() if self.fresh else twin.evaluate()
         return twin
+
+    def _check_steps(self) -> None:
+        missing = [field for field in quantities.needed_to_step(self.model) if field not in self.plan]
+        if missing:
+            raise InputError("fields", f"must name what time steps need: {', '.join(missing)}", ", ".join(self.asked))
 
     def _half_step_gradients(self) -> Gradients:
         s, fix = self.state, self.model.fix

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import itertools
 import os
@@ -130,21 +131,22 @@ def judge(site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineR
         if ready.twin is not None:
             return evaluate_twin(ready.case, ready.twin, outcomes, engine)
         record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
-        if record.verdict == "differs" and ready.case.scene.whole_model and isinstance(outcome, Answer):
-            record.message = _first_step(site, ready) or record.message
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
+    if record.verdict == "differs" and arrays and ready.case.scene.whole_model:
+        with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for the first step
+            record.message = _first_step(site, ready, engine.distribution) or record.message
     return record, arrays
 
 
-def _first_step(site: str | None, ready: Prepared) -> str:
+def _first_step(site: str | None, ready: Prepared, engine: str) -> str:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
         return ""
     told = job(scene, ready.atoms, plan(scene), every_step=True)
-    return first_step(ready.case, ready.atoms, solve(site, told))
+    return first_step(ready.case, ready.atoms, solve(site, told), engine)
 
 
 def _judged(

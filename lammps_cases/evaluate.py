@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from eos_ref import EOSTable
+from eos_ref.plain import Plain
+from eos_ref.steps import Simulation
 from lammps_cases import particles, reference
 from lammps_cases.atoms import Atoms, seed
 from lammps_cases.casefile import Case
@@ -65,6 +67,9 @@ def evaluate(
         _explain_outcome(record, engine.distribution)
     elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
         _judge_lost_atoms(record, atoms, outcome)
+    elif case.scene.whole_model and outcome.steps != case.scene.snapshots:
+        record.verdict = "differs"
+        record.message = f"LAMMPS counted steps {outcome.steps} where it was asked for {case.scene.snapshots}"
     elif case.scene.whole_model:
         arrays = _judge_particles(record, case, atoms, outcome, engine.distribution)
     else:
@@ -287,7 +292,7 @@ def _explain_twin(
         own = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
         if particles.first_outside(side.scene, own, id_n):
             listed = shown_by(side.scene, engine)
-            found = particles.explain(side.scene, id_n, side.snapshots, listed, side.random)
+            found = particles.explain(side.scene, id_n, side.snapshots, listed, side.prediction, side.random)
             if not found:
                 return
             needed += [entry for entry in found if entry not in needed]
@@ -305,18 +310,17 @@ def _with_finding(side: _Side, entry: Entry) -> list[Snapshot]:
     """The reference's fields of a run with one finding alone."""
     assert entry.particles is not None
     scene = side.scene
-    stages, stepping = combined([entry.particles], scene, side.snapshots[0])
+    stages, stepping = combined([entry.particles], scene, side.snapshots[0]) or (Plain, Simulation)
     sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
     return [{f: sim.output(f).copy() for f in scene.fields} for _ in visit(sim, scene.steps, scene.timestep)]
 
 
-def first_step(case: Case, atoms: Atoms, answer: Answer) -> str:
+def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str) -> str:
     """The blame of a case that differs, from an answer with every single step."""
     scene = case.scene
     snapshots = [snapshot(scene, arrays) for arrays in answer.snapshots]
     every = particles_of(scene, atoms, case.where, tuple(range(len(snapshots))))
-    found = particles.blame(every, case.name, atoms.id_n, snapshots)
-    return found.message if found else ""
+    return particles.blame(every, case.name, atoms.id_n, snapshots, engine)
 
 
 def _inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:

@@ -93,12 +93,13 @@ def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot],
     table = compare_all(scene, id_n, snapshots, prediction)
     listed = shown_by(scene, engine)
     first = first_outside(scene, table, id_n)
-    entries = explain(scene, id_n, snapshots, listed, random) if first else []
+    entries = explain(scene, id_n, snapshots, listed, prediction, random) if first else []
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = ", ".join(entry.id for entry in entries)
-    unseen = [entry for entry in listed if entry not in entries] if entries or not first else []
+    others = [entry for entry in listed if entry not in entries] if entries or not first else []
+    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, random)]
     comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
     if scene.steps[0] == 0:
         _add_digits_lost(scene, table, comparisons)
@@ -126,10 +127,21 @@ def digits(values: FloatArray, exact: Any) -> float:
     return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
 
 
-def blame(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot]) -> Blame | None:
-    """The first step, stage, field and atom that leave the bound."""
-    prediction = predict(scene, seed=seed(f"{name}/moved runs"))
-    return first_outside(scene, compare_all(scene, id_n, snapshots, prediction), id_n)
+def blame(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> str:
+    """The first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
+    random = seed(f"{name}/moved runs")
+    first = first_outside(scene, compare_all(scene, id_n, snapshots, predict(scene, seed=random)), id_n)
+    return first.message + beyond(scene, id_n, snapshots, engine, random) if first else ""
+
+
+def beyond(scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int) -> str:
+    """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
+    listed = shown_by(scene, engine)
+    made = combined([entry.particles for entry in listed if entry.particles], scene, snapshots[0])
+    if not listed or made is None:
+        return ""
+    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predict(scene, *made, random)), id_n)
+    return f"; beyond {', '.join(entry.id for entry in listed)}: {rest.message}" if rest else ""
 
 
 def compare_all(
@@ -218,14 +230,35 @@ def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
 # --- the ledger
 
 
+def would_show(
+    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, random: int
+) -> bool:
+    """Whether a finding takes some field of a scene out of the reference's bound."""
+    made = combined([entry.particles] if entry.particles else [], scene, snapshots[0])
+    if made is None:
+        return False
+    shown = predict(scene, *made, random)
+    for fields, reference, bounds in zip(shown.fields, prediction.fields, prediction.bounds, strict=True):
+        for field in scene.fields:
+            shown_n, own_n = np.asarray(fields[field], float), np.asarray(reference[field], float)
+            if np.any(excess(shown_n, own_n, np.broadcast_to(bounds[field], own_n.shape))[1] > 1):
+                return True
+    return False
+
+
 def explain(
-    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], listed: Sequence[Entry], random: int
+    scene: Particles,
+    id_n: Any,
+    snapshots: Sequence[Snapshot],
+    listed: Sequence[Entry],
+    reference: Prediction,
+    random: int,
 ) -> list[Entry]:
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
     def inside(entries: Sequence[Entry]) -> bool:
         variants = [entry.particles for entry in entries if entry.particles]
-        return bool(variants) and reproduced(scene, id_n, snapshots, variants, random)
+        return bool(variants) and reproduced(scene, id_n, snapshots, variants, reference, random)
 
     needed = list(listed)
     if not inside(needed):
@@ -238,21 +271,32 @@ def explain(
 
 
 def reproduced(
-    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], variants: Sequence[Variant], random: int
+    scene: Particles,
+    id_n: Any,
+    snapshots: Sequence[Snapshot],
+    variants: Sequence[Variant],
+    reference: Prediction,
+    random: int,
 ) -> bool:
     """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
-    stages, stepping = combined(variants, scene, snapshots[0])
-    prediction = predict(scene, stages, stepping, random)
+    made = combined(variants, scene, snapshots[0])
+    if made is None:
+        return False
+    prediction = predict(scene, *made, random)
     undefined = any(variant.undefined for variant in variants)
-    for comparisons in compare_all(scene, id_n, snapshots, prediction).values():
-        for c in comparisons:
-            if c.record.verdict not in ("exact", "pass") and not (undefined and _defined_part_inside(c)):
+    for field, comparisons in compare_all(scene, id_n, snapshots, prediction).items():
+        for at, c in enumerate(comparisons):
+            own_n = np.broadcast_to(reference.bounds[at][field], c.bound_n.shape)
+            if c.record.verdict not in ("exact", "pass") and not (undefined and _defined_part_inside(c, own_n)):
                 return False
     return True
 
 
-def _defined_part_inside(comparison: Comparison) -> bool:
-    """Whether all values that have a bound are inside it."""
-    defined = np.isfinite(comparison.bound_n)
+def _defined_part_inside(comparison: Comparison, own_n: FloatArray) -> bool:
+    """Whether all values that have a bound are inside it.
+
+    Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
+    """
+    defined = np.isfinite(comparison.bound_n) | ~np.isfinite(own_n)
     sides = (comparison.lammps_n[defined], comparison.reference_n[defined], comparison.bound_n[defined])
-    return bool(np.all(excess(*sides)[1] <= 1))
+    return bool(defined.any()) and bool(np.all(excess(*sides)[1] <= 1))

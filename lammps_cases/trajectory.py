@@ -1,7 +1,7 @@
 """What the reference predicts for a scene of the particle model: fields at some steps, each with its bound.
 
-The bound of a single evaluation follows from its own formulas (`eos_ref.rounded`). Over steps rounding grows: it is
-bounded by the spread of reference runs in which every evaluation is moved by its own bound and every update of the
+The bound of a single evaluation follows from its own formulas (`eos_ref.rounded`). Over steps rounding grows: the bound
+is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
 state by one unit of the last place, with random signs.
 """
 
@@ -23,6 +23,7 @@ from eos_ref.steps import Simulation
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
+DISCRETE = ("coordination", "surface", "phase", "status")
 COMPILED_FROM = (
     100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
 )
@@ -123,8 +124,8 @@ class Sizes(dict[str, FloatArray]):
             found[f"grad/{name}"] = getattr(twin.gradient, "v_ncc" if name == "v" else f"{name}_nc")
         for name, quantity in found.items():
             if isinstance(quantity, Rounded):
-                finite = np.where(np.isfinite(quantity.error), quantity.error, 0.0)
-                self[name] = np.maximum(self.get(name, 0.0), finite)
+                known = np.where(np.isnan(quantity.error), np.inf, quantity.error)
+                self[name] = np.maximum(self.get(name, 0.0), known)
 
 
 # --- many steps
@@ -210,11 +211,14 @@ def _moved_runs(
 
 
 def _spread(runs: Sequence[Simulation], scene: Particles, values: Sequence[Fields]) -> list[Fields]:
-    """Largest distance of the moved runs from the reference, over the particles, per field and step; 0 at step 0."""
+    """Largest distance of the moved runs from the reference, per field and step; 0 at step 0."""
     largest: list[Fields] = [dict.fromkeys(scene.fields, 0.0) for _ in scene.steps]
     for run in runs:
         for at, step in enumerate(visit(run, scene.steps, scene.timestep)):
             for field in scene.fields if step else ():
-                distance = np.abs(run.output(field) - values[at][field]).max(initial=0.0)
-                largest[at][field] = max(largest[at][field], float(distance))
+                distance = np.abs(run.output(field) - values[at][field])
+                distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
+                # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.
+                far = distance if field in DISCRETE else distance.max(initial=0.0)
+                largest[at][field] = np.maximum(largest[at][field], far)
     return largest

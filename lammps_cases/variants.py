@@ -7,13 +7,12 @@ tells which scenes it makes a difference to. None of this is part of the referen
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from eos_ref.elementary import sqrt, where
-from eos_ref.eos import FloatArray
 from eos_ref.model import Model
 from eos_ref.plain import Axes, Number, Plain, axes, dot
 from eos_ref.rounded import Rounded, value
@@ -88,7 +87,10 @@ class NormalOfLastPair(Plain):
 
     def cross_type_normal(self, other: Any, volume: Number) -> Axes:
         """Direction of the pair, in its present place."""
-        p = int(np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))[0])
+        here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
+        if not here.size:  # it has left the cutoff: which pair is the last one now is not known
+            return [np.full(self.n, np.nan) for _ in self.x]
+        p = int(here[0])
         x = [x_p[p : p + 1] for x_p in self.x]
         size = sqrt(dot(x, x))
         same = np.zeros(self.n, int)
@@ -102,7 +104,7 @@ class StaleGradient(Plain):
         """Leave the gradients of particles below zmin without a bound."""
         super().correct(rho_n)
         if self.model.corrects_gradients:
-            stale_p = ~self.corrected_n[self.i]
+            stale_p = (self.coordination_n < self.model.fix.zmin)[self.i]
             self.g = [
                 Rounded(g_a.value, np.where(stale_p, UNDEFINED, g_a.error)) if isinstance(g_a, Rounded) else g_a
                 for g_a in self.g
@@ -134,16 +136,21 @@ class Variant:
     applies: Callable[[Particles], bool]
     stages: type[Plain] | None = None
     stepping: type[Simulation] | None = None
-    fit: Callable[[Particles, type[Plain], Snapshot], dict[str, Any]] | None = None
-    undefined: bool = field(default=False)
+    fit: Callable[[Particles, type[Plain], Snapshot], dict[str, Any] | None] | None = None
+    undefined: bool = False
 
 
-def combined(variants: Sequence[Variant], scene: Particles, snapshot: Snapshot) -> tuple[type[Plain], type[Simulation]]:
-    """Evaluator and simulation with several variants at once."""
+def combined(
+    variants: Sequence[Variant], scene: Particles, snapshot: Snapshot
+) -> tuple[type[Plain], type[Simulation]] | None:
+    """Evaluator and simulation with several variants at once; None if one cannot be fitted to LAMMPS' numbers."""
     stages: type[Plain] = _joined("Stages", (v.stages for v in variants), Plain)
     for variant in variants:
         if variant.fit:
-            stages = type("Fitted", (stages,), variant.fit(scene, stages, snapshot))
+            fitted = variant.fit(scene, stages, snapshot)
+            if fitted is None:
+                return None
+            stages = type("Fitted", (stages,), fitted)
     return stages, _joined("Stepping", (v.stepping for v in variants), Simulation)
 
 
@@ -216,21 +223,21 @@ def falls_back(scene: Particles) -> bool:
 # --- what LAMMPS' numbers tell
 
 
-def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any]:
+def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
     """The pair whose direction LAMMPS took out of the shift of the particle that changed most."""
-    model, state = scene.model, scene.state
     if "shift/v" not in snapshot:
-        return {}
-    plain = stages(model, scene.box, state.type_n, state.solid_n)
-    plain.move(state.x_nc)
-    unscaled_nc = _unscaled_shift(plain, state.v_nc, state.rho_n)
-    change_nc = np.where(np.any(snapshot["shift/v"] != 0, axis=1, keepdims=True), unscaled_nc - snapshot["shift/v"], 0)
+        return None
+    sim = Simulation(scene.model, scene.box, scene.state, ("shift/v",), stages)
+    with np.errstate(invalid="ignore"):
+        sim.setup()
+    plain = sim.evaluator
+    unscaled_nc = value(np.stack(plain.raw_shift(axes(sim.state.v_nc), sim.state.rho_n), axis=1))
+    moves_n = np.any(snapshot["shift/v"] != 0, axis=1, keepdims=True)
+    change_nc = np.where(moves_n, unscaled_nc - snapshot["shift/v"], 0.0)
     n_c = change_nc[np.argmax((change_nc**2).sum(axis=1))]
+    if not plain.i.size or not n_c.any():
+        return None
     x_pc = np.stack(plain.x, axis=1)
     along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)
     p = int(np.argmax(along_p))
     return {"pair": (int(plain.i[p]), int(plain.j[p]))}
-
-
-def _unscaled_shift(plain: Plain, v_nc: FloatArray, rho_n: FloatArray) -> FloatArray:
-    return np.asarray(value(np.stack(plain.raw_shift(axes(v_nc), rho_n), axis=1)))

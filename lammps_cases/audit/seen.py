@@ -205,7 +205,8 @@ def explain(
 
     def after(entries: Sequence[Entry]) -> frozenset[str]:
         variants = [entry.particles for entry in entries if entry.particles]
-        return outside(combined(variants, scene, dict(snapshot))[0], any(v.undefined for v in variants))
+        made = combined(variants, scene, dict(snapshot))
+        return outside(made[0], any(v.undefined for v in variants)) if made else frozenset(snapshot)
 
     if last and before <= last.keys():
         entries = list(dict.fromkeys(entry for field in before for entry in last[field]))

@@ -13,6 +13,7 @@ from eos_ref import InputError
 from eos_ref.fixes import Shift, SurfaceDetection
 from eos_ref.plain import Plain
 from eos_ref.quantities import FIELDS, ORDER, PART_OF, inputs, needed_to_step, required
+from eos_ref.steps import Simulation
 
 STAGES = {
     "move": "pairs",
@@ -198,3 +199,14 @@ def test_bounds_cover_every_field() -> None:
     """Fields of an evaluation and of its bounds are the same set."""
     built = recipe("walls, thermal", 2)
     assert {"f", "grad/v", "grad/rho", "grad/energy", "heatflow", "chi", "shift/v"} <= bounded(built).keys()
+
+
+@pytest.mark.parametrize("fields", [("drho", "grad/v"), ("pressure",)])
+def test_steps_and_outputs_need_what_was_evaluated(fields: tuple[str, ...]) -> None:
+    built = scene()
+    sim = Simulation(built.model, built.box, built.state, fields)
+    sim.setup()
+    with pytest.raises(InputError, match="was not evaluated"):
+        sim.output("f")
+    with pytest.raises(InputError, match="fields: must name what time steps need: f"):
+        sim.step(0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -175,7 +176,7 @@ def test_one_wrong_number_of_lammps_is_seen(
 ) -> None:
     ready, answer = answers(FORCES)
     monkeypatch.setattr(plain.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
-    monkeypatch.setattr(campaign, "_first_step", lambda site, ready: "")
+    monkeypatch.setattr(campaign, "_first_step", lambda *of: "")
     snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
     snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1
     spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
@@ -193,3 +194,41 @@ def test_lint_names_what_a_scene_of_unit_volumes_cannot_tell(judge: Judge) -> No
     assert judge(FORCES).lint == []
     assert judge("walls.reconstructed.damped").lint == []
     assert judge("thermal.arithmetic.2d").lint == []
+
+
+@pytest.mark.parametrize(
+    ("case", "field", "spoil"),
+    [
+        ("zmin.some.rk1", "f", np.nan),  # some forces are beyond prediction there, the others are not
+        ("zmin.some.rk1", "q.grad/v", 1e300),
+        ("zmin.every.rk1", "q.coordination", 1.0),
+        ("images.quintic.two", "q.coordination", 1.0),
+    ],
+)
+def test_what_cannot_be_predicted_hides_nothing_else(
+    case: str, field: str, spoil: float, answers: Callable[[str], tuple[campaign.Prepared, Answer]]
+) -> None:
+    ready, answer = answers(case)
+    assert campaign.judge(None, ready, [answer], ENGINE)[0].as_expected
+    snapshots = [dict(arrays) for arrays in answer.snapshots]
+    snapshots[-1][field] = snapshots[-1][field] + spoil
+    spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
+    assert campaign.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
+
+
+def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[campaign.Prepared, Answer]]) -> None:
+    ready, answer = answers(FORCES)
+    other = Answer(answer.arrays, answer.seconds, answer.snapshots, (0, 2, 10))
+    record = campaign.judge(None, ready, [other], ENGINE)[0]
+    assert record.verdict == "differs"
+    assert "LAMMPS counted steps (0, 2, 10)" in record.message
+
+
+def test_finding_that_cannot_be_fitted_explains_nothing(
+    answers: Callable[[str], tuple[campaign.Prepared, Answer]],
+) -> None:
+    ready, answer = answers("cross-type.both.2d")
+    fields = tuple(field for field in ready.case.scene.compare if field != "shift/v")
+    scene = ready.case.scene.model_copy(update={"compare": fields})
+    blind = replace(ready, case=replace(ready.case, scene=scene))
+    assert campaign.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"

@@ -19,6 +19,7 @@ import numpy as np
 from eos_ref import bounds, interactions, kernels, per_atom
 from eos_ref.elementary import maximum, sqrt, where
 from eos_ref.eos import EOS
+from eos_ref.errors import InputError
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
 from eos_ref.rounded import ROUNDING, Decision, Rounded, error, value
 
@@ -88,6 +89,8 @@ class Plain:
     def move(self, x_nc: Number) -> None:
         """Find the pairs of new positions and evaluate the kernel once for all sums."""
         model, cut = self.model, self.model.cut
+        if not np.isfinite(value(x_nc).astype(float)).all():
+            raise InputError("positions", "must be finite; the time step may be too long")
         self.i, self.j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut)
         x = axes(x_nc)
         self.x = [x_n[self.i] - (x_n[self.j] + shift_pc[:, a]) for a, x_n in enumerate(x)]
@@ -155,8 +158,9 @@ class Plain:
         weight = volume_p * self.w
         m = [[self.total(weight * h[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
         factor, definite_n = cholesky(m)
-        self.corrected_n = definite_n & (self.coordination_n >= self.model.fix.zmin)
-        used_p = self.corrected_n[self.i]
+        used_n = definite_n & (self.coordination_n >= self.model.fix.zmin)
+        self.corrected_n = used_n.answer & ~used_n.open if isinstance(used_n, Decision) else used_n
+        used_p = used_n[self.i]
         self.g = []
         for a in range(self.model.dimension):
             c = solve_unit(factor, 1 + a)
@@ -496,6 +500,35 @@ class Plain:
         return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, xg, self.rr), 0.0))
 
 
+class AtCutoff(Plain):
+    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
+
+    def move(self, x_nc: Any) -> None:
+        """Count the pairs, and those that may as well be on the other side."""
+        super().move(x_nc)
+        cut = self.model.cut
+        # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
+        # on either side; so are the squares, their sum and the root.
+        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + max(self.box.edge_c)
+        width = 8 * bounds.EPS * (reach + cut)
+        i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
+        x = value(x_nc)
+        r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
+        near_n = np.bincount(i[r > cut - width], minlength=self.n)
+        self.counted_n: Any = Rounded(self.coordination_n.astype(float), near_n.astype(float))
+        if near_n.any():
+            certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
+            # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
+            # some of them are less and some are not.
+            open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
+            self.coordination_n = open_
+
+
+def at_cutoff(stages: type[Plain]) -> type[Plain]:
+    """Stages whose coordination is open where rounding decides."""
+    return type("Counted", (AtCutoff,) if stages is Plain else (stages, AtCutoff), {})
+
+
 # --- equations of state of numbers that carry errors
 
 
@@ -530,11 +563,11 @@ def eos_density(eos: EOS, p: Number, e: Number) -> Number:
 # --- small symmetric matrices, one per particle
 
 
-def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], BoolArray]:
+def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], Any]:
     """Lower factors of many symmetric matrices at once, given by rows of their lower triangles; and which have one."""
     size = len(m)
     factor: list[list[Number]] = [[0.0] * size for _ in range(size)]
-    definite_n: BoolArray = np.ones(np.shape(value(m[0][0])), bool)
+    definite_n: Any = np.ones(np.shape(value(m[0][0])), bool)  # a Decision for numbers that carry errors
     for a in range(size):
         for b in range(a + 1):
             rest = m[a][b]
@@ -542,7 +575,7 @@ def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], BoolArray]:
                 rest = rest - factor[a][k] * factor[b][k]
             if a == b:
                 positive = value(rest) > 0
-                definite_n &= positive
+                definite_n = definite_n & (rest > 0)
                 factor[a][a] = sqrt(where(positive, rest, 1.0))
             else:
                 factor[a][b] = rest / factor[b][b]

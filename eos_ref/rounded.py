@@ -82,7 +82,10 @@ class Rounded:
 
     def __init__(self, value: Any, error: Any = 0.0) -> None:
         self.value = np.asarray(value, float)
-        self.error = np.broadcast_to(np.asarray(error, float), self.value.shape)
+        known = np.asarray(error, float)
+        if np.isnan(known).any():  # inf times 0: nothing is known
+            known = np.where(np.isnan(known), np.inf, known)
+        self.error = np.broadcast_to(known, self.value.shape)
 
     def _rounded(self, value: Array, error: Array) -> Rounded:
         return Rounded(value, error + ROUNDING * np.abs(value) + TINY)

@@ -61,6 +61,8 @@ class Simulation:
         self, model: Model, box: Box, state: State, fields: Iterable[str] = (), evaluator: Evaluator = Plain
     ) -> None:
         check_state(model, box, state)
+        if isinstance(fields, str):
+            raise InputError("fields", "must be a list of names", fields)
         self.model, self.box, self.state = model, box, state.copy()
         self.asked = tuple(fields) or quantities.needed_to_step(model)
         self.plan = quantities.required(model, self.asked)
@@ -209,7 +211,17 @@ class Simulation:
             s.energy_n = s.energy_n + 0.5 * dt * self.fields["heatflow"]
 
     def run(self, steps: int, dt: float) -> None:
-        """Take steps."""
+        """Take steps of length dt.
+
+        Raises
+        ------
+        InputError
+            A number of steps that is negative or not whole, or a length that is not positive and finite.
+        """
+        if not isinstance(steps, int | np.integer) or isinstance(steps, bool) or steps < 0:
+            raise InputError("steps", "must be a whole number, at least 0", steps)
+        if not (isinstance(dt, int | float | np.floating) and np.isfinite(dt) and (dt > 0 or steps == 0)):
+            raise InputError("time step", "must be a positive, finite number", dt)
         if not self.fields:
             self.setup()
         for _ in range(steps):
@@ -293,6 +305,8 @@ class Simulation:
         match field:
             case "x" | "v":
                 return s.x_nc if field == "x" else s.v_nc
+            case "energy" if s.energy_n is None:
+                raise InputError("field", "is not part of this model (see the keywords of fix rheo)", field)
             case "rho" | "energy":
                 return s.rho_n if field == "rho" else s.energy_n
             case "phase":

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from eos_ref import EOSTable, InputError
-from lammps_cases import twins
+from lammps_cases import reference, twins
 from lammps_cases.atoms import Atoms, build
 from lammps_cases.casefile import Case
 from lammps_cases.commands import job
@@ -64,6 +64,8 @@ def prepare(case: Case) -> Prepared:
     """
     eos = None if case.scene.expect else case.scene.eos(case.where)
     atoms = build(case, eos)
+    if case.scene.whole_model and not case.scene.expect:
+        reference.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
     return Prepared(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
 
 

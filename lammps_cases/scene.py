@@ -441,6 +441,8 @@ class TwinSettings(_Model):
         given = [key for key in type(self).model_fields if getattr(self, key) is not None]
         if len(given) != 1:
             raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {' '.join(given) or 0}")
+        if self.rescale is not None and not 2.0**-20 <= self.rescale <= 2.0**20:
+            raise ValueError(f"rescale must lie within 2^-20 to 2^20, found {self.rescale!r}")
         if self.rescale is not None and (math.frexp(self.rescale)[0] != 0.5 or self.rescale == 1):
             raise ValueError(f"rescale must be a power of two other than 1, found {self.rescale!r}")
         return self
@@ -481,7 +483,7 @@ class Scene(_Model):
     pair: PairSettings = PairSettings()
     forces: tuple[ForceSettings, ...] = Field((), max_length=16)
     evolve: Evolve | None = None
-    compare: tuple[Column | AtomProperty, ...] = Field(
+    compare: tuple[Literal[Column, AtomProperty], ...] = Field(
         ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
     )
     engine: EngineSettings = EngineSettings()

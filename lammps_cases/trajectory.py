@@ -16,7 +16,7 @@ import numpy as np
 from eos_ref.bounds import EPS
 from eos_ref.eos import FloatArray
 from eos_ref.model import Box, Gradients, Model, PairTerms, State
-from eos_ref.plain import Plain
+from eos_ref.plain import Plain, at_cutoff
 from eos_ref.quantities import needed_to_step
 from eos_ref.rounded import Rounded, error
 from eos_ref.steps import Simulation
@@ -86,7 +86,7 @@ def predict(
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, scene.timestep):
         values.append({field: sim.output(field).copy() for field in fields})
-        errors = sim.rounded(evaluator or Plain)
+        errors = sim.rounded(at_cutoff(evaluator or Plain))
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
     runs = _moved_runs(scene, stages, stepping, sizes, seed) if last else []
@@ -110,6 +110,8 @@ def own_stages(scene: Particles) -> type[Plain]:
 def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -> Any:
     if field in ("x", "v", "rho", "energy", "phase") and step > 0:
         return np.zeros(np.shape(values))  # all of it is in the spread
+    if field == "coordination":
+        return error(twin.evaluator.counted_n)
     return error(twin.output(field))
 
 

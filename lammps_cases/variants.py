@@ -15,7 +15,7 @@ import numpy as np
 from eos_ref.elementary import sqrt, where
 from eos_ref.model import Model
 from eos_ref.plain import Axes, Number, Plain, axes, dot
-from eos_ref.rounded import Rounded, value
+from eos_ref.rounded import Decision, Rounded, value
 from eos_ref.steps import Simulation
 from lammps_cases.trajectory import Particles
 
@@ -104,7 +104,8 @@ class StaleGradient(Plain):
         """Leave the gradients of particles below zmin without a bound."""
         super().correct(rho_n)
         if self.model.corrects_gradients:
-            stale_p = (self.coordination_n < self.model.fix.zmin)[self.i]
+            below = self.coordination_n < self.model.fix.zmin
+            stale_p = (below.answer | below.open if isinstance(below, Decision) else below)[self.i]
             self.g = [
                 Rounded(g_a.value, np.where(stale_p, UNDEFINED, g_a.error)) if isinstance(g_a, Rounded) else g_a
                 for g_a in self.g
@@ -193,9 +194,14 @@ def has_heat(scene: Particles) -> bool:
 
 
 def scales_across_types(scene: Particles) -> bool:
-    """Whether shifting is scaled along the normal between types."""
+    """Whether shifting is scaled along the normal between types, with a kernel whose gradient has one direction."""
     shift = scene.model.fix.shift
-    return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
+    return (
+        not scene.model.corrects_gradients
+        and shift is not None
+        and shift.scale_cross_type is not None
+        and shift.scale_cross_type[0] != 1
+    )
 
 
 def asks_for_support(scene: Particles) -> bool:

@@ -78,6 +78,10 @@ class Reader:
     def look(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
         """Compare all fields of the particles there are; ``setup`` on the set-up of a run."""
         n = len(tag_n)
+        if (
+            not n or not np.isfinite(x_nc[:n]).all()
+        ):  # nothing to list pairs of; the pressures are compared all the same
+            return {}
         view = self._view(n, x_nc, setup)
         shown = self._shown(n)
         seen = Seen(view, self.fields)

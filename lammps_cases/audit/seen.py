@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from eos_ref.elementary import where
 from eos_ref.model import BoolArray, Box, Gradients, Model, State
-from eos_ref.plain import Plain, directed_pairs
+from eos_ref.plain import Plain, at_cutoff
 from eos_ref.quantities import required
-from eos_ref.rounded import Decision, Rounded, error, value
+from eos_ref.rounded import Rounded, error
 from eos_ref.steps import Simulation
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.fields import corrected_by_hidden_densities, is_power
@@ -49,36 +49,6 @@ class View:
     z_n: Array | None = None
 
 
-class AtCutoff(Plain):
-    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
-
-    def move(self, x_nc: Any) -> None:
-        """Count the pairs, and those that may as well be on the other side."""
-        super().move(x_nc)
-        cut = self.model.cut
-        # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
-        # on either side; so are the squares, their sum and the root.
-        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + max(self.box.edge_c)
-        width = 8 * EPS * (reach + cut)
-        i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
-        x = value(x_nc)
-        r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
-        near_n = np.bincount(i[r > cut - width], minlength=self.n)
-        self.counted_n: Any = Rounded(self.coordination_n.astype(float), near_n.astype(float))
-        if near_n.any():
-            certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
-            # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
-            # some of them are less and some are not.
-            open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
-            self.coordination_n = open_
-
-    def correct(self, rho_n: Any) -> None:
-        """Correct, and leave plain answers for those who ask later."""
-        super().correct(rho_n)
-        if isinstance(self.corrected_n, Decision):
-            self.corrected_n = self.corrected_n.answer & ~self.corrected_n.open
-
-
 class Seen(Simulation):
     """A force evaluation of a view, with rounding bounds; it never takes a step."""
 
@@ -89,8 +59,7 @@ class Seen(Simulation):
         self.model, self.box, self.view = view.model, view.box, view
         self.asked = tuple(fields)
         self.plan = required(self.model, self.asked)
-        evaluator = type("AtCutoff", (stages, AtCutoff) if stages is not Plain else (AtCutoff,), {})
-        self.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
+        self.evaluator = at_cutoff(stages)(self.model, self.box, s.type_n, s.solid_n)
         self.evaluator.mass_n = self.mass_n = view.mass_n
         self.fields = {}
         self.gradient = Gradients()

@@ -120,7 +120,8 @@ ENTRIES: tuple[Entry, ...] = (
         "along it is scaled by shiftscale.",
         observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop "
         "over neighbours ended with. Now and then a particle has it to 9 digits only, as if it were multiplied by a "
-        "sum with both signs and divided by it again.",
+        "sum with both signs and divided by it again. With RK1 and RK2, whose pairs have two gradients, and on several "
+        "ranks every particle has a mixture of its own, which no variant reproduces.",
         argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
         "the atoms turns the direction, although nothing physical has changed; so does another skin or number of "
         "ranks.",

@@ -70,7 +70,7 @@ def _runs(scene: Scene, every_step: bool) -> Iterable[Run]:
     done = None
     for step in range(scene.snapshots[-1] + 1) if every_step else scene.snapshots:
         # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
-        again = "" if done is None or scene.engine.split else "pre no "
+        again = "" if done is None else "pre no "
         yield Run(f"run {step - (done or 0)} {again}post no")
         done = step
 

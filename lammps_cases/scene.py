@@ -419,7 +419,6 @@ class EngineSettings(Rebuild):
     newton: bool = True
     skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
     ranks: Literal[1, 2] = 1
-    split: bool = Field(False, description="a set-up of its own for every stretch between steps compared")
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
 
 

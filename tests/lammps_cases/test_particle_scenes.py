@@ -180,10 +180,11 @@ def test_halting_does_not_change_the_run(make: Make, workers: Workers) -> None:
         assert all(np.array_equal(arrays[name], stepped.snapshots[step][name]) for name in arrays)
 
 
-def test_split_run_sets_up_anew(make: Make) -> None:
-    runs = tell(make("plain", engine={"split": True}))[1].runs
-    assert runs == tuple(Run(f"run {n} post no") for n in (0, 1, 9, 2))
-    assert tell(make("plain"))[1].runs[1] == Run("run 1 pre no post no")
+def test_run_continues_without_another_setup(make: Make) -> None:
+    runs = tell(make("plain"))[1].runs
+    assert runs == tuple(
+        Run(f"run {n} {pre}post no") for n, pre in ((0, ""), (1, "pre no "), (9, "pre no "), (2, "pre no "))
+    )
 
 
 @pytest.mark.parametrize("name", ["plain", "everything", "heat", "solid-3d"])

@@ -322,12 +322,9 @@ def powers(dimension: int) -> dict[str, int]:
     return LENGTHS | {"f": dimension - 1, "heatflow": dimension - 1, "grad/energy": dimension - 1}
 
 
-@DIMENSIONS
-@pytest.mark.parametrize("name", [*SCALING, "droplet"])
+@pytest.mark.parametrize(("name", "dimension"), [*itertools.product(SCALING, (2, 3)), ("droplet", 3)])
 def test_rescaling(name: str, dimension: int) -> None:
     """Lengths times 3: rounding apart the same physics (the power law's exponents included, gd0 being a rate)."""
-    if name == "droplet" and dimension == 2:
-        pytest.skip("the extra repulsion scales in 3D only")
     built, size = recipe(name, dimension), 3.0
     power = powers(dimension)
     scale = {name: size ** power.get(name, 0) for name in bounded(built)}

@@ -50,7 +50,7 @@ def cached(*sources: str) -> Any:
         # Other packages' functions stay where they were: the setting is read when a loop is decorated.
         users, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
         try:
-            return numba.njit(cache=True, error_model="numpy")(loop)
+            return numba.njit(cache=True, error_model="numpy", nogil=True)(loop)
         finally:
             numba.config.CACHE_DIR = users
 

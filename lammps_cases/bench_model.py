@@ -8,11 +8,12 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from eos_ref.model import Box, State
+from eos_ref.plain import Plain
 from eos_ref.steps import Simulation
 from lammps_cases import engine, reference
 from lammps_cases.atoms import build
@@ -56,13 +57,15 @@ def scene(option: str, dimension: int, edge: int) -> Case:
     return Case(f"bench-{option}", "", (), made, Path("bench"))
 
 
-def simulation(case: Case) -> Simulation:
-    """The reference, compiled, ready to step."""
-    from eos_ref.fast import Fast
+def simulation(case: Case, stages: Literal["compiled", "plain"] = "compiled") -> Simulation:
+    """The reference, ready to step."""
+    evaluator: Any = Plain
+    if stages == "compiled":
+        from eos_ref.fast import Fast as evaluator
 
     atoms = build(case, case.scene.eos())
     model, box = reference.model(case.scene, atoms, case.where), reference.box(case.scene, atoms)
-    sim = Simulation(model, box, reference.state(case.scene, atoms, case.where), (), Fast)
+    sim = Simulation(model, box, reference.state(case.scene, atoms, case.where), (), evaluator)
     sim.run(1, _dt(case))
     return sim
 

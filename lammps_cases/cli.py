@@ -18,6 +18,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "ledger": ("lammps_cases.cli_cases", "List the findings: where LAMMPS differs from its manual."),
     "report": ("lammps_cases.cli_run", "Render the report of a finished run again."),
     "merge": ("lammps_cases.cli_run", "Join the shards of a run."),
+    "chart": ("lammps_cases.cli_chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
     "bench": ("lammps_cases.cli_bench", "Measure speed against peers, as ratios."),
     "doctor": (
         "lammps_cases.cli_doctor",

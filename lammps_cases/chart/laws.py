@@ -1,0 +1,236 @@
+r"""Equations of state: every method of `lammps_cases.methods.laws`, and LAMMPS, against Arb.
+
+Errors are the worst that a search finds in each regime, a range of :math:`|\rho/\rho_0-1|`. Times do not depend on
+the regime (no method branches on it) and are measured once for all, on shuffled states of all of them.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eos_ref import EOS
+from eos_ref.eos import FloatArray
+from lammps_cases.chart.engine_law import EngineLaw
+from lammps_cases.chart.points import Crossing, Map, Panel, Point, compared, point
+from lammps_cases.measure import Interval, Timing, in_turns
+from lammps_cases.methods.laws import LawMethod, methods_of
+from lammps_cases.methods.worst import SAMPLES, Regime, worst_case
+
+# No parameter has a value at which formulas coincide; gamma 4 stands for whole exponents of tait/general.
+LAWS: tuple[EOS, ...] = (
+    EOS("linear", 1.2345, 7.89),
+    EOS("cubic", 1.2345, 7.89, 2.5),
+    EOS("tait/water", 1.2345, 7.89),
+    EOS("tait/general", 1.2345, 7.89, 1.4),
+    EOS("tait/general", 1.2345, 7.89, 4.0),
+    EOS("ideal/gas", parameter=1.4),
+    EOS("tait/water", 1.2345, 7.89, background=3.21),
+)
+REGIMES = tuple(Regime(low, high) for low, high in ((1e-12, 1e-9), (1e-9, 1e-6), (1e-6, 1e-3), (1e-3, 0.1), (0.1, 10)))
+ENERGY = 1.7  # per mass, of laws that need one
+STATES, QUICK_STATES = 1_000_000, 100_000
+OUTPUT = "LAMMPS"
+
+
+def name(law: EOS) -> str:
+    """A law with what tells it apart."""
+    parameter = "" if law.parameter is None else f" {law.parameter:g}"
+    return f"{law.style}{parameter}" + (" + background" if law.background else "")
+
+
+def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+    """One panel per law."""
+    for law in LAWS[1:4] if quick else LAWS:
+        yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, lmp)
+
+
+def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
+    methods, reasons = methods_of(law), {m.name: m.reason for m in methods_of(law)}
+    timings, copying = _timings(law, methods, regimes, n, lmp)
+    e = ENERGY if law.needs_energy else None
+    points: list[Point] = []
+    for regime in regimes:
+        ends, start_n = regime.ends(law), regime.densities(law, SAMPLES)
+        functions = {m.name: m.function(law, *ends) for m in methods}
+        if lmp is not None:
+            functions[OUTPUT] = EngineLaw(lmp, law).pressure
+        found = []
+        for method, function in functions.items():
+            worst = worst_case(function, law, start_n, _inside(regime, law), e)
+            reason = reasons.get(method, "LAMMPS' own output, less what an output costs that needs no law")
+            found.append(
+                point(f"pressure of {name(law)}", str(regime), method, worst.error, timings[method], n, reason)
+            )
+        points += compared(found, timings)
+    return Panel(
+        id=f"law-{name(law).replace('/', '-').replace(' ', '-')}",
+        title=f"Pressure of {name(law)}",
+        about=f"{n:,} states in float64, shuffled; rho0 {law.rho0:g}, cs {law.cs:g}, background {law.background:g}.",
+        error_of="worst relative error of the pressure found by search, certified with Arb",
+        unit="state",
+        points=tuple(points),
+        roofline_ns=copying * 1e9 / n,
+        crossings=tuple(_accuracy_crossings(law, methods)),
+    )
+
+
+def _inside(regime: Regime, law: EOS) -> Callable[[FloatArray], Any]:
+    return lambda rho_n: regime.holds(law, rho_n)
+
+
+def _timings(
+    law: EOS, methods: Sequence[LawMethod], regimes: Sequence[Regime], n: int, lmp: Any | None
+) -> tuple[dict[str, Timing], float]:
+    """Times of all methods in turns, and the seconds that copying the states takes."""
+    each = [regime.densities(law, math.ceil(n / len(regimes))) for regime in regimes]
+    rho_n = np.random.default_rng(1).permutation(np.concatenate(each)[:n])
+    e_n = np.full(n, ENERGY) if law.needs_energy else None
+    copy_n = np.empty(n)
+
+    def copy() -> None:
+        np.copyto(copy_n, rho_n)
+        if e_n is not None:
+            np.copyto(copy_n, e_n)
+
+    calls: dict[str, Callable[[], object]] = {"copy": copy}
+    for method in methods:
+        calls[method.name] = _call(method, law, rho_n, e_n)
+    if lmp is not None:
+        calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(lmp, law).timed(rho_n, e_n)
+    timings = in_turns(calls)
+    if lmp is not None:
+        whole, bare = timings[OUTPUT], timings.pop("LAMMPS, no law")
+        alone = tuple(a - b for a, b in zip(whole.seconds_r, bare.seconds_r, strict=True))
+        timings[OUTPUT] = Timing(alone, whole.calls, alone[0])
+    return timings, timings.pop("copy").seconds.median
+
+
+def _call(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray | None) -> Callable[[], object]:
+    evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
+    stored_n = method.stored(law, rho_n)
+    return lambda: evaluate(stored_n, e_n)
+
+
+# --- where methods change places
+
+
+def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
+    """Distances from rho0 at which the printed formula becomes as accurate as others."""
+    by_name = {method.name: method for method in methods}
+    if "textbook" in by_name and law.style != "cubic":
+        for other in ("float32 excess", "table, cubic"):
+            found = _accuracy_crossing(law, by_name["textbook"], by_name[other])
+            if found:
+                yield found
+
+
+def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing | None:
+    r"""Where two methods' worst errors, in narrow windows of :math:`|\rho/\rho_0-1|`, cross; by bisection."""
+    e = ENERGY if law.needs_energy else None
+
+    def lead(log_d: float) -> bool:
+        regime = Regime(10 ** (log_d - 0.05), 10 ** (log_d + 0.05))
+        errors = [
+            worst_case(
+                m.function(law, *Regime(1e-9, 10.0).ends(law)), law, regime.densities(law, 512), _inside(regime, law), e
+            ).error
+            for m in (one, other)
+        ]
+        return errors[0] < errors[1]
+
+    bracket = bisected(lead, -9.0, 1.0, 0.02)
+    if bracket is None:
+        return None
+    low, high = (10**end for end in bracket)
+    at = Interval(math.sqrt(low * high), low, high)
+    return Crossing(f"pressure of {name(law)}", (one.name, other.name), "|rho/rho0 - 1|", "worst error", at)
+
+
+def bisected(holds: Callable[[float], bool], low: float, high: float, width: float) -> tuple[float, float] | None:
+    """The interval, no wider than asked, in which a condition that fails at ``low`` begins to hold; None if it is the
+    same at both ends."""
+    if holds(low) == holds(high):
+        return None
+    at_high = holds(high)
+    while high - low > width:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(middle) == at_high else (middle, high)
+    return low, high
+
+
+# --- what a first call costs
+
+
+@dataclass(frozen=True)
+class Start:
+    """Seconds of the first evaluation of ten states in a fresh process, beyond those of the second."""
+
+    method: str
+    seconds: Interval
+
+
+def starts(law: EOS, rounds: int = 3) -> Mapping[str, Interval]:
+    """Seconds that every method for doubles takes to start: loading compiled code, making tables."""
+    found = {}
+    for method in methods_of(law):
+        if method.store is None:
+            found[method.name] = Interval(*_started(law, method.name, rounds))
+    return found
+
+
+def _started(law: EOS, method: str, rounds: int) -> tuple[float, float, float]:
+    code = (
+        "import time, numpy as np\n"
+        "from eos_ref import EOS\n"
+        "from lammps_cases.methods import laws\n"
+        f"law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})\n"
+        f"method = next(m for m in laws.METHODS if m.name == {method!r})\n"
+        "rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)\n"
+        "begin = time.perf_counter()\n"
+        "evaluate = method.function(law, 0.99 * law.rho0, 1.01 * law.rho0)\n"
+        "evaluate(rho_n, e_n)\n"
+        "middle = time.perf_counter()\n"
+        "evaluate(rho_n, e_n)\n"
+        "print(2 * middle - begin - time.perf_counter())\n"
+    )
+    seconds = []
+    for _ in range(rounds + 1):  # the very first may compile, which is for good
+        done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+        seconds.append(max(float(done.stdout.split()[-1]), 0.0))
+    kept = sorted(seconds[1:])
+    return kept[len(kept) // 2], kept[0], kept[-1]
+
+
+# --- maps
+
+
+def maps(quick: bool) -> Iterator[Map]:
+    """Worst errors over distance from rho0 and gamma, for the forms of Tait's law."""
+    gammas = np.linspace(1.5, 7.5, 5 if quick else 13)
+    distances = np.geomspace(1e-10, 3.0, 9 if quick else 22)
+    for method in (m for m in methods_of(EOS("tait/general", parameter=1.5)) if m.name in ("textbook", "numpy")):
+        value = np.array([[_worst_near(method, float(g), float(d)) for d in distances] for g in gammas])
+        yield Map(
+            id=f"tait-{method.name}",
+            title=f"tait/general, {method.name}",
+            x_name="|rho/rho0 - 1|",
+            y_name="gamma",
+            x=tuple(distances.tolist()),
+            y=tuple(gammas.tolist()),
+            value=tuple(tuple(row) for row in value.tolist()),
+            unit="worst relative error",
+        )
+
+
+def _worst_near(method: LawMethod, gamma: float, d: float) -> float:
+    law, regime = EOS("tait/general", 1.2345, 7.89, gamma), Regime(d / 1.3, d * 1.3)
+    return worst_case(
+        method.function(law, *regime.ends(law)), law, regime.densities(law, 256), _inside(regime, law)
+    ).error

@@ -1,0 +1,153 @@
+"""Wall times that can be compared: alternatives called in turns, in calibrated loops, medians with intervals.
+
+A machine drifts (clock, other work), and whatever is measured later meets another machine. Alternatives are therefore
+called in rounds, each once per round and in an order that turns from round to round, and compared round by round: the
+ratio of two times of one round is free of the drift.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from statistics import median
+from typing import Literal
+
+Call = Callable[[], object]
+Answer = Literal["faster", "slower", "cannot tell"]
+ROUNDS = 9  # the least number whose median has a 95 % interval narrower than the range
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A median and its 95 % confidence interval."""
+
+    median: float
+    low: float
+    high: float
+
+    def scaled(self, factor: float) -> Interval:
+        """The interval times a positive number."""
+        return Interval(self.median * factor, self.low * factor, self.high * factor)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall times of one alternative.
+
+    Attributes
+    ----------
+    seconds_r : seconds of one call, in every round
+    calls : calls per round
+    first : seconds of the very first call, which may compile and load
+    """
+
+    seconds_r: tuple[float, ...]
+    calls: int
+    first: float
+
+    @cached_property
+    def seconds(self) -> Interval:
+        """Median time of one call."""
+        return interval(self.seconds_r)
+
+    def against(self, other: Timing) -> Interval:
+        """Ratio of this time to another one of the same rounds."""
+        return interval(tuple(a / b for a, b in zip(self.seconds_r, other.seconds_r, strict=True)))
+
+
+def interval(values: tuple[float, ...]) -> Interval:
+    r"""Median and its distribution-free confidence interval.
+
+    The k-th smallest and k-th largest of n independent values enclose the median with probability
+    :math:`1 - 2^{1-n}\sum_{i<k}\binom ni`; the largest k that still gives 95 % is taken. Fewer than six values cannot
+    reach it: the interval is then their range.
+    """
+    ordered, n = sorted(values), len(values)
+    k, missed = 1, 2.0 ** (1 - n)
+    while k < n // 2 and missed + math.comb(n, k) * 2.0 ** (1 - n) <= 1 - CONFIDENCE:
+        missed += math.comb(n, k) * 2.0 ** (1 - n)
+        k += 1
+    return Interval(median(ordered), ordered[k - 1], ordered[-k])
+
+
+def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 0.02) -> dict[str, Timing]:
+    """Time alternatives against each other.
+
+    Parameters
+    ----------
+    calls : mapping
+        What is timed, by name.
+    rounds : int
+        How often each is measured.
+    at_least : float
+        Seconds that one measurement lasts at least; a quicker call is repeated within it.
+    """
+    first, repeats = {}, {}
+    for name, call in calls.items():
+        first[name] = _seconds(call, 1)
+        repeats[name] = _calibrated(call, at_least)
+    found: dict[str, list[float]] = {name: [] for name in calls}
+    names = list(calls)
+    collecting = gc.isenabled()
+    gc.disable()  # a collection would be charged to whoever comes next
+    try:
+        for turn in range(rounds):
+            start = turn % len(names)
+            order = names[start:] + names[:start]
+            for name in order if turn % 2 == 0 else order[::-1]:
+                found[name].append(_seconds(calls[name], repeats[name]) / repeats[name])
+    finally:
+        if collecting:
+            gc.enable()
+    return {name: Timing(tuple(found[name]), repeats[name], first[name]) for name in names}
+
+
+def _calibrated(call: Call, at_least: float) -> int:
+    """How many calls last long enough; found by doubling, which also warms up."""
+    repeats = 1
+    while (seconds := _seconds(call, repeats)) < at_least / 2 and repeats < 2**20:
+        repeats = max(2 * repeats, min(int(repeats * at_least / max(seconds, 1e-9)) // 2, 64 * repeats))
+    return repeats
+
+
+def _seconds(call: Call, repeats: int) -> float:
+    begin = time.perf_counter()
+    for _ in range(repeats):
+        call()
+    return time.perf_counter() - begin
+
+
+def verdict(ratio: Interval) -> Answer:
+    """What a ratio of two times says of the first: an interval that holds 1 says nothing."""
+    if ratio.high < 1:
+        return "faster"
+    return "slower" if ratio.low > 1 else "cannot tell"
+
+
+def machine() -> dict[str, str | float | int]:
+    """The machine that measures, and how busy it is."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count() or 1,
+        "load": round(os.getloadavg()[0], 2),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+    }
+
+
+def _processor() -> str:
+    """The processor's own name, which Python tells on some systems only."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

@@ -7,16 +7,14 @@ import shlex
 import subprocess
 import sys
 import tempfile
-import time
 import tracemalloc
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 
 from eos_ref import EOS, EOSTable, bounds
+from lammps_cases.measure import Call, Interval, in_turns
 
 LAWS = {
     "linear": EOS("linear", 1.2, 3.4),
@@ -29,29 +27,26 @@ LAWS = {
 
 @dataclass(frozen=True)
 class Ratio:
-    """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer."""
+    """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer.
+
+    ``ratio`` is ours over peer, below 1 is faster; all three are medians with their intervals.
+    """
 
     scene: str
     peer: str
-    ours_ns: float
-    peer_ns: float
-
-    @property
-    def ratio(self) -> float:
-        """Ours over peer: below 1 is faster."""
-        return self.ours_ns / self.peer_ns
+    ours_ns: Interval
+    peer_ns: Interval
+    ratio: Interval
 
 
-def interleaved(ours: Callable[[], object], peer: Callable[[], object], repeats: int) -> tuple[float, float]:
-    """Median seconds of both, called in turns, so that a drift of the machine meets both; one warm-up each."""
-    times: tuple[list[float], list[float]] = ([], [])
-    for turn in range(repeats + 1):
-        for call, seconds in zip((ours, peer), times, strict=True):
-            begin = time.perf_counter()
-            call()
-            if turn:
-                seconds.append(time.perf_counter() - begin)
-    return median(times[0]), median(times[1])
+def against(
+    scene: str, peer: str, ours: Call, theirs: Call, repeats: int, per: float = 1.0, at_least: float = 0.02
+) -> Ratio:
+    """Ours against a peer, in turns; ``per`` is the number of particles (times steps) of a call."""
+    took = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
+    scale = 1e9 / per
+    ours_ns, peer_ns = took["ours"].seconds.scaled(scale), took["peer"].seconds.scaled(scale)
+    return Ratio(scene, peer, ours_ns, peer_ns, took["ours"].against(took["peer"]))
 
 
 def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
@@ -77,8 +72,7 @@ def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
             if gas:  # the same arrays: this law also reads the energy
                 np.copyto(copy_n, e_n)
 
-        seconds, copying = interleaved(ours, peer, repeats)
-        ratios.append(Ratio(f"{name}, {n:,} states", "memory copy", seconds / n * 1e9, copying / n * 1e9))
+        ratios.append(against(f"{name}, {n:,} states", "memory copy", ours, peer, repeats, n))
     return ratios
 
 
@@ -87,10 +81,14 @@ def table_against_copy(n: int, repeats: int) -> Ratio:
     random = np.random.default_rng(2)
     table = EOSTable((*list(LAWS.values())[:3], EOS("linear", 0.9, 2.0, background=0.1)))
     rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
-    seconds, copying = interleaved(
-        lambda: table.pressure(rho_n, type_n), lambda: (rho_n.copy(), type_n.copy()), repeats
+    return against(
+        f"four types interleaved, {n:,} states",
+        "memory copy",
+        lambda: table.pressure(rho_n, type_n),
+        lambda: (rho_n.copy(), type_n.copy()),
+        repeats,
+        n,
     )
-    return Ratio(f"four types interleaved, {n:,} states", "memory copy", seconds / n * 1e9, copying / n * 1e9)
 
 
 def bytes_per_particle(n: int = 1_000_000) -> float:
@@ -146,15 +144,17 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
             "--out",
             f"{folder}/run",
         ]
-        seconds, peer = interleaved(lambda: _process(ours), lambda: _process(alone), repeats)
-    return Ratio(f"eos-ref run --tag eos --jobs {jobs}", "LAMMPS alone", seconds * 1e9, peer * 1e9)
+        scene = f"eos-ref run --tag eos --jobs {jobs}"
+        return against(scene, "LAMMPS alone", lambda: _process(ours), lambda: _process(alone), repeats, at_least=0)
 
 
 def help_against_python(repeats: int) -> Ratio:
     """``eos-ref --help`` against an empty Python program."""
     ours = [sys.executable, "-m", "lammps_cases.cli", "--help"]
-    seconds, peer = interleaved(lambda: _process(ours), lambda: _process([sys.executable, "-c", "pass"]), repeats)
-    return Ratio("eos-ref --help", "empty Python program", seconds * 1e9, peer * 1e9)
+    empty = [sys.executable, "-c", "pass"]
+    return against(
+        "eos-ref --help", "empty Python program", lambda: _process(ours), lambda: _process(empty), repeats, at_least=0
+    )
 
 
 def _process(command: list[str]) -> None:

@@ -17,9 +17,10 @@ from eos_ref.plain import Plain
 from eos_ref.steps import Simulation
 from lammps_cases import engine, reference
 from lammps_cases.atoms import build
-from lammps_cases.bench import Ratio, interleaved
+from lammps_cases.bench import Ratio, against
 from lammps_cases.casefile import Case
 from lammps_cases.commands import job
+from lammps_cases.measure import in_turns
 from lammps_cases.plan import plan
 from lammps_cases.scene import Scene
 
@@ -75,7 +76,7 @@ def _dt(case: Case) -> float:
     return case.scene.evolve.timestep
 
 
-def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 3) -> Iterator[Ratio]:
+def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> Iterator[Ratio]:
     """Time per particle and step of the reference and of LAMMPS, for every option."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     lmp = engine.open_lammps()
@@ -85,11 +86,14 @@ def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 3) -> It
             atoms = build(case, case.scene.eos())
             engine.run(lmp, job(case.scene, atoms, plan(case.scene)))
             sim = simulation(case)
-            ours, peer = interleaved(
-                _steps(sim, steps, _dt(case)), _commands(lmp, f"run {steps} pre no post no"), repeats
+            yield against(
+                f"{dimension}D {option}, {len(atoms):,} particles",
+                "LAMMPS",
+                _steps(sim, steps, _dt(case)),
+                _commands(lmp, f"run {steps} pre no post no"),
+                repeats,
+                steps * len(atoms),
             )
-            scale = 1e9 / (steps * len(atoms))
-            yield Ratio(f"{dimension}D {option}, {len(atoms):,} particles", "LAMMPS", ours * scale, peer * scale)
 
 
 def _steps(sim: Simulation, steps: int, dt: float) -> Callable[[], None]:
@@ -108,9 +112,16 @@ def growth(edges: tuple[int, ...] = (100, 316, 1000), steps: int = 4) -> Iterato
         case = scene("quintic", 2, edge)
         sim, n = simulation(case), edge * edge
         rounds = max(1, n // edges[0] ** 2)
-        ours, peer = interleaved(_steps(sim, steps, _dt(case)), _steps(first, steps * rounds, _dt(small)), 3)
-        peer_ns = peer * 1e9 / (steps * rounds * edges[0] ** 2)
-        yield Ratio(f"2D quintic, {n:,} particles", f"{edges[0] ** 2:,} particles", ours * 1e9 / (steps * n), peer_ns)
+        took = in_turns({"large": _steps(sim, steps, _dt(case)), "small": _steps(first, steps * rounds, _dt(small))}, 3)
+        large, few = took["large"], took["small"]
+        per_large, per_small = 1 / (steps * n), 1 / (steps * rounds * edges[0] ** 2)
+        yield Ratio(
+            f"2D quintic, {n:,} particles",
+            f"{edges[0] ** 2:,} particles",
+            large.seconds.scaled(1e9 * per_large),
+            few.seconds.scaled(1e9 * per_small),
+            large.against(few).scaled(per_large / per_small),
+        )
 
 
 def full_model_for_pressure(edge: int = 300) -> Ratio:
@@ -123,9 +134,8 @@ def full_model_for_pressure(edge: int = 300) -> Ratio:
     state = reference.state(case.scene, atoms)
     alone = Simulation(model, box, state, ("pressure",), Fast)
     whole = Simulation(model, box, state, ("coordination", "grad/v", "pressure", "viscosity", "f", "drho"), Fast)
-    ours, peer = interleaved(alone.evaluate, whole.evaluate, 3)
     n = len(atoms)
-    return Ratio(f"pressure alone, {n:,} particles", "whole model", ours / n * 1e9, peer / n * 1e9)
+    return against(f"pressure alone, {n:,} particles", "whole model", alone.evaluate, whole.evaluate, 3, n)
 
 
 def bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:

@@ -86,12 +86,14 @@ class Answer:
     arrays : those read last
     snapshots : those of every reading
     steps : LAMMPS' own count of steps at every reading
+    run_seconds : wall time of every run command alone
     """
 
     arrays: dict[str, Array]
     seconds: float
     snapshots: tuple[dict[str, Array], ...] = ()
     steps: tuple[int, ...] = ()
+    run_seconds: tuple[float, ...] = ()
 
 
 def package_directory(site: str | None = None) -> Path:
@@ -231,9 +233,11 @@ def run(lmp: Any, job: Job) -> Answer:
         for name, values_n in job.per_atom.items():
             lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
         _commands(lmp, job.commands)
-        snapshots, steps = [], []
+        snapshots, steps, run_seconds = [], [], []
         for stretch in job.runs:
+            started = time.perf_counter()
             lmp.command(stretch.command)
+            run_seconds.append(time.perf_counter() - started)
             if stretch.read:
                 snapshots.append(read(lmp, job.outputs, job.atom_arrays))
                 steps.append(int(lmp.extract_global("ntimestep")))
@@ -243,7 +247,8 @@ def run(lmp: Any, job: Job) -> Answer:
         if type(error).__name__ == "MPIAbortException":
             raise EngineBroken(str(error).strip()) from None
         raise
-    return Answer(snapshots[-1], time.perf_counter() - begin, tuple(snapshots), tuple(steps))
+    seconds = time.perf_counter() - begin
+    return Answer(snapshots[-1], seconds, tuple(snapshots), tuple(steps), tuple(run_seconds))
 
 
 def read(

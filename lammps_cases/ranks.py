@@ -83,7 +83,8 @@ def _joined(answers: list[Answer]) -> Answer:
         order_n = np.argsort(np.concatenate([part["id"] for part in parts]), kind="stable")
         snapshots.append({name: np.concatenate([part[name] for part in parts])[order_n] for name in parts[0]})
     seconds = max(answer.seconds for answer in answers)
-    return Answer(snapshots[-1], seconds, tuple(snapshots), answers[0].steps)
+    slowest = tuple(max(parts) for parts in zip(*(answer.run_seconds for answer in answers), strict=True))
+    return Answer(snapshots[-1], seconds, tuple(snapshots), answers[0].steps, slowest)
 
 
 # --- inside a rank ---

@@ -22,7 +22,7 @@ RED, BLUE, GREY = "#c0392b", "#1f5fa8", "#8a8f98"
 # Told apart by colour and by shape; LAMMPS' own are always red stars.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
-STYLE = {
+STYLE: Any = {
     "font.family": "sans-serif",
     "font.size": 9,
     "axes.titlesize": 9,
@@ -92,7 +92,7 @@ def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
     handles = []
     for method, (colour, shape) in marks.items():
         face = colour if method in on or colour == RED else "white"
-        style = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": 10 if shape == "*" else 6}
+        style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": 10 if shape == "*" else 6}
         handles.append(Line2D([], [], label=method, **style))
     handles.append(Line2D([], [], color=BLUE, lw=1.2, alpha=0.6, label="frontier"))
     if panel.roofline_ns:

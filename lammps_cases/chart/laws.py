@@ -7,10 +7,8 @@ the regime (no method branches on it) and are measured once for all, on shuffled
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,7 +51,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
 
 def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
     methods, reasons = methods_of(law), {m.name: m.reason for m in methods_of(law)}
-    timings, copying = _timings(law, methods, regimes, n, lmp)
+    took, copying = timings(law, methods, regimes, n, lmp)
     e = ENERGY if law.needs_energy else None
     points: list[Point] = []
     for regime in regimes:
@@ -65,12 +63,10 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
         for method, function in functions.items():
             worst = worst_case(function, law, start_n, _inside(regime, law), e)
             reason = reasons.get(method, "LAMMPS' own output, less what an output costs that needs no law")
-            found.append(
-                point(f"pressure of {name(law)}", str(regime), method, worst.error, timings[method], n, reason)
-            )
-        points += compared(found, timings)
+            found.append(point(f"pressure of {name(law)}", str(regime), method, worst.error, took[method], n, reason))
+        points += compared(found, took)
     return Panel(
-        id=f"law-{name(law).replace('/', '-').replace(' ', '-')}",
+        id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
         title=f"Pressure of {name(law)}",
         about=f"{n:,} states in float64, shuffled; rho0 {law.rho0:g}, cs {law.cs:g}, background {law.background:g}.",
         error_of="worst relative error of the pressure found by search, certified with Arb",
@@ -85,7 +81,7 @@ def _inside(regime: Regime, law: EOS) -> Callable[[FloatArray], Any]:
     return lambda rho_n: regime.holds(law, rho_n)
 
 
-def _timings(
+def timings(
     law: EOS, methods: Sequence[LawMethod], regimes: Sequence[Regime], n: int, lmp: Any | None
 ) -> tuple[dict[str, Timing], float]:
     """Times of all methods in turns, and the seconds that copying the states takes."""
@@ -104,12 +100,12 @@ def _timings(
         calls[method.name] = _call(method, law, rho_n, e_n)
     if lmp is not None:
         calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(lmp, law).timed(rho_n, e_n)
-    timings = in_turns(calls)
+    took = in_turns(calls)
     if lmp is not None:
-        whole, bare = timings[OUTPUT], timings.pop("LAMMPS, no law")
+        whole, bare = took[OUTPUT], took.pop("LAMMPS, no law")
         alone = tuple(a - b for a, b in zip(whole.seconds_r, bare.seconds_r, strict=True))
-        timings[OUTPUT] = Timing(alone, whole.calls, alone[0])
-    return timings, timings.pop("copy").seconds.median
+        took[OUTPUT] = Timing(alone, whole.calls, alone[0])
+    return took, took.pop("copy").seconds.median
 
 
 def _call(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray | None) -> Callable[[], object]:
@@ -163,49 +159,6 @@ def bisected(holds: Callable[[float], bool], low: float, high: float, width: flo
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) == at_high else (middle, high)
     return low, high
-
-
-# --- what a first call costs
-
-
-@dataclass(frozen=True)
-class Start:
-    """Seconds of the first evaluation of ten states in a fresh process, beyond those of the second."""
-
-    method: str
-    seconds: Interval
-
-
-def starts(law: EOS, rounds: int = 3) -> Mapping[str, Interval]:
-    """Seconds that every method for doubles takes to start: loading compiled code, making tables."""
-    found = {}
-    for method in methods_of(law):
-        if method.store is None:
-            found[method.name] = Interval(*_started(law, method.name, rounds))
-    return found
-
-
-def _started(law: EOS, method: str, rounds: int) -> tuple[float, float, float]:
-    code = (
-        "import time, numpy as np\n"
-        "from eos_ref import EOS\n"
-        "from lammps_cases.methods import laws\n"
-        f"law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})\n"
-        f"method = next(m for m in laws.METHODS if m.name == {method!r})\n"
-        "rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)\n"
-        "begin = time.perf_counter()\n"
-        "evaluate = method.function(law, 0.99 * law.rho0, 1.01 * law.rho0)\n"
-        "evaluate(rho_n, e_n)\n"
-        "middle = time.perf_counter()\n"
-        "evaluate(rho_n, e_n)\n"
-        "print(2 * middle - begin - time.perf_counter())\n"
-    )
-    seconds = []
-    for _ in range(rounds + 1):  # the very first may compile, which is for good
-        done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-        seconds.append(max(float(done.stdout.split()[-1]), 0.0))
-    kept = sorted(seconds[1:])
-    return kept[len(kept) // 2], kept[0], kept[-1]
 
 
 # --- maps

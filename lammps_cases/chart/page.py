@@ -10,6 +10,7 @@ from pathlib import Path
 
 import jinja2
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from lammps_cases.chart import draw
 from lammps_cases.chart.points import Panel, Point, frontier
@@ -64,7 +65,7 @@ def write(chart: Chart, folder: Path) -> None:
     write_atomically(folder / "report.html", html)
 
 
-def _picture(figure: draw.Figure, folder: Path, name: str) -> Picture:
+def _picture(figure: Figure, folder: Path, name: str) -> Picture:
     draw.save(figure, folder, name)
     # Several pictures in one page must not share the names of their parts.
     return Picture(name, Markup(_with_own_names(draw.svg(figure), name)))

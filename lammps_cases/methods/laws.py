@@ -191,7 +191,7 @@ METHODS: tuple[LawMethod, ...] = (
     LawMethod("expm1/log1p", "any gamma: expm1(gamma log1p(d)), no cancellation near rho0", _expm1, _is_tait),
     LawMethod("polynomial", "whole gamma: binomial series in d = rho/rho0 - 1", _polynomial, _has_polynomial),
     LawMethod("textbook", "the formula as printed, numpy's power", _textbook, _has_textbook, 3),
-    LawMethod("LAMMPS' order", "LAMMPS' roundings, for the verdict exact", _as_lammps, conditioning=3),
+    LawMethod("in LAMMPS' order", "LAMMPS' roundings, for the verdict exact", _as_lammps, conditioning=3),
     LawMethod("float32 excess", "rho - rho0 kept in single, law in double", _float32_excess, _any, 2, _single_excess),
     LawMethod("float32 state", "density kept in single, law in double", _float32_state, _any, 4, _single),
     LawMethod("float32", "all in single precision", _float32, _any, 5, _single),

@@ -121,6 +121,6 @@ def _screened(evaluate: Evaluate, law: EOS, rho_n: FloatArray, e: float | None) 
     with np.errstate(all="ignore"):
         exact_n = np.asarray(law.evaluate(rho_n.astype(np.longdouble), None if e is None else np.longdouble(e)))
         size_n = np.abs(exact_n - law.background) + abs(law.background)
-        error_n = np.abs((evaluate(rho_n, energy_n) - exact_n) / size_n).astype(float)
+        error_n: FloatArray = np.abs((evaluate(rho_n, energy_n) - exact_n) / size_n).astype(float)
     error_n[np.isnan(error_n)] = np.inf  # no number where the law has one: as wrong as can be
     return error_n

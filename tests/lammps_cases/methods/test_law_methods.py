@@ -1,0 +1,213 @@
+"""Ways to evaluate a law: each against Arb, within what its form promises; the search for worst cases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eos_ref import EOS, InputError, bounds, rigorous
+from lammps_cases.methods import choice
+from lammps_cases.methods.laws import METHODS, NODES, LawMethod, methods_of
+from lammps_cases.methods.table import Table
+from lammps_cases.methods.worst import SAMPLES, Regime, certain_error, worst_case
+
+LAWS = [
+    EOS("linear", 1.2345, 7.89),
+    EOS("cubic", 1.2345, 7.89, 2.5),
+    EOS("tait/water", 1.2345, 7.89),
+    EOS("tait/general", 1.2345, 7.89, 1.4),
+    EOS("tait/general", 1.2345, 7.89, 4.0),
+    EOS("ideal/gas", parameter=1.4),
+    EOS("tait/water", 1.2345, 7.89, background=3.21),
+]
+ENERGY = 1.7
+SINGLE = 2.0**-24
+
+
+def worst(method: LawMethod, law: EOS, regime: Regime) -> float:
+    evaluate = method.function(law, *regime.ends(law))
+    e = ENERGY if law.needs_energy else None
+    return worst_case(evaluate, law, regime.densities(law, 512), lambda rho_n: regime.holds(law, rho_n), e).error
+
+
+def cases() -> list[tuple[LawMethod, EOS]]:
+    return [(method, law) for law in LAWS for method in methods_of(law)]
+
+
+def named(name: str) -> LawMethod:
+    return next(method for method in METHODS if method.name == name)
+
+
+@pytest.mark.parametrize(("method", "law"), cases(), ids=lambda v: getattr(v, "name", getattr(v, "style", "")))
+def test_far_from_rho0_every_method_is_the_law(method: LawMethod, law: EOS) -> None:
+    """At 0.1 to 2 times rho0 no form cancels by more than some 2**5: what is left is the precision it works in.
+
+    In single precision the law's condition number, at most some 8 gamma here, multiplies the rounding of the state.
+    """
+    error = worst(method, law, Regime(0.1, 2.0))
+    tabulated = method.name.startswith("table")
+    limit = 2e-4 if tabulated else 64 * SINGLE * max(law.gamma, 1.0) if method.store else 256 * bounds.EPS
+    assert error < limit
+
+
+@pytest.mark.parametrize(("method", "law"), cases(), ids=lambda v: getattr(v, "name", getattr(v, "style", "")))
+def test_the_best_conditioned_methods_keep_their_digits_everywhere(method: LawMethod, law: EOS) -> None:
+    if method.conditioning <= 1:
+        for regime in (Regime(1e-12, 1e-9), Regime(1e-6, 1e-3), Regime(1e-2, 5.0)):
+            # The reference's own bound is 4 eps (1 + |gamma ln(rho/rho0)|) of the terms; one background more.
+            factor = 16 * (1 + abs(law.gamma * np.log(6.0))) if regime.high > 1 else 16
+            assert worst(method, law, regime) < factor * bounds.EPS
+
+
+@pytest.mark.parametrize("law", [law for law in LAWS if law.style.startswith("tait") and not law.background])
+def test_the_printed_power_form_loses_what_the_compression_is_small(law: EOS) -> None:
+    """(rho/rho0)^gamma - 1 has an absolute error of some eps: relative to gamma d it grows as 1/d."""
+    for d in (1e-9, 1e-6):
+        error = worst(named("textbook"), law, Regime(d, 2 * d))
+        assert 0.01 * bounds.EPS / d < error < 16 * bounds.EPS / d
+
+
+def test_single_precision_of_the_difference_keeps_digits_where_that_of_the_density_does_not() -> None:
+    law, regime = EOS("tait/water", 1.2345, 7.89), Regime(1e-6, 1e-5)
+    assert worst(named("float32 excess"), law, regime) < 2 * SINGLE
+    assert worst(named("float32 state"), law, regime) > SINGLE / 1e-5
+
+
+@pytest.mark.parametrize("law", [law for law in LAWS if not law.needs_energy])
+@pytest.mark.parametrize(("low", "high"), [(0.999, 1.001), (0.5, 3.0), (1.1, 1.2), (0.8, 0.9)])
+def test_table_stays_within_its_interpolation_bound(law: EOS, low: float, high: float) -> None:
+    """h^4/384 max|P''''|, the fourth derivative by Arb's own differences, plus rounding."""
+    rho_n = np.linspace(low * law.rho0, high * law.rho0, 1001)
+    table = Table(law, rho_n[0], rho_n[-1], NODES)
+    exact_n = np.asarray(law.evaluate(rho_n.astype(np.longdouble)))
+    steps = table.step_s.max()
+    fourth = _fourth_derivative(law, rho_n)
+    rounding_n = 16 * bounds.EPS * (np.abs(exact_n - law.background).astype(float) + abs(law.background))
+    assert (np.abs(table.pressure(rho_n) - exact_n) <= steps**4 / 384 * fourth + rounding_n).all()
+
+
+def _fourth_derivative(law: EOS, rho_n: np.ndarray) -> float:
+    """Largest one on the interval of the densities, from Tait's own formula; 0 for polynomials up to the third."""
+    if not law.style.startswith("tait"):
+        return 0.0
+    g = law.gamma
+    x_n = rho_n[[0, -1]] / law.rho0
+    return float(np.abs(law.cs**2 / law.rho0**3 * (g - 1) * (g - 2) * (g - 3) * x_n ** (g - 4)).max()) * 1.01
+
+
+def test_a_coarser_table_is_worse() -> None:
+    law, rho_n = EOS("tait/water", 1.0, 1.0), np.linspace(0.7, 1.5, 501)
+    exact_n = law.evaluate(rho_n)
+    errors = [np.abs(Table(law, 0.7, 1.5, nodes).pressure(rho_n) - exact_n).max() for nodes in (17, 65, 257)]
+    assert errors[0] > 50 * errors[1] > 2500 * errors[2]  # 4^4 per refinement, in powers of two
+
+
+# --- the search
+
+
+def test_the_search_finds_worse_cases_than_samples() -> None:
+    law, regime = EOS("tait/general", 1.2345, 7.89, 1.4), Regime(1e-9, 1e-6)
+    evaluate = named("textbook").function(law, *regime.ends(law))
+    rho_n = regime.densities(law, SAMPLES)
+    sampled = max(certain_error(evaluate, law, float(rho)) for rho in rho_n[:: SAMPLES // 64])
+    found = worst_case(evaluate, law, rho_n, lambda rho: regime.holds(law, rho))
+    assert found.error > sampled
+    assert found.evaluations > SAMPLES
+    assert found.error == certain_error(evaluate, law, found.rho)
+
+
+def test_the_search_finds_a_fault_between_the_samples() -> None:
+    """A method that is wrong within 1e-9 of one density; the nearest sample lies just beside it."""
+    law, regime = EOS("linear", 1.2345, 7.89), Regime(0.1, 0.2)
+    wrong = 1.2345 * 1.15
+
+    def evaluate(rho_n, e_n):  # type: ignore[no-untyped-def]
+        return law.evaluate(rho_n) * np.where(np.abs(rho_n - wrong) < 1e-9, 1 + 1e-6, 1.0)
+
+    samples = np.array([wrong + 1.1e-9, wrong + 1e-3])
+    found = worst_case(evaluate, law, samples, lambda rho: regime.holds(law, rho))
+    assert found.error == pytest.approx(1e-6, rel=1e-6)
+
+
+def test_a_number_that_is_none_is_infinitely_wrong() -> None:
+    law, regime = EOS("linear", 1.2345, 7.89), Regime(0.1, 0.2)
+    found = worst_case(lambda rho_n, e_n: np.full(rho_n.shape, np.nan), law, regime.densities(law, 9), lambda r: r > 0)
+    assert found.error == np.inf
+
+
+def test_a_regime_outside_of_the_domain_is_refused() -> None:
+    with pytest.raises(InputError, match="none of the interval"):
+        worst_case(lambda r, e: r, EOS("tait/general", 1.0, 1.0, 1.4), np.array([-1.0]), lambda r: r < 0)
+
+
+# --- choice
+
+
+def laws() -> st.SearchStrategy[EOS]:
+    rho0, cs = st.floats(0.2, 20.0), st.floats(0.1, 100.0)
+    background = st.sampled_from([0.0, 0.5])
+    return st.one_of(
+        st.builds(EOS, st.just("linear"), rho0, cs, st.none(), background),
+        st.builds(EOS, st.just("cubic"), rho0, cs, st.floats(0.0, 5.0), background),
+        st.builds(EOS, st.just("tait/water"), rho0, cs, st.none(), background),
+        st.builds(EOS, st.just("tait/general"), rho0, cs, st.one_of(st.floats(0.3, 9.0), st.just(3.0)), background),
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(laws(), st.floats(-14, 0), st.floats(0.1, 3.0), st.floats(-13.5, -2.0), st.integers(0, 2**32 - 1))
+def test_what_is_chosen_for_a_tolerance_meets_it(law: EOS, at: float, wide: float, tolerance: float, seed: int) -> None:
+    """The promise: at random states of the interval, certified with Arb, the error is below the tolerance."""
+    d_n = np.random.default_rng(seed).uniform(10**at, min(10 ** (at + wide), 3.0), 400)
+    d_n[::2] *= -0.25
+    rho_n = law.rho0 * (1 + d_n)
+    chosen = choice.choose(law, rho_n, None, 10**tolerance)
+    evaluate = chosen.method.function(law, float(rho_n.min()), float(rho_n.max()))
+    p_n = evaluate(rho_n, None)
+    for rho, p in zip(rho_n[:40].tolist(), p_n[:40].tolist(), strict=True):
+        exact = rigorous.pressure(law, rho)
+        size = float(abs(exact - law.background).lower()) + abs(law.background)
+        assert rigorous.error(p, exact) <= 10**tolerance * size
+
+
+def test_a_loose_tolerance_buys_a_cheaper_method_and_a_tight_one_costs() -> None:
+    law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 1000)
+    loose, tight = (choice.choose(law, rho_n, None, tolerance) for tolerance in (1e-3, 2e-15))
+    assert loose.error is not None
+    assert tight.error is not None
+    assert loose.seconds <= tight.seconds
+    assert tight.error <= 2e-15 < 1e-3
+    assert loose.method.conditioning >= tight.method.conditioning
+
+
+def test_a_tolerance_below_what_doubles_can_do_is_refused() -> None:
+    with pytest.raises(InputError, match="tolerance: must be at least"):
+        choice.choose(EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 50), None, 1e-17)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.style)
+@pytest.mark.parametrize("n", [10, 10_000, 10**8])
+def test_the_default_is_best_conditioned_and_no_dearer_than_others_as_good(law: EOS, n: int) -> None:
+    chosen = choice.default(law, n)
+    usable = [method for method in methods_of(law) if method.store is None]
+    assert chosen.conditioning == min(method.conditioning for method in usable)
+    peers = [method for method in usable if method.conditioning == chosen.conditioning]
+    assert choice.cost(chosen, law).of(n) == min(choice.cost(method, law).of(n) for method in peers)
+
+
+def test_costs_cover_every_method_that_can_be_chosen() -> None:
+    for law in LAWS:
+        for method in methods_of(law):
+            if method.store is None:
+                cost = choice.cost(method, law)
+                assert cost.ns > 0
+                assert cost.startup >= 0
+
+
+def test_unknown_methods_are_refused_with_the_names_there_are() -> None:
+    with pytest.raises(InputError, match="must be auto or one of compiled"):
+        choice.named("fast", LAWS[0])
+    with pytest.raises(InputError, match="cannot evaluate linear"):
+        choice.named("polynomial", LAWS[0])

@@ -1,0 +1,96 @@
+"""Plane flow and the column at rest: their equations by finite differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS, InputError
+from eos_ref.channel import column, depth_below_surface, plane_start_up, weight_of_column
+
+LONG = np.longdouble
+WIDTH, NU = LONG("1.7"), LONG("0.3")
+DRIVES = {"force": {"gravity": LONG("0.9")}, "plate": {"speed": LONG("-1.1")}, "both": {"gravity": 2, "speed": 3}}
+drives = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
+TIMES = (0.01, 0.1, 1.0, 3.0)  # from a thin layer at the walls to 5 % from the steady flow
+
+
+def residual(flow: Callable[..., Any], t: Any, gravity: Any, nu: Any) -> float:
+    """What is left of du/dt = nu d2u/dy2 + g, over the largest term."""
+    y_n, d = WIDTH * np.linspace(LONG(0.05), LONG(0.95), 19), WIDTH * LONG(1e-4)
+    dt = min(t, WIDTH**2 / (np.pi**2 * NU)) * LONG(1e-4)  # of the age of the flow, or the life of its slowest mode
+    u_t = (flow(y_n, t + dt) - flow(y_n, t - dt)) / (2 * dt)
+    u_yy = (flow(y_n + d, t) - 2 * flow(y_n, t) + flow(y_n - d, t)) / d**2
+    scale = np.abs(nu * u_yy).max() + abs(gravity)
+    return float(np.abs(u_t - nu * u_yy - gravity).max() / scale)
+
+
+@drives
+@pytest.mark.parametrize("t", TIMES)
+def test_diffusion(drive: dict[str, Any], t: float) -> None:
+    found = residual(lambda y_n, s: plane_start_up(y_n, s, WIDTH, NU, **drive), LONG(t), drive.get("gravity", 0), NU)
+    # Differences are off by the relative steps squared, times fourth derivatives: (width/layer)^2 at most.
+    assert found < 1e-8 * max(1.0, float(WIDTH**2 / (NU * t)))
+
+
+@pytest.mark.parametrize(("nu", "gravity"), [(1.05, 1.0), (1.0, 1.02)])
+def test_diffusion_sees(nu: float, gravity: float) -> None:
+    def flow(y_n: Any, t: Any) -> Any:
+        return plane_start_up(y_n, t, WIDTH, nu * NU, gravity)
+
+    assert residual(flow, LONG(0.1), LONG(1.0), NU) > 0.005
+
+
+@drives
+def test_walls_and_start(drive: dict[str, Any]) -> None:
+    eps = np.finfo(LONG).eps
+    ends_n, inside_n = np.array([0, WIDTH]), WIDTH * np.linspace(LONG(0.2), LONG(0.8), 5)
+    for t in TIMES:
+        at_walls = plane_start_up(ends_n, LONG(t), WIDTH, NU, **drive)
+        np.testing.assert_allclose(at_walls, [0, drive.get("speed", 0)], atol=float(1000 * eps))
+    assert not plane_start_up(inside_n, 0.0, WIDTH, NU, **drive).any()
+    early = LONG("1e-4")  # far from walls there is only the force yet
+    np.testing.assert_allclose(
+        plane_start_up(inside_n, early, WIDTH, NU, **drive), drive.get("gravity", 0) * early, atol=float(1e4 * eps)
+    )
+
+
+LAWS = (EOS("linear", 1.3, 2.1), EOS("tait/water", 0.9, 3.0, background=0.4), EOS("tait/general", 1.1, 1.7, 1.4))
+laws = pytest.mark.parametrize("law", LAWS, ids=lambda law: law.style)
+
+
+@laws
+def test_pressure_carries_the_weight(law: EOS) -> None:
+    """dP/dz = rho g."""
+    gravity, z_n, d = LONG("0.21"), np.linspace(LONG("0.1"), LONG(4), 9), LONG("1e-5")
+    slope_n = (weight_of_column(law, z_n + d, gravity) - weight_of_column(law, z_n - d, gravity)) / (2 * d)
+    rho_n = law.density(weight_of_column(law, z_n, gravity) + law.background)
+    np.testing.assert_allclose(slope_n, rho_n * gravity, rtol=1e-10)
+    assert np.abs(slope_n / (1.02 * rho_n * gravity) - 1).min() > 0.01  # 2 % more gravity would be seen
+
+
+@laws
+def test_column_holds_its_mass(law: EOS) -> None:
+    """Mass above a depth is the integral of the density; places and densities agree with the law."""
+    gravity, mass = 0.21, 5.0
+    depth, rho = column(law, mass, gravity)
+    places, weights = np.polynomial.legendre.leggauss(30)
+    z_n = depth / 2 * (places + 1)
+    rho_n = law.density(weight_of_column(law, z_n, gravity) + law.background)
+    assert depth / 2 * float(weights @ rho_n) == pytest.approx(mass, rel=1e-13)
+    assert rho == pytest.approx(float(law.density(law.background + mass * gravity)), rel=1e-15)
+    np.testing.assert_allclose(depth_below_surface(law, rho_n, gravity), z_n, rtol=1e-12)
+
+
+def test_bad_input() -> None:
+    for law in (EOS("cubic", 1.0, 1.0, 0.5), EOS("tait/general", 1.0, 1.0, 1.0)):
+        with pytest.raises(InputError, match="law of a column"):
+            column(law, 1.0, 0.1)
+    with pytest.raises(InputError, match="gravity"):
+        weight_of_column(LAWS[0], 1.0, 0.0)
+    for t, width, nu in ((-1.0, 1.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, -1.0)):
+        with pytest.raises(InputError, match="must"):
+            plane_start_up(np.zeros(1), t, width, nu)

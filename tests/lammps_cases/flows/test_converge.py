@@ -1,0 +1,88 @@
+"""Orders of convergence, and runs that fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lammps_cases.flows import FLOWS
+from lammps_cases.flows.converge import by_lammps, by_reference, converge, fit, in_worker
+from lammps_cases.flows.flow import Flow, Options, Start
+from lammps_cases.flows.periodic import SHEAR
+from lammps_cases.workers import Workers
+
+RESOLUTIONS = (8, 12, 20, 30)
+
+
+def test_fit_is_that_of_least_squares() -> None:
+    errors = [0.5, 0.21, 0.11, 0.03]
+    (slope, _), covariance = np.polyfit(np.log(RESOLUTIONS), np.log(errors), 1, cov=True)
+    found = fit(RESOLUTIONS, errors)
+    assert found.order == pytest.approx(-slope, rel=1e-12)
+    assert found.standard_error == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-12)
+
+
+def test_fit_of_a_power_has_no_error() -> None:
+    found = fit(RESOLUTIONS, [3.0 * n**-1.5 for n in RESOLUTIONS])
+    assert (found.order, found.standard_error) == pytest.approx((1.5, 0.0), abs=1e-14)
+
+
+def test_fit_leaves_out_what_is_missing() -> None:
+    assert fit((8, 16, 32), (1.0, float("nan"), 0.25)).order == pytest.approx(1.0)
+    assert np.isnan(fit((8, 16, 32), (1.0, float("nan"), 0.25)).standard_error)
+    assert np.isnan(fit((8, 16), (1.0, 0.0)).order)
+
+
+def refused(n: int, options: Options) -> Start:
+    """A shear wave that lacks an argument at resolution 12."""
+    start = SHEAR.start(n, options)
+    violate = "unknown-pressure-style" if n == 12 else None
+    scene = start.case.scene.model_copy(update={"violate": violate})
+    return replace(start, case=replace(start.case, scene=scene))
+
+
+def test_flows_have_names_resolutions_and_orders() -> None:
+    """Every flow by its own name, at three resolutions or more, with an order that a test can read."""
+    assert len(FLOWS) >= 9
+    for name, flow in FLOWS.items():
+        assert name == flow.name
+        assert min(len(set(flow.resolutions)), len(set(flow.quick)) or 3) >= 3
+        assert flow.expected.split(":")[0].isdecimal()
+
+
+def test_only_errors_of_lammps_become_messages() -> None:
+    """A mistake of this project's own is not blamed on LAMMPS."""
+    with pytest.raises(AttributeError):
+        by_lammps(SHEAR.start(8, SHEAR.options), None)
+
+
+def test_a_run_that_lammps_refuses_leaves_a_message() -> None:
+    flow: Flow = replace(SHEAR, start=refused)
+    (found,) = converge(flow, engines=("lammps",), resolutions=(8, 12, 16))
+    assert list(found.messages) == [12]
+    assert "ERROR" in found.messages[12]
+    assert [np.isfinite(error) for error in found.errors["rate"]] == [True, False, True]
+    assert found.fit("rate").order == pytest.approx(2.0, abs=0.5)
+
+
+def test_lost_atoms_leave_a_message() -> None:
+    start = SHEAR.start(8, SHEAR.options)
+    assert start.atoms.v_nc is not None
+    fast = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc + np.array([1e9, 0.0, 0.0])))
+    with Workers(None, 1) as workers:
+        assert "Lost atoms" in in_worker(fast, workers).message
+        assert "time limit" in in_worker(SHEAR.start(48, SHEAR.options), workers, 0.01).message
+        assert not in_worker(start, workers).message  # the worker lives on
+
+
+@pytest.mark.parametrize("evaluator", ["fast", "plain"])
+def test_snapshots_are_those_asked_for(evaluator: str) -> None:
+    start = SHEAR.start(8, SHEAR.options)
+    asked = replace(start, steps=(0, 3, start.steps[-1]))
+    result = by_reference(asked, "plain" if evaluator == "plain" else "fast")
+    assert [shot.time for shot in result.snapshots] == [step * start.timestep for step in asked.steps]
+    assert np.array_equal(result.snapshots[0].x_nc, start.atoms.x_nc[:, :2])
+    assert (result.n, result.steps, result.message) == (64, start.steps[-1], "")
+    assert not np.array_equal(result.snapshots[1].v_nc, result.snapshots[2].v_nc)

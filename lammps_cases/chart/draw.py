@@ -12,7 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lammps_cases.chart.points import DIGITS, LAMMPS, Map, Panel, Point, frontier
 from lammps_cases.flows.converge import Convergence
@@ -69,8 +69,11 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
     best = frontier(points)
     far = 2 * max(p.ns.high for p in panel.points)
     x, y = [p.ns.median for p in best], [p.digits for p in best]
-    axis.step([x[0], *x, far], [-0.5, *y, y[-1]], where="post", color=BLUE, lw=1.2, alpha=0.6)
-    axis.fill_between([*x, far], [*y, y[-1]], -0.5, step="post", color=BLUE, alpha=0.05, lw=0)
+    # All of a double's digits where they are in reach, else what there is.
+    best_digits = max(p.digits for p in panel.points)
+    top, floor = (DIGITS + 0.8, -0.5) if best_digits > 8 else (1.1 * best_digits + 0.2, -0.1)
+    axis.step([x[0], *x, far], [floor, *y, y[-1]], where="post", color=BLUE, lw=1.2, alpha=0.6)
+    axis.fill_between([*x, far], [*y, y[-1]], floor, step="post", color=BLUE, alpha=0.05, lw=0)
     for p in points:
         colour, shape = marks[p.method]
         axis.plot([p.ns.low, p.ns.high], [p.digits] * 2, color=colour, lw=1)
@@ -79,12 +82,19 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
         axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc=face, mew=1.2, ls="none")
     if panel.roofline_ns:
         axis.axvline(panel.roofline_ns, color=GREY, ls="--", lw=1)
-    axis.set_xscale("log")
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    _plain_log_axis(axis.xaxis)
     first = min(p.ns.low for p in panel.points)
     axis.set_xlim(0.6 * min(first, panel.roofline_ns or first), far)
-    axis.set_ylim(-0.5, DIGITS + 0.8)
+    axis.set_ylim(floor, top)
     axis.set_title(regime)
+
+
+def _plain_log_axis(axis: Any) -> None:
+    """A logarithmic axis with few ticks, as plain numbers."""
+    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    axis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0), numticks=5))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
@@ -92,7 +102,8 @@ def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
     handles = []
     for method, (colour, shape) in marks.items():
         face = colour if method in on or colour == RED else "white"
-        style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": 10 if shape == "*" else 6}
+        size = 10 if shape == "*" else 6
+        style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": size}
         handles.append(Line2D([], [], label=method, **style))
     handles.append(Line2D([], [], color=BLUE, lw=1.2, alpha=0.6, label="frontier"))
     if panel.roofline_ns:
@@ -103,7 +114,7 @@ def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
 def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
     """Error against resolution and against wall time, with the fitted order of each engine."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.6, 2.8), layout="constrained")
+        figure = Figure(figsize=(6.2, 2.7), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True)
         for run in runs:
             if measure not in run.errors:
@@ -123,11 +134,14 @@ def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
             left.plot(run.resolutions, error, label=label, **style)
             work = 1e9 * np.array(run.seconds) / np.array(run.particles)
             right.plot(work, error, **style)
-        left.set(xscale="log", yscale="log", xlabel="particles per length (log)", ylabel=f"error: {measure}")
+        left.set(yscale="log", xscale="log", xlabel="particles per length (log)", ylabel=f"error: {measure}")
+        left.yaxis.set_minor_formatter(NullFormatter())
         ticks = sorted({n for run in runs for n in run.resolutions})
         left.set_xticks(ticks, [str(n) for n in ticks])
         left.minorticks_off()
-        right.set(xscale="log", xlabel="ns per particle, all steps (log)")
+        _plain_log_axis(right.xaxis)
+        right.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 1000:g}"))
+        right.set(xlabel="µs per particle, all steps (log)")
         left.legend(frameon=False, fontsize=8)
         return figure
 

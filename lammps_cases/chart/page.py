@@ -33,13 +33,20 @@ class Picture:
 
 @dataclass(frozen=True)
 class FlowView:
-    """A flow as the page shows it: every engine's run, a picture of the headline."""
+    """A flow as the page shows it: every engine's run, a picture of the headline.
+
+    ``agree`` says whether the engines' headlines at the finest resolution are the same to a tenth; ``speedup`` is
+    LAMMPS' time over the reference's for all resolutions.
+    """
 
     name: str
     about: str
     expected: str
     solution: str
+    measure: str
     runs: list[Convergence]
+    agree: bool
+    speedup: float
     picture: Picture
 
 
@@ -82,7 +89,27 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
         measure = next((m for run in runs for m in run.errors), "")
         flow = FLOWS[name]
         picture = _picture(draw.convergence_figure(runs, measure), figures, f"flow-{name}")
-        yield FlowView(name, flow.about, flow.expected, flow.solution, runs, picture)
+        yield FlowView(
+            name,
+            flow.about,
+            flow.expected,
+            flow.solution,
+            measure,
+            runs,
+            _agree(runs, measure),
+            _speedup(runs),
+            picture,
+        )
+
+
+def _agree(runs: list[Convergence], measure: str) -> bool:
+    last = [run.errors[measure][-1] if measure in run.errors else math.nan for run in runs]
+    return all(abs(error - last[0]) <= 0.1 * abs(last[0]) for error in last)
+
+
+def _speedup(runs: list[Convergence]) -> float:
+    seconds = {run.engine: sum(run.seconds) for run in runs}
+    return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
 
 
 def rows(panel: Panel, regime: str) -> list[tuple[Point, bool]]:

@@ -16,46 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import bounds, interactions, kernels, per_atom
+from eos_ref import interactions, kernels, per_atom, rounded_eos
+from eos_ref.columns import Axes, Number, axes, dot, joined, matrix
 from eos_ref.elementary import maximum, sqrt, where
-from eos_ref.eos import EOS
 from eos_ref.errors import InputError
+from eos_ref.matrices import cholesky, solve_unit
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
+from eos_ref.pairs import directed_pairs
 from eos_ref.rounded import ROUNDING, Decision, Rounded, error, value
-
-Number = Any  # numpy float64 or longdouble array, or Rounded
-Axes = list[Number]  # one array per Cartesian axis
-
-
-def axes(array_nc: Number) -> Axes:
-    """Columns of an (n, d) array."""
-    return [array_nc[..., a] for a in range(array_nc.shape[-1])]
-
-
-def matrix(array_ncc: Number) -> list[Axes]:
-    """Components of an (n, d, d) array."""
-    d = array_ncc.shape[-1]
-    return [[array_ncc[..., a, b] for b in range(d)] for a in range(d)]
-
-
-def joined(columns: Sequence[Number]) -> Number:
-    """Columns put together again to (n, d), or rows of columns to (n, d, d)."""
-    if isinstance(columns[0], list):
-        parts = [joined(row) for row in columns]
-        axis = -2
-    else:
-        parts, axis = list(columns), -1
-    if any(isinstance(part, Rounded) for part in parts):
-        return Rounded(np.stack([value(p) for p in parts], axis), np.stack([error(p) for p in parts], axis))
-    return np.stack(parts, axis)
-
-
-def dot(a: Axes, b: Axes) -> Number:
-    """Scalar product."""
-    total = a[0] * b[0]
-    for x, y in zip(a[1:], b[1:], strict=True):
-        total = total + x * y
-    return total
 
 
 def is_class(class_n: Number, wanted: int) -> Any:
@@ -366,20 +334,12 @@ class Plain:
     def pressure(self, rho_n: Number, energy_n: Number = None) -> Number:
         """Pressure of every particle from its stored density; the energy is that of the particle."""
         e_n = None if energy_n is None else energy_n / self.mass_n
-        return self._by_type(rho_n, e_n, eos_pressure)
+        return rounded_eos.by_type(rounded_eos.pressure, self.model.eos, self.type_n, rho_n, e_n)
 
     def density(self, p_n: Number, energy_n: Number = None) -> Number:
         """Density at which the equation of state of a particle's type has a pressure."""
         e_n = None if energy_n is None else energy_n / self.mass_n
-        return self._by_type(p_n, e_n, eos_density)
-
-    def _by_type(self, argument_n: Number, e_n: Number, law: Any) -> Number:
-        found, errors = np.empty(self.n, value(argument_n).dtype), np.zeros(self.n)
-        for t, eos in enumerate(self.model.eos, 1):
-            at = self.type_n == t
-            part = law(eos, argument_n[at], None if e_n is None else e_n[at])
-            found[at], errors[at] = value(part), error(part)
-        return Rounded(found, errors) if isinstance(argument_n, Rounded) else found
+        return rounded_eos.by_type(rounded_eos.density, self.model.eos, self.type_n, p_n, e_n)
 
     def sound_speed(self, energy_n: Number = None) -> Number:
         r"""Speed of sound for the pair terms: that of fix rheo, and :math:`\sqrt{(\gamma-1)e}` of an ideal gas."""
@@ -498,134 +458,3 @@ class Plain:
             difference = (rho_n[j] - self.rho0_n[j]) - (rho_n[i] - self.rho0_n[i])
         fluid = ~self.solid_n[i] & ~self.solid_n[j]
         return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, xg, self.rr), 0.0))
-
-
-class AtCutoff(Plain):
-    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
-
-    def move(self, x_nc: Any) -> None:
-        """Count the pairs, and those that may as well be on the other side."""
-        super().move(x_nc)
-        cut = self.model.cut
-        # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
-        # on either side; so are the squares, their sum and the root.
-        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + max(self.box.edge_c)
-        width = 8 * bounds.EPS * (reach + cut)
-        i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
-        x = value(x_nc)
-        r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
-        near_n = np.bincount(i[r > cut - width], minlength=self.n)
-        self.counted_n: Any = Rounded(self.coordination_n.astype(float), near_n.astype(float))
-        if near_n.any():
-            certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
-            # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
-            # some of them are less and some are not.
-            open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
-            self.coordination_n = open_
-
-
-def at_cutoff(stages: type[Plain]) -> type[Plain]:
-    """Stages whose coordination is open where rounding decides."""
-    return type("Counted", (AtCutoff,) if stages is Plain else (stages, AtCutoff), {})
-
-
-# --- equations of state of numbers that carry errors
-
-
-def eos_pressure(eos: EOS, rho: Number, e: Number) -> Number:
-    """Pressure; of a `Rounded` density with the law's own rounding bound and the density's error carried over."""
-    if not isinstance(rho, Rounded):
-        return eos.evaluate(rho, e)
-    energy = None if e is None else value(e)
-    p = eos.evaluate(rho.value, energy)
-    own = bounds.engine(eos, rho.value, energy) + bounds.reference(eos, rho.value, energy)
-    with np.errstate(all="ignore"):
-        carried = np.abs(eos.stiffness(rho.value, energy)) * rho.error
-    if eos.needs_energy:
-        carried = carried + np.abs((eos.gamma - 1) * rho.value) * error(e)
-    return Rounded(p, own + carried)
-
-
-def eos_density(eos: EOS, p: Number, e: Number) -> Number:
-    r"""Density of a pressure; the error of a `Rounded` pressure divided by :math:`\partial P/\partial\rho`."""
-    if not isinstance(p, Rounded):
-        return np.asarray(eos.density(p, e))
-    energy = None if e is None else value(e)
-    rho = np.asarray(eos.density(p.value, energy))
-    with np.errstate(all="ignore"):
-        own = bounds.engine(eos, rho, energy) + bounds.reference(eos, rho, energy)
-        carried = (own + p.error) / np.abs(eos.stiffness(rho, energy))
-        if eos.needs_energy:
-            carried = carried + np.abs(rho / energy) * error(e)
-    return Rounded(rho, carried + 8 * bounds.EPS * np.abs(rho))
-
-
-# --- small symmetric matrices, one per particle
-
-
-def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], Any]:
-    """Lower factors of many symmetric matrices at once, given by rows of their lower triangles; and which have one."""
-    size = len(m)
-    factor: list[list[Number]] = [[0.0] * size for _ in range(size)]
-    definite_n: Any = np.ones(np.shape(value(m[0][0])), bool)  # a Decision for numbers that carry errors
-    for a in range(size):
-        for b in range(a + 1):
-            rest = m[a][b]
-            for k in range(b):
-                rest = rest - factor[a][k] * factor[b][k]
-            if a == b:
-                positive = value(rest) > 0
-                definite_n = definite_n & (rest > 0)
-                factor[a][a] = sqrt(where(positive, rest, 1.0))
-            else:
-                factor[a][b] = rest / factor[b][b]
-    return factor, definite_n
-
-
-def solve_unit(factor: list[list[Number]], row: int) -> list[Number]:
-    """Solve for the unit vector of one row, given the lower factors."""
-    size = len(factor)
-    y: list[Number] = []
-    for a in range(size):
-        rest: Number = 1.0 if a == row else 0.0
-        for k in range(a):
-            rest = rest - factor[a][k] * y[k]
-        y.append(rest / factor[a][a])
-    x: list[Number] = [0.0] * size
-    for a in reversed(range(size)):
-        rest = y[a]
-        for k in range(a + 1, size):
-            rest = rest - factor[k][a] * x[k]
-        x[a] = rest / factor[a][a]
-    return x
-
-
-# --- pairs
-
-
-def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
-    """All ordered pairs and images with r < cut: indices i, j and the displacement of j's image.
-
-    A box shorter than two cutoffs gives every image of its own, a particle's own images among them.
-    """
-    import vesin
-
-    n, d = x_nc.shape
-    edge = np.array(box.edge_c)
-    # Periodic images are counted from inside the box; vesin needs a third axis and some extent along open ones.
-    low = np.array(box.low_c)
-    wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
-    points, extent = np.zeros((n, 3)), np.full(3, 4 * cut)
-    points[:, :d] = x_nc + wrap_nc
-    span = np.ptp(points[:, :d], axis=0) + 4 * cut
-    extent[:d] = np.where(box.periodic, edge, span)
-    periodic = [*box.periodic, *([False] * (3 - d))]
-    wide = vesin.NeighborList(cutoff=cut * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
-    i, j, s_pc = wide.compute(points, np.diag(extent), periodic, "ijS")
-    i, j = i.astype(np.int64), j.astype(np.int64)
-    shift_pc = s_pc[:, :d] * edge + (wrap_nc[j] - wrap_nc[i])
-    r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
-    near = r < cut
-    i, j, shift_pc = i[near], j[near], shift_pc[near]
-    order = np.lexsort((*shift_pc.T, j, i))
-    return i[order], j[order], shift_pc[order]

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from eos_ref.bounds import EPS
+from eos_ref.cutoff import at_cutoff
 from eos_ref.eos import FloatArray
 from eos_ref.model import Box, Gradients, Model, PairTerms, State
-from eos_ref.plain import Plain, at_cutoff
+from eos_ref.plain import Plain
 from eos_ref.quantities import needed_to_step
 from eos_ref.rounded import Rounded, error
 from eos_ref.steps import Simulation

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.columns import Axes, Number, axes, dot
 from eos_ref.elementary import sqrt, where
 from eos_ref.model import Model
-from eos_ref.plain import Axes, Number, Plain, axes, dot
+from eos_ref.plain import Plain
 from eos_ref.rounded import Decision, Rounded, value
 from eos_ref.steps import Simulation
 from lammps_cases.trajectory import Particles

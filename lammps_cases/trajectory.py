@@ -20,6 +20,7 @@ from eos_ref.model import Box, Gradients, Model, PairTerms, State
 from eos_ref.plain import Plain
 from eos_ref.quantities import needed_to_step
 from eos_ref.rounded import Rounded, error
+from eos_ref.stages import Stages
 from eos_ref.steps import Simulation
 
 Fields = dict[str, Any]
@@ -96,7 +97,7 @@ def predict(
     return Prediction(tuple(values), bounds)
 
 
-def own_stages(scene: Particles) -> type[Plain]:
+def own_stages(scene: Particles) -> type[Stages]:
     """The reference's stages, plain or compiled."""
     if len(scene.state.x_nc) * (1 + scene.steps[-1]) < COMPILED_FROM:
         return Plain
@@ -134,7 +135,7 @@ class Sizes(dict[str, FloatArray]):
 # --- many steps
 
 
-def moved(evaluator: type[Plain], sizes: Sizes, random: np.random.Generator) -> type[Plain]:
+def moved(evaluator: type[Stages], sizes: Sizes, random: np.random.Generator) -> type[Stages]:
     """The stages of an evaluator with every result moved by its bound, up or down at random."""
 
     def move(quantity: Any, name: str) -> Any:
@@ -199,7 +200,7 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 def _moved_runs(
     scene: Particles,
-    evaluator: type[Plain],
+    evaluator: type[Stages],
     stepping: type[Simulation],
     sizes: Sizes,
     seed: int,

@@ -50,7 +50,7 @@ class HeatAsTemperatureRate(Plain):
     def conduction(self) -> Number:
         """Thermal diffusivity at the equilibrium density."""
         assert self.model.thermal is not None
-        cv_n = np.array([p.specific_heat for p in self.model.thermal])[self.type_n - 1]
+        cv_n = self.of_type(p.specific_heat for p in self.model.thermal)
         return super().conduction() / (self.rho0_n * cv_n)
 
 
@@ -86,7 +86,7 @@ class NormalOfLastPair(Plain):
 
     pair: tuple[int, int] = (-1, -1)
 
-    def cross_type_normal(self, other: Any, volume: Number) -> Axes:
+    def cross_type_normal(self, gradient: Axes) -> Axes:
         """Direction of the pair, in its present place."""
         here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
         if not here.size:  # it has left the cutoff: which pair is the last one now is not known

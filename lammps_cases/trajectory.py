@@ -26,9 +26,7 @@ from eos_ref.steps import Simulation
 Fields = dict[str, Any]
 MOVED_RUNS = 3
 DISCRETE = ("coordination", "surface", "phase", "status")
-COMPILED_FROM = (
-    100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
-)
+FAST_FROM = 100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ def predict(
 
 def own_stages(scene: Particles) -> type[Stages]:
     """The reference's stages, plain or compiled."""
-    if len(scene.state.x_nc) * (1 + scene.steps[-1]) < COMPILED_FROM:
+    if len(scene.state.x_nc) * (1 + scene.steps[-1]) < FAST_FROM:
         return Plain
     from eos_ref.fast import Fast
 

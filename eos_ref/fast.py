@@ -1,8 +1,9 @@
-r"""The particle model, compiled: the stages of `eos_ref.plain`, each pair taken once and its kernel evaluated once.
+r"""The particle model, compiled: the sums of `eos_ref.stages`, each pair taken once and its kernel evaluated once.
 
 What is shared by all sums of a force evaluation is stored per pair: displacement, :math:`W`, :math:`W'/r`, and the
 gradients of a reproducing kernel. The sums themselves are in
-`eos_ref.loops`, `eos_ref.corrections` and `eos_ref.forces`. Sources are named in `eos_ref.plain`.
+`eos_ref.loops`, `eos_ref.corrections` and `eos_ref.forces`. Sources are named in
+`eos_ref.stages` and `eos_ref.plain`.
 """
 
 from __future__ import annotations
@@ -13,16 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import compiled, corrections, forces, interactions, kernels, loops
+from eos_ref import compiled, corrections, forces, kernels, loops
+from eos_ref.columns import Axes, axes
 from eos_ref.eos import FloatArray
-from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
+from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms
 from eos_ref.neighbours import Neighbours
-from eos_ref.plain import Plain
+from eos_ref.stages import Stages
 
 SKIN = 0.1  # of the cutoff
 
 
-class Fast(Plain):
+class Fast(Stages):
     """Compiled evaluator, with the interface of `Plain`; float64 only.
 
     Parameters
@@ -83,7 +85,11 @@ class Fast(Plain):
         """Volume of a particle for one of its phase if that is solid; see `Plain.density_pair`."""
         return self.mass_n / (self.rho0_n if self.walls else rho_n)
 
-    # --- stages, in the order of an evaluation
+    def _spline(self) -> Any:
+        """The pairs with the gradients of the quintic spline, whatever the kernel."""
+        return self.pairs._replace(gi_pc=None, gj_pc=None)
+
+    # --- pairs, kernel values, coordination; sums over neighbours
 
     def move(self, x_nc: Any) -> None:
         """Take new positions; see `Plain.move`. Any periodic image will do."""
@@ -104,15 +110,11 @@ class Fast(Plain):
         self.coordination_n = self._out(count_n)
         self.corrected_n = np.zeros(self.n, bool)
 
-    def density_sum(self) -> FloatArray:
-        """Density by summation; see `Plain.density_sum`."""
+    def kernel_sum(self, weight_n: Any = None) -> FloatArray:
+        """See `Stages.kernel_sum`."""
         sum_n = np.zeros(self.n)
-        w0 = kernels.self_value(self.model.dimension, self.model.cut)
-        if self.model.fix.self_mass:
-            loops.kernel_sum(self.pairs, np.ones(self.n), sum_n)
-            return np.asarray(self.mass_n * (w0 + self._out(sum_n)))
-        loops.kernel_sum(self.pairs, self._in(self.mass_n), sum_n)
-        return np.asarray(self.mass_n * w0 + self._out(sum_n))
+        loops.kernel_sum(self.pairs, np.ones(self.n) if weight_n is None else self._in(weight_n), sum_n)
+        return np.asarray(self._out(sum_n))
 
     def correct(self, rho_n: Any) -> None:
         """Gradients of the reproducing kernels; see `Plain.correct`."""
@@ -133,23 +135,12 @@ class Fast(Plain):
         self.pairs = plain._replace(gi_pc=sides[0], gj_pc=sides[1])
         self.corrected_n = self._out(corrected_n)
 
-    def interface(self, rho_n: Any, acceleration_nc: Any, energy_n: Any = None) -> tuple[FloatArray, FloatArray]:
-        """Same-phase fraction, and densities with those of solids; see `Plain.interface`."""
+    def wall_sums(self, pressure_n: Any, rho_n: Any, acceleration_nc: Any) -> tuple[FloatArray, ...]:
+        """See `Stages.wall_sums`."""
         all_n, same_n, wall_nf = np.zeros(self.n), np.zeros(self.n), np.zeros((self.n, 2))
-        inputs = (self.solid_n, self.pressure(rho_n, energy_n), rho_n, acceleration_nc)
-        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
-        loops.wall_sums(plain, *map(self._in, inputs), self.like, all_n, same_n, wall_nf)
-        all_n, same_n, wall_nf = map(self._out, (all_n, same_n, wall_nf))
-        chi_n = np.divide(same_n, all_n, out=np.zeros(self.n), where=self.coordination_n > 0)
-        found_n = np.where(self.solid_n, self.rho0_n, rho_n)
-        for t, law in enumerate(self.model.eos, 1):
-            at = np.flatnonzero(self.solid_n & (self.type_n == t) & (wall_nf[:, 0] > 0))
-            p_n = wall_nf[at, 1] / wall_nf[at, 0]
-            e_n = None if energy_n is None else energy_n[at] / self.mass_n[at]
-            wall_n = np.asarray(law.density(p_n, e_n))
-            torn = np.isnan(wall_n) & (p_n < law.background)  # no density: below the pressure of vacuum
-            found_n[at] = np.maximum(np.where(torn, 0.0, wall_n), self.rho0_n[at] / 10)
-        return chi_n, found_n
+        inputs = map(self._in, (self.solid_n, pressure_n, rho_n, acceleration_nc))
+        loops.wall_sums(self._spline(), *inputs, self.like, all_n, same_n, wall_nf)
+        return self._out(all_n), self._out(same_n), *axes(self._out(wall_nf))
 
     def gradients(
         self,
@@ -188,53 +179,31 @@ class Fast(Plain):
             setattr(found, f"{name}_nc", sum_nf[:, k * d : (k + 1) * d])
         return found
 
-    def shift(self, v_nc: Any, rho_n: Any) -> FloatArray:
-        """Shifting velocity; see `Plain.shift`."""
-        model, shift = self.model, self.model.fix.shift
-        volume_n = self._in(self.volume_of_wall(rho_n))
-        w_h = kernels.normalisation(model.dimension, model.cut) * float(kernels.quintic(1.0))
-        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
-        sum_nc = np.zeros((self.n, model.dimension))
-        loops.shift_sums(plain, volume_n, w_h, self.like, sum_nc)
-        moves = ~self.solid_n & model.shifted_t[self.type_n - 1]
-        speed_n = np.sqrt(np.square(v_nc).sum(axis=1))
-        shift_nc: FloatArray = np.where(moves, -2 * model.h * speed_n, 0.0)[:, None] * self._out(sum_nc)
-        if shift and shift.scale_cross_type:
-            shift_nc = self._scaled_across_types(shift_nc, volume_n, *shift.scale_cross_type)
-        return shift_nc
+    def shift_sums(self, volume_n: Any, w_h: float) -> Axes:
+        """See `Stages.shift_sums`."""
+        sum_nc = np.zeros((self.n, self.model.dimension))
+        loops.shift_sums(self._spline(), self._in(volume_n), w_h, self.like, sum_nc)
+        return axes(self._out(sum_nc))
 
-    def _scaled_across_types(self, shift_nc: Any, volume_n: Any, keep: float, cmin: float, wmin: float) -> FloatArray:
-        gradient_nc, color_n, same_n = np.zeros(shift_nc.shape), np.zeros(self.n), np.zeros(self.n)
-        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
-        loops.color_sums(plain, volume_n, self._in(self.type_n), self.like, gradient_nc, color_n, same_n)
-        gradient_nc, color_n, same_n = map(self._out, (gradient_nc, color_n, same_n))
-        size_n = np.sqrt(np.square(gradient_nc).sum(axis=1))[:, None]
-        normal_nc = np.divide(gradient_nc, size_n, out=np.zeros(shift_nc.shape), where=size_n > 0)
-        along_n = (1 - keep) * (normal_nc * shift_nc).sum(axis=1)
-        scaled_nc = np.where((color_n >= cmin)[:, None], shift_nc - normal_nc * along_n[:, None], shift_nc)
-        return np.where((same_n < wmin)[:, None], 0.0, scaled_nc)
+    def color_sums(self, volume_n: Any) -> tuple[Axes, FloatArray, FloatArray]:
+        """See `Stages.color_sums`."""
+        gradient_nc, color_n, same_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n), np.zeros(self.n)
+        inputs = self._in(volume_n), self._in(self.type_n)
+        loops.color_sums(self._spline(), *inputs, self.like, gradient_nc, color_n, same_n)
+        return axes(self._out(gradient_nc)), self._out(color_n), self._out(same_n)
 
-    def surface(self, rho_n: Any, shift_nc: Any = None) -> tuple[Surface, Any]:
-        """Free surfaces, and the shift without its outward part there; see `Plain.surface`."""
-        setting = self.model.fix.surface_detection
-        assert setting is not None
-        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+    def surface_sums(self, rho_n: Any) -> tuple[Axes, FloatArray]:
+        """See `Stages.surface_sums`."""
         gradient_nc, divr_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n)
         inputs = (self.volume_of_wall(rho_n), self._volume_among_solids(rho_n), self.solid_n)
-        loops.surface_sums(plain, *map(self._in, inputs), self.like, gradient_nc, divr_n)
-        gradient_nc, divr_n = self._out(gradient_nc), self._out(divr_n)
-        size_n = np.sqrt(np.square(gradient_nc).sum(axis=1)) + interactions.NORMAL_SOFTENING
-        low = (self.coordination_n if setting.style == "coordination" else divr_n) < setting.limit
-        splash = self.coordination_n < setting.splash
-        class_n = np.where(~self.solid_n & low, np.where(splash, 2.0, 1.0), 0.0)
-        normal_nc = np.where((class_n == 1)[:, None], -(gradient_nc / size_n[:, None]), 0.0)
+        loops.surface_sums(self._spline(), *map(self._in, inputs), self.like, gradient_nc, divr_n)
+        return axes(self._out(gradient_nc)), self._out(divr_n)
+
+    def nearest(self, class_n: Any) -> FloatArray:
+        """See `Stages.nearest`."""
         r_n = np.full(self.n, self.model.cut)
-        loops.nearest(plain, self._in(class_n == 1), self.like, r_n)
-        r_n = np.where(self.solid_n, self.model.cut, np.where(class_n > 0, 0.0, self._out(r_n)))
-        if shift_nc is not None:
-            outward_n = np.maximum((normal_nc * shift_nc).sum(axis=1), 0.0)
-            shift_nc = np.where((class_n == 2)[:, None], 0.0, shift_nc - normal_nc * outward_n[:, None])
-        return Surface(class_n, r_n, normal_nc, divr_n), shift_nc
+        loops.nearest(self._spline(), self._in(class_n == 1), self.like, r_n)
+        return np.asarray(self._out(r_n))
 
     def pair_terms(
         self,
@@ -250,7 +219,6 @@ class Fast(Plain):
         """Forces, density diffusion and heat flow; see `Plain.pair_terms`."""
         model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
         none, hot, damped = np.zeros(1), model.thermal is not None, pair.rho_damp and model.corrects_gradients
-        conductivity_t = np.array([p.conductivity for p in model.thermal or ()])
         volumes = self.volume_of_wall(rho_n), self._volume_among_solids(rho_n)
         always = (self.solid_n, *volumes, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n)
         inputs = [
@@ -258,7 +226,7 @@ class Fast(Plain):
             self._in(chi_n) if self.walls else none,
             self._in(grad.v_ncc.reshape(n, d * d)) if pair.artificial_viscosity else np.zeros((1, d * d)),
             self._in(grad.rho_nc) if damped else np.zeros((1, d)),
-            self._in(conductivity_t[self.type_n - 1]) if hot else none,
+            self._in(self.conduction()) if hot else none,
             self._in(temperature_n) if hot else none,
         ]
         terms = forces.Terms(
@@ -279,9 +247,8 @@ class Fast(Plain):
 
     # --- properties of a particle
 
-    def pressure(self, rho_n: Any, energy_n: Any = None) -> FloatArray:
-        """Pressure of every particle from a density; see `Plain.pressure`."""
-        e_n = None if energy_n is None else energy_n / self.mass_n
+    def eos_pressure(self, rho_n: Any, e_n: Any) -> FloatArray:
+        """See `Stages.eos_pressure`."""
         return self.model.eos.pressure(rho_n, self.type_n, e_n)
 
 

@@ -1,90 +1,30 @@
 r"""The particle model in plain array operations: readable, and for several number types.
 
-One method per stage of a force evaluation. Pairs are directed: every pair within the cutoff stands twice, once for
-each particle that collects. `eos_ref.fast` has the same interface, compiled; tests hold the two against each other.
-With positions that are `eos_ref.rounded` arrays every result carries its rounding bound. A finding is reproduced by
-a subclass that replaces one small method.
-
-Array names end in ``_n`` particle, ``_p`` directed pair, ``_c`` Cartesian axis. Source: manual, fix rheo; Palermo et
-al., Phys. Fluids 36, 113337 (2024); the papers named at each stage.
+Pairs are directed: every pair within the cutoff stands twice, once for each particle that collects. A finding is
+reproduced by a subclass that replaces one small method. Array names as in `eos_ref.stages`, whose sums these are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from eos_ref import bounds, interactions, kernels, per_atom
-from eos_ref.elementary import maximum, sqrt, where
-from eos_ref.eos import EOS
+from eos_ref import interactions, kernels, rounded_eos
+from eos_ref.columns import Axes, Number, axes, dot, joined, matrix
+from eos_ref.elementary import sqrt, where
 from eos_ref.errors import InputError
-from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
+from eos_ref.matrices import cholesky, solve_unit
+from eos_ref.model import BoolArray, Gradients, PairTerms
+from eos_ref.pairs import directed_pairs
 from eos_ref.rounded import ROUNDING, Decision, Rounded, error, value
-
-Number = Any  # numpy float64 or longdouble array, or Rounded
-Axes = list[Number]  # one array per Cartesian axis
+from eos_ref.stages import Stages
 
 
-def axes(array_nc: Number) -> Axes:
-    """Columns of an (n, d) array."""
-    return [array_nc[..., a] for a in range(array_nc.shape[-1])]
+class Plain(Stages):
+    """Stages of a force evaluation in plain array operations; see `Stages` for the parameters."""
 
-
-def matrix(array_ncc: Number) -> list[Axes]:
-    """Components of an (n, d, d) array."""
-    d = array_ncc.shape[-1]
-    return [[array_ncc[..., a, b] for b in range(d)] for a in range(d)]
-
-
-def joined(columns: Sequence[Number]) -> Number:
-    """Columns put together again to (n, d), or rows of columns to (n, d, d)."""
-    if isinstance(columns[0], list):
-        parts = [joined(row) for row in columns]
-        axis = -2
-    else:
-        parts, axis = list(columns), -1
-    if any(isinstance(part, Rounded) for part in parts):
-        return Rounded(np.stack([value(p) for p in parts], axis), np.stack([error(p) for p in parts], axis))
-    return np.stack(parts, axis)
-
-
-def dot(a: Axes, b: Axes) -> Number:
-    """Scalar product."""
-    total = a[0] * b[0]
-    for x, y in zip(a[1:], b[1:], strict=True):
-        total = total + x * y
-    return total
-
-
-def is_class(class_n: Number, wanted: int) -> Any:
-    """Whether particles are of a surface class; open where rounding leaves the class open."""
-    if isinstance(class_n, Rounded):
-        return Decision(class_n.value == wanted, class_n.error > 0)
-    return class_n == wanted
-
-
-class Plain:
-    """Stages of a force evaluation for particles of a model in a box.
-
-    Parameters
-    ----------
-    model : Model
-    box : Box
-    type_n : (n,) types, 1 to N
-    solid_n : (n,) whether a particle is solid; may be set anew when phases change
-    """
-
-    def __init__(self, model: Model, box: Box, type_n: IntArray, solid_n: BoolArray) -> None:
-        self.model, self.box, self.solid_n = model, box, solid_n
-        self.type_n = np.asarray(type_n)
-        self.n = len(self.type_n)
-        of_type = self.type_n - 1
-        self.mass_n, self.rho0_n, self.cs_n = model.mass[of_type], model.rho0[of_type], model.cs[of_type]
-        self.walls = model.fix.interface_reconstruct
-
-    # --- stage 1: pairs, kernel values, coordination
+    # --- pairs, kernel values, coordination
 
     def move(self, x_nc: Number) -> None:
         """Find the pairs of new positions and evaluate the kernel once for all sums."""
@@ -119,27 +59,11 @@ class Plain:
         np.add.at(total_n, self.i, term_p)
         return total_n
 
-    # --- stage 2: density by summation
+    def kernel_sum(self, weight_n: Number = None) -> Number:
+        """See `Stages.kernel_sum`."""
+        return self.total(self.w if weight_n is None else weight_n[self.j] * self.w)
 
-    def density_sum(self) -> Number:
-        r"""Density of rho/sum: :math:`m_iW(0)+\sum_jm_jW_{ij}`; with self/mass :math:`m_i` for :math:`m_j`.
-
-        Source: manual; self/mass as Hu & Adams, J. Comput. Phys. 213, 844 (2006).
-        """
-        w0 = self.constant(kernels.self_value(self.model.dimension, self.model.cut))
-        if self.model.fix.self_mass:
-            return self.mass_n * (w0 + self.total(self.w))
-        return self.mass_n * w0 + self.total(self.mass_n[self.j] * self.w)
-
-    # --- stage 3: reproducing kernels
-
-    def volume_of_wall(self, rho_n: Number) -> Number:
-        """Volume of every particle; a reconstructed solid is never thinner than its equilibrium density."""
-        return self.mass_n / self.apparent_density(rho_n)
-
-    def apparent_density(self, rho_n: Number) -> Number:
-        """Density with which a particle meets one of the other phase."""
-        return where(self.solid_n, maximum(rho_n, self.rho0_n), rho_n) if self.walls else rho_n
+    # --- reproducing kernels
 
     def correct(self, rho_n: Number) -> None:
         r"""Gradients of the reproducing kernels RK1 and RK2, for both sides of every pair.
@@ -169,39 +93,25 @@ class Plain:
                 product = product + h_b * c_b[self.i]
             self.g.append(where(used_p, -(self.w * product) / self.model.cut, self.gradw[a]))
 
-    # --- stage 4: walls
+    # --- walls
 
-    def interface(self, rho_n: Number, acceleration_nc: Number, energy_n: Number = None) -> tuple[Number, Number]:
-        r"""Same-phase fraction chi of all particles, and densities with those of solids extrapolated from the fluid.
-
-        :math:`\chi_i=\sum_{s_j=s_i}W_{ij}/\sum_jW_{ij}`;
-        :math:`P_s=\sum_fW_{sf}[P_f+\rho_f(\mathbf g_f-\mathbf a_s)\cdot\mathbf x_{sf}]/\sum_fW_{sf}`,
-        :math:`\rho_s=\mathrm{EOS}_s^{-1}(P_s)`, at least :math:`\rho_0/10`; :math:`\rho_0` without fluid neighbours.
-        ``acceleration_nc`` holds the fluid's acceleration without pressure, and the solid's own.
-
-        Source: Adami, Hu & Adams, J. Comput. Phys. 231, 7057 (2012); Palermo et al. (2024).
-        """
+    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
+        """See `Stages.wall_sums`."""
         i, j = self.i, self.j
-        a = axes(acceleration_nc)
-        p_n = self.pressure(rho_n, energy_n)
-        reach = dot([a_n[j] - a_n[i] for a_n in a], self.x)
+        reach = dot([a_n[j] - a_n[i] for a_n in axes(acceleration_nc)], self.x)
         wall_p = self.solid_n[i] & ~self.solid_n[j]
         support_n = self.total(where(wall_p, self.w, 0.0))
-        met_n = value(support_n) > 0
-        sum_n = self.total(where(wall_p, self.w * (p_n[j] + rho_n[j] * reach), 0.0))
-        p_wall_n = sum_n / where(met_n, support_n, 1.0)
-        wall_n = self.density(p_wall_n, energy_n)
-        # Below the pressure of vacuum Tait's law has no density: the lower limit applies.
-        background_n = np.array([law.background for law in self.model.eos])[self.type_n - 1]
-        torn = np.isnan(value(wall_n)) & (value(p_wall_n) < background_n)
-        wall_n = maximum(where(torn, 0.0, wall_n), self.constant(self.rho0_n / 10))
-        return self.same_phase(), where(self.solid_n, where(met_n, wall_n, self.rho0_n), rho_n)
+        sum_n = self.total(where(wall_p, self.w * (pressure_n[j] + rho_n[j] * reach), 0.0))
+        return *self.phase_sums(), support_n, sum_n
 
     def same_phase(self) -> Number:
-        r"""Same-phase fraction :math:`\chi_i=\sum_{s_j=s_i}W_{ij}/\sum_jW_{ij}`; 0 without neighbours."""
+        """Same-phase fraction alone, without the densities of walls; see `Stages.same_fraction`."""
+        return self.same_fraction(*self.phase_sums())
+
+    def phase_sums(self) -> tuple[Number, Number]:
+        """Sums of the kernel over all neighbours, and over those of the same phase."""
         same_p = self.solid_n[self.i] == self.solid_n[self.j]
-        lonely = value(self.coordination_n) == 0
-        return self.total(where(same_p, self.w, 0.0)) / where(lonely, 1.0, self.total(self.w))
+        return self.total(self.w), self.total(where(same_p, self.w, 0.0))
 
     def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
         """Densities of both particles as the pair sees them; see `apparent_density`, solids see rho0 of each other."""
@@ -235,7 +145,7 @@ class Plain:
         """Factor of the velocity extrapolation; see `interactions.no_slip_ratio`."""
         return interactions.no_slip_ratio(chi_solid, chi_fluid, self.model.cut)
 
-    # --- stage 5: gradients
+    # --- gradients
 
     def gradients(
         self,
@@ -264,149 +174,45 @@ class Plain:
     def _gradient(self, volume_p: Number, difference_p: Number) -> Number:
         return joined([self.total(volume_p * difference_p * g_a) for g_a in self.g])
 
-    # --- stages 6 and 7: shifting, surfaces
+    # --- shifting, surfaces
 
-    def shift(self, v_nc: Number, rho_n: Number) -> Number:
-        r"""Shifting velocity :math:`-2h|\mathbf v_i|\sum_jV_j[1+\frac15(W_{ij}/W(h))^4]\nabla_iW_{ij}`, 0 for solids.
+    def shift_sums(self, volume_n: Number, w_h: Number) -> Axes:
+        """See `Stages.shift_sums`."""
+        weight = volume_n[self.j] * interactions.shift_weight(self.w, w_h)
+        return [self.total(weight * g_a) for g_a in self.gradw]
 
-        Types of exclude/type get none; scale/cross/type scales it along the normal of the color function, and turns it
-        off where too little of a particle's own type supports it. Source: manual; Lind et al., J. Comput. Phys. 231,
-        1499 (2012); Yang et al., J. Comput. Phys. 458, 111079 (2022).
-        """
-        shift = self.raw_shift(axes(v_nc), rho_n)
-        setting = self.model.fix.shift
-        if setting and setting.scale_cross_type:
-            shift = self._cross_type(shift, self.volume_of_wall(rho_n)[self.j], *setting.scale_cross_type)
-        return joined(shift)
-
-    def raw_shift(self, v: Axes, rho_n: Number) -> Axes:
-        """Shifting velocity before any scaling."""
-        model = self.model
-        w_h = self.constant(kernels.normalisation(model.dimension, model.cut)) * kernels.quintic(1.0)
-        weight = self.volume_of_wall(rho_n)[self.j] * interactions.shift_weight(self.w, w_h)
-        scale = -2 * model.h * sqrt(dot(v, v))
-        moves = ~self.solid_n & model.shifted_t[self.type_n - 1]
-        return [where(moves, scale * self.total(weight * g_a), 0.0) for g_a in self.gradw]
-
-    def _cross_type(self, shift: Axes, volume: Number, keep: float, cmin: float, wmin: float) -> Axes:
-        other = self.type_n[self.i] != self.type_n[self.j]
-        color_n = self.total(where(other, volume * self.w, 0.0))
-        same_n = self.same_type_support(other)
-        normal = self.cross_type_normal(other, volume)
-        along = (1 - keep) * dot(normal, shift)
-        scaled = [s - n * along for s, n in zip(shift, normal, strict=True)]
-        return [
-            where(same_n < wmin, 0.0, where(color_n >= cmin, new, old)) for new, old in zip(scaled, shift, strict=True)
-        ]
+    def color_sums(self, volume_n: Number) -> tuple[Axes, Number, Number]:
+        """See `Stages.color_sums`."""
+        other, volume = self.type_n[self.i] != self.type_n[self.j], volume_n[self.j]
+        gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
+        return gradient, self.total(where(other, volume * self.w, 0.0)), self.same_type_support(other)
 
     def same_type_support(self, other: BoolArray) -> Number:
         r"""Support by particles of the same type, :math:`\sum_jW_{ij}\delta_{ij}` (manual)."""
         return self.total(where(other, 0.0, self.w))
 
-    def cross_type_normal(self, other: BoolArray, volume: Number) -> Axes:
-        """Unit normal of the interface between types, the direction of the color function's gradient; or 0."""
-        gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
-        size = sqrt(dot(gradient, gradient))
-        none = value(size) == 0
-        return [where(none, 0.0, c / where(none, 1.0, size)) for c in gradient]
-
-    def surface(self, rho_n: Number, shift_nc: Number = None) -> tuple[Surface, Number]:
-        r"""Free surfaces, and the shift without its outward part there.
-
-        :math:`\nabla\cdot\mathbf r=-\sum_jV_j\mathbf x_{ij}\cdot\nabla_iW_{ij}`, normal
-        :math:`-\nabla C/(|\nabla C|+10^{-10})` with :math:`\nabla C=\sum_jV_j\nabla_iW_{ij}`. Fluid below the limit is
-        splash (2) with fewer than limit/splash neighbours, else surface (1). Source: manual; Palermo et al. (2024).
-        """
-        setting = self.model.fix.surface_detection
-        assert setting is not None
+    def surface_sums(self, rho_n: Number) -> tuple[Axes, Number]:
+        """See `Stages.surface_sums`."""
         volume = self.mass_n[self.j] / self.density_pair(rho_n)[1]
-        divr_n = self.total(-(volume * dot(self.x, self.gradw)))
-        gradient = [self.total(volume * g_a) for g_a in self.gradw]
-        size = sqrt(dot(gradient, gradient)) + interactions.NORMAL_SOFTENING
-        low = (self.coordination_n if setting.style == "coordination" else divr_n) < setting.limit
-        candidate = ~self.solid_n & low
-        splash = self.coordination_n < setting.splash
-        class_n = where(candidate, where(splash, 2.0, 1.0), 0.0)
-        normal = [where(is_class(class_n, 1), -(c / size), 0.0) for c in gradient]
-        distance_n = self._distance(class_n)
-        if shift_nc is not None:
-            shift_nc = joined(self._inward(axes(shift_nc), normal, class_n))
-        return Surface(class_n, distance_n, joined(normal), divr_n), shift_nc
+        return [self.total(volume * g_a) for g_a in self.gradw], self.total(-(volume * dot(self.x, self.gradw)))
 
-    def _distance(self, class_n: Number) -> Number:
-        """Distance to the nearest surface particle, at most the cutoff; 0 on the surface, the cutoff for solids."""
-        near = (value(class_n) == 1)[self.j] & ~self.solid_n[self.i]
+    def nearest(self, class_n: Number) -> Number:
+        """See `Stages.nearest`; open where rounding leaves the class of a neighbour open."""
+        near = (value(class_n) == 1)[self.j]
         nearest_n = np.full(self.n, self.model.cut)
         np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
-        nearest_n[value(class_n) > 0] = 0.0
         if isinstance(self.r, Rounded):
-            open_n = error(class_n) > 0  # its own class, or that of a neighbour
-            open_n = open_n | (np.bincount(self.i[open_n[self.j]], minlength=self.n) > 0)
+            open_n = np.bincount(self.i[(error(class_n) > 0)[self.j]], minlength=self.n) > 0
             return Rounded(nearest_n, self.r.error.max(initial=0.0) + open_n * self.model.cut)
         return nearest_n
 
-    def _inward(self, shift: Axes, normal: Axes, class_n: Number) -> Axes:
-        outward = maximum(dot(normal, shift), 0.0)
-        return [where(is_class(class_n, 2), 0.0, s - n * outward) for s, n in zip(shift, normal, strict=True)]
+    # --- properties of a particle
 
-    # --- stages 8 to 10: properties of a particle
+    def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
+        """See `Stages.eos_pressure`."""
+        return rounded_eos.by_type(rounded_eos.pressure, self.model.eos, self.type_n, rho_n, e_n)
 
-    def viscosity(self, gradient_ncc: Number = None) -> Number:
-        """Viscosity of every particle; the style power needs the velocity gradient."""
-        laws = self.model.viscosity
-        eta_t, gd0_t, K_t, n_t = (np.array([getattr(law, k) for law in laws]) for k in ("eta", "gd0", "K", "n"))
-        t = self.type_n - 1
-        if all(law.style == "constant" for law in laws):
-            return eta_t[t]
-        rate = per_atom.strain_rate(matrix(gradient_ncc))
-        power = np.array([law.style == "power" for law in laws])[t]
-        gd0_n = np.where(power, gd0_t[t], 1.0)  # any rate but 0, which the style constant has
-        return where(power, per_atom.power_viscosity(eta_t[t], gd0_n, K_t[t], n_t[t], rate), eta_t[t])
-
-    def pressure(self, rho_n: Number, energy_n: Number = None) -> Number:
-        """Pressure of every particle from its stored density; the energy is that of the particle."""
-        e_n = None if energy_n is None else energy_n / self.mass_n
-        return self._by_type(rho_n, e_n, eos_pressure)
-
-    def density(self, p_n: Number, energy_n: Number = None) -> Number:
-        """Density at which the equation of state of a particle's type has a pressure."""
-        e_n = None if energy_n is None else energy_n / self.mass_n
-        return self._by_type(p_n, e_n, eos_density)
-
-    def _by_type(self, argument_n: Number, e_n: Number, law: Any) -> Number:
-        found, errors = np.empty(self.n, value(argument_n).dtype), np.zeros(self.n)
-        for t, eos in enumerate(self.model.eos, 1):
-            at = self.type_n == t
-            part = law(eos, argument_n[at], None if e_n is None else e_n[at])
-            found[at], errors[at] = value(part), error(part)
-        return Rounded(found, errors) if isinstance(argument_n, Rounded) else found
-
-    def sound_speed(self, energy_n: Number = None) -> Number:
-        r"""Speed of sound for the pair terms: that of fix rheo, and :math:`\sqrt{(\gamma-1)e}` of an ideal gas."""
-        gas_t = np.array([law.needs_energy for law in self.model.eos])
-        if energy_n is None or not gas_t.any():
-            return self.cs_n
-        gamma_t = np.array([law.gamma for law in self.model.eos])
-        gas = gas_t[self.type_n - 1]
-        squared = (where(gas, gamma_t[self.type_n - 1], 1.0) - 1) * (energy_n / self.mass_n)
-        return where(gas, sqrt(maximum(squared, 0.0)), self.cs_n)
-
-    def temperature(self, energy_n: Number) -> Number:
-        """Temperature of every particle from its stored energy."""
-        thermal = self.model.thermal
-        assert thermal is not None
-        t = self.type_n - 1
-        cv_n = np.array([p.specific_heat for p in thermal])[t]
-        latent_n = np.array([p.latent_heat for p in thermal])[t]
-        freezes = np.array([p.T_freeze is not None for p in thermal])[t]
-        T_freeze = np.array([p.T_freeze or 0.0 for p in thermal])[t]
-        return per_atom.temperature(self.specific_energy(energy_n), cv_n, latent_n, freezes, T_freeze)
-
-    def specific_energy(self, energy_n: Number) -> Number:
-        """Energy per unit mass, of which the temperature is a function."""
-        return energy_n / self.mass_n
-
-    # --- stage 11: pair terms
+    # --- pair terms
 
     def pair_terms(
         self,
@@ -461,11 +267,6 @@ class Plain:
         """Volume of the particle that a pair's heat flows into."""
         return self.mass_n[self.i] / rho_i
 
-    def conduction(self) -> Number:
-        """Conductivity of every particle."""
-        assert self.model.thermal is not None
-        return np.array([p.conductivity for p in self.model.thermal])[self.type_n - 1]
-
     def artificial(self, v_nc: Number, rho_n: Number, sound: Number, grad: Gradients) -> Number:
         """Artificial viscous pressure of every pair; not between fluid and reconstructed solid."""
         i, j = self.i, self.j
@@ -498,134 +299,3 @@ class Plain:
             difference = (rho_n[j] - self.rho0_n[j]) - (rho_n[i] - self.rho0_n[i])
         fluid = ~self.solid_n[i] & ~self.solid_n[j]
         return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, xg, self.rr), 0.0))
-
-
-class AtCutoff(Plain):
-    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
-
-    def move(self, x_nc: Any) -> None:
-        """Count the pairs, and those that may as well be on the other side."""
-        super().move(x_nc)
-        cut = self.model.cut
-        # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
-        # on either side; so are the squares, their sum and the root.
-        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + max(self.box.edge_c)
-        width = 8 * bounds.EPS * (reach + cut)
-        i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
-        x = value(x_nc)
-        r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
-        near_n = np.bincount(i[r > cut - width], minlength=self.n)
-        self.counted_n: Any = Rounded(self.coordination_n.astype(float), near_n.astype(float))
-        if near_n.any():
-            certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
-            # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
-            # some of them are less and some are not.
-            open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
-            self.coordination_n = open_
-
-
-def at_cutoff(stages: type[Plain]) -> type[Plain]:
-    """Stages whose coordination is open where rounding decides."""
-    return type("Counted", (AtCutoff,) if stages is Plain else (stages, AtCutoff), {})
-
-
-# --- equations of state of numbers that carry errors
-
-
-def eos_pressure(eos: EOS, rho: Number, e: Number) -> Number:
-    """Pressure; of a `Rounded` density with the law's own rounding bound and the density's error carried over."""
-    if not isinstance(rho, Rounded):
-        return eos.evaluate(rho, e)
-    energy = None if e is None else value(e)
-    p = eos.evaluate(rho.value, energy)
-    own = bounds.engine(eos, rho.value, energy) + bounds.reference(eos, rho.value, energy)
-    with np.errstate(all="ignore"):
-        carried = np.abs(eos.stiffness(rho.value, energy)) * rho.error
-    if eos.needs_energy:
-        carried = carried + np.abs((eos.gamma - 1) * rho.value) * error(e)
-    return Rounded(p, own + carried)
-
-
-def eos_density(eos: EOS, p: Number, e: Number) -> Number:
-    r"""Density of a pressure; the error of a `Rounded` pressure divided by :math:`\partial P/\partial\rho`."""
-    if not isinstance(p, Rounded):
-        return np.asarray(eos.density(p, e))
-    energy = None if e is None else value(e)
-    rho = np.asarray(eos.density(p.value, energy))
-    with np.errstate(all="ignore"):
-        own = bounds.engine(eos, rho, energy) + bounds.reference(eos, rho, energy)
-        carried = (own + p.error) / np.abs(eos.stiffness(rho, energy))
-        if eos.needs_energy:
-            carried = carried + np.abs(rho / energy) * error(e)
-    return Rounded(rho, carried + 8 * bounds.EPS * np.abs(rho))
-
-
-# --- small symmetric matrices, one per particle
-
-
-def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], Any]:
-    """Lower factors of many symmetric matrices at once, given by rows of their lower triangles; and which have one."""
-    size = len(m)
-    factor: list[list[Number]] = [[0.0] * size for _ in range(size)]
-    definite_n: Any = np.ones(np.shape(value(m[0][0])), bool)  # a Decision for numbers that carry errors
-    for a in range(size):
-        for b in range(a + 1):
-            rest = m[a][b]
-            for k in range(b):
-                rest = rest - factor[a][k] * factor[b][k]
-            if a == b:
-                positive = value(rest) > 0
-                definite_n = definite_n & (rest > 0)
-                factor[a][a] = sqrt(where(positive, rest, 1.0))
-            else:
-                factor[a][b] = rest / factor[b][b]
-    return factor, definite_n
-
-
-def solve_unit(factor: list[list[Number]], row: int) -> list[Number]:
-    """Solve for the unit vector of one row, given the lower factors."""
-    size = len(factor)
-    y: list[Number] = []
-    for a in range(size):
-        rest: Number = 1.0 if a == row else 0.0
-        for k in range(a):
-            rest = rest - factor[a][k] * y[k]
-        y.append(rest / factor[a][a])
-    x: list[Number] = [0.0] * size
-    for a in reversed(range(size)):
-        rest = y[a]
-        for k in range(a + 1, size):
-            rest = rest - factor[k][a] * x[k]
-        x[a] = rest / factor[a][a]
-    return x
-
-
-# --- pairs
-
-
-def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
-    """All ordered pairs and images with r < cut: indices i, j and the displacement of j's image.
-
-    A box shorter than two cutoffs gives every image of its own, a particle's own images among them.
-    """
-    import vesin
-
-    n, d = x_nc.shape
-    edge = np.array(box.edge_c)
-    # Periodic images are counted from inside the box; vesin needs a third axis and some extent along open ones.
-    low = np.array(box.low_c)
-    wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
-    points, extent = np.zeros((n, 3)), np.full(3, 4 * cut)
-    points[:, :d] = x_nc + wrap_nc
-    span = np.ptp(points[:, :d], axis=0) + 4 * cut
-    extent[:d] = np.where(box.periodic, edge, span)
-    periodic = [*box.periodic, *([False] * (3 - d))]
-    wide = vesin.NeighborList(cutoff=cut * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
-    i, j, s_pc = wide.compute(points, np.diag(extent), periodic, "ijS")
-    i, j = i.astype(np.int64), j.astype(np.int64)
-    shift_pc = s_pc[:, :d] * edge + (wrap_nc[j] - wrap_nc[i])
-    r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
-    near = r < cut
-    i, j, shift_pc = i[near], j[near], shift_pc[near]
-    order = np.lexsort((*shift_pc.T, j, i))
-    return i[order], j[order], shift_pc[order]

@@ -34,6 +34,17 @@ def error(x: Any) -> Array:
     return x.error if isinstance(x, Rounded) else np.zeros(np.shape(x))
 
 
+def placed(part: Any, at: Array, rest: Any) -> Any:
+    """An array of any kind with other elements in some places."""
+    values = value(rest).copy()
+    values[at] = value(part)
+    if not isinstance(part, Rounded) and not isinstance(rest, Rounded):
+        return values
+    errors = error(rest).copy()
+    errors[at] = error(part)
+    return Rounded(values, errors)
+
+
 class Decision:
     """Outcome of a comparison: the answer for the values, and where rounding leaves it open."""
 

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from eos_ref import per_atom, quantities
+from eos_ref.columns import joined, matrix
 from eos_ref.elementary import where
 from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.model import Box, Gradients, Model, State, check_state
-from eos_ref.plain import Plain, joined, matrix
+from eos_ref.plain import Plain
 from eos_ref.rounded import Rounded, value
 
 Array = Any

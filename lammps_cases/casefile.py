@@ -21,7 +21,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
-from lammps_cases.scene import Scene, check_name
+from lammps_cases.scene import Scene, check_name, models
 
 MAX_CASES = 10_000  # of one file
 SHIPPED = Path(__file__).with_name("cases")
@@ -150,11 +150,8 @@ def _validation_error(error: ValidationError, where: str, data: Any) -> InputErr
 
 
 def _known_keys() -> Iterable[str]:
-    from lammps_cases import scene
-
-    for model in vars(scene).values():
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            yield from model.model_fields
+    for model in models():
+        yield from model.model_fields
 
 
 def load_file(path: Path, shipped: bool = False) -> list[Case]:

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.plain import Number, Plain
+from eos_ref.columns import Number
+from eos_ref.plain import Plain
 from eos_ref.quantities import PART_OF
 from eos_ref.steps import Simulation
 from lammps_cases.compare import excess

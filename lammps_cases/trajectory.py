@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 
 from eos_ref.bounds import EPS
+from eos_ref.cutoff import at_cutoff
 from eos_ref.eos import FloatArray
 from eos_ref.model import Box, Gradients, Model, PairTerms, State
-from eos_ref.plain import Plain, at_cutoff
+from eos_ref.plain import Plain
 from eos_ref.quantities import needed_to_step
 from eos_ref.rounded import Rounded, error
+from eos_ref.stages import Stages
 from eos_ref.steps import Simulation
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
 DISCRETE = ("coordination", "surface", "phase", "status")
-COMPILED_FROM = (
-    100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
-)
+FAST_FROM = 100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,9 @@ def predict(
     return Prediction(tuple(values), bounds)
 
 
-def own_stages(scene: Particles) -> type[Plain]:
+def own_stages(scene: Particles) -> type[Stages]:
     """The reference's stages, plain or compiled."""
-    if len(scene.state.x_nc) * (1 + scene.steps[-1]) < COMPILED_FROM:
+    if len(scene.state.x_nc) * (1 + scene.steps[-1]) < FAST_FROM:
         return Plain
     from eos_ref.fast import Fast
 
@@ -133,7 +133,7 @@ class Sizes(dict[str, FloatArray]):
 # --- many steps
 
 
-def moved(evaluator: type[Plain], sizes: Sizes, random: np.random.Generator) -> type[Plain]:
+def moved(evaluator: type[Stages], sizes: Sizes, random: np.random.Generator) -> type[Stages]:
     """The stages of an evaluator with every result moved by its bound, up or down at random."""
 
     def move(quantity: Any, name: str) -> Any:
@@ -198,7 +198,7 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 def _moved_runs(
     scene: Particles,
-    evaluator: type[Plain],
+    evaluator: type[Stages],
     stepping: type[Simulation],
     sizes: Sizes,
     seed: int,

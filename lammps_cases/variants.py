@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.columns import Axes, Number, axes, dot
 from eos_ref.elementary import sqrt, where
 from eos_ref.model import Model
-from eos_ref.plain import Axes, Number, Plain, axes, dot
+from eos_ref.plain import Plain
 from eos_ref.rounded import Decision, Rounded, value
 from eos_ref.steps import Simulation
 from lammps_cases.trajectory import Particles
@@ -49,7 +50,7 @@ class HeatAsTemperatureRate(Plain):
     def conduction(self) -> Number:
         """Thermal diffusivity at the equilibrium density."""
         assert self.model.thermal is not None
-        cv_n = np.array([p.specific_heat for p in self.model.thermal])[self.type_n - 1]
+        cv_n = self.of_type(p.specific_heat for p in self.model.thermal)
         return super().conduction() / (self.rho0_n * cv_n)
 
 
@@ -85,7 +86,7 @@ class NormalOfLastPair(Plain):
 
     pair: tuple[int, int] = (-1, -1)
 
-    def cross_type_normal(self, other: Any, volume: Number) -> Axes:
+    def cross_type_normal(self, gradient: Axes) -> Axes:
         """Direction of the pair, in its present place."""
         here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
         if not here.size:  # it has left the cutoff: which pair is the last one now is not known

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from eos_ref.cutoff import at_cutoff
 from eos_ref.elementary import where
 from eos_ref.model import BoolArray, Box, Gradients, Model, State
-from eos_ref.plain import Plain, at_cutoff
+from eos_ref.plain import Plain
 from eos_ref.quantities import required
 from eos_ref.rounded import Rounded, error
 from eos_ref.steps import Simulation

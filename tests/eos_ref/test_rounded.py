@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from fractions import Fraction
@@ -16,8 +17,8 @@ from particle_scenes import RECIPES, Scene, bounded, recipe, results, scene
 from eos_ref import interactions, kernels
 from eos_ref.elementary import maximum, minimum, sqrt, where
 from eos_ref.fixes import SurfaceDetection
-from eos_ref.plain import is_class
-from eos_ref.rounded import ROUNDING, Decision, Rounded, error, value
+from eos_ref.rounded import ROUNDING, Decision, Rounded, error, placed, value
+from eos_ref.stages import is_class
 
 QUICK = settings(max_examples=150, deadline=None, derandomize=True)
 U = 2.0**-53
@@ -283,6 +284,17 @@ def test_bounds_cover_longdouble(name: str, dimension: int) -> None:
     assert (true["f"] != found["f"]).any(), "longdouble has more digits"
 
 
+@pytest.mark.parametrize("kinds", list(itertools.product((False, True), repeat=2)))
+def test_elements_put_in_place_keep_their_errors(kinds: tuple[bool, bool]) -> None:
+    numbers = np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0])
+    part, rest = (Rounded(x, 0.25 * x) if kind else x for x, kind in zip(numbers, kinds, strict=True))
+    found = placed(part, np.array([2, 0]), rest)
+    assert isinstance(found, Rounded) == any(kinds)
+    assert value(found).tolist() == [2.0, 4.0, 1.0]
+    assert error(found).tolist() == [0.5 * kinds[0], 1.0 * kinds[1], 0.25 * kinds[0]]
+    assert numbers[1].tolist() == [3.0, 4.0, 5.0], "the array given stays as it was"
+
+
 def edge_scene() -> tuple[Scene, int]:
     """The limit of surface detection is the divergence of one particle, to the last bit."""
     far = SurfaceDetection("divergence", 1.6, 3)
@@ -302,7 +314,13 @@ def test_an_open_surface_is_open_in_all_that_follows() -> None:
     simulation = built.simulate()
     simulation.evaluate()
     e = simulation.evaluator
-    assert (found["surface/r"][1][e.j[e.i == k]] >= built.model.cut).all()
+    r_n, error_n = found["surface/r"]
+    assert error_n[k] >= r_n[k] > 0  # 0 if it is a surface
+    beside = e.j[e.i == k]
+    certain = found["surface"][0][beside] == 1
+    assert certain.any() and not certain.all()
+    assert (error_n[beside[~certain]] >= built.model.cut).all()
+    assert (r_n[beside[certain]] == 0).all() and (error_n[beside[certain]] == 0).all()
     decided = np.ones(len(built.state.x_nc), bool)
     decided[e.j[e.i == k]] = False
     decided[k] = False

@@ -15,6 +15,7 @@ from lammps_cases import campaign, casefile
 from lammps_cases.commands import job
 from lammps_cases.engine import Job, Run
 from lammps_cases.plan import plan
+from lammps_cases.scene import models
 
 Write = Callable[..., Path]
 
@@ -86,17 +87,12 @@ def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
 
 
 def _text_fields() -> list[tuple[str, str]]:
-    from pydantic import BaseModel
-
-    from lammps_cases import scene
-
-    found = []
-    for model in vars(scene).values():
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            for name, field in model.model_fields.items():
-                if _holds_text(field.annotation):
-                    found.append((model.__name__, name))
-    return found
+    return [
+        (model.__name__, name)
+        for model in models()
+        for name, field in model.model_fields.items()
+        if _holds_text(field.annotation)
+    ]
 
 
 def _holds_text(annotation: Any) -> bool:

@@ -1,0 +1,37 @@
+"""Directed pairs of particles in a box: each pair stands twice, once for each particle that collects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eos_ref.model import Box, IntArray
+
+
+def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
+    """All ordered pairs and images with r < cut: indices i, j and the displacement of j's image.
+
+    A box shorter than two cutoffs gives every image of its own, a particle's own images among them.
+    """
+    import vesin
+
+    n, d = x_nc.shape
+    edge = np.array(box.edge_c)
+    # Periodic images are counted from inside the box; vesin needs a third axis and some extent along open ones.
+    low = np.array(box.low_c)
+    wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
+    points, extent = np.zeros((n, 3)), np.full(3, 4 * cut)
+    points[:, :d] = x_nc + wrap_nc
+    span = np.ptp(points[:, :d], axis=0) + 4 * cut
+    extent[:d] = np.where(box.periodic, edge, span)
+    periodic = [*box.periodic, *([False] * (3 - d))]
+    wide = vesin.NeighborList(cutoff=cut * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
+    i, j, s_pc = wide.compute(points, np.diag(extent), periodic, "ijS")
+    i, j = i.astype(np.int64), j.astype(np.int64)
+    shift_pc = s_pc[:, :d] * edge + (wrap_nc[j] - wrap_nc[i])
+    r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
+    near = r < cut
+    i, j, shift_pc = i[near], j[near], shift_pc[near]
+    order = np.lexsort((*shift_pc.T, j, i))
+    return i[order], j[order], shift_pc[order]

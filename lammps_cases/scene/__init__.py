@@ -1,0 +1,28 @@
+"""A scene: everything that defines one case, as validated data. No raw LAMMPS text, so safe from strangers.
+
+The models are the file format: `lammps_cases/scene.schema.json` (for editors) is generated from them. Quantities
+are in the scene's LAMMPS units; energies are per unit mass.
+"""
+
+from lammps_cases.scene.case import AtomProperty, Column, Scene, check_name
+from lammps_cases.scene.materials import AtomType, PowerLaw
+from lammps_cases.scene.particles import FromFile, Lattice, Values
+from lammps_cases.scene.runs import TwinSettings
+from lammps_cases.scene.settings import ForceSettings, RheoSettings
+from lammps_cases.scene.values import models
+
+__all__ = [
+    "AtomProperty",
+    "AtomType",
+    "Column",
+    "ForceSettings",
+    "FromFile",
+    "Lattice",
+    "PowerLaw",
+    "RheoSettings",
+    "Scene",
+    "TwinSettings",
+    "Values",
+    "check_name",
+    "models",
+]

@@ -1,0 +1,221 @@
+"""All of a scene, and what its parts have to do with each other."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from eos_ref import EOSTable, InputError, resolve
+from eos_ref.ranges import type_range
+from lammps_cases.scene.materials import AtomType, Law, PowerLaw
+from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
+from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings, Violation
+from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
+from lammps_cases.scene.values import Model
+
+Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
+# What a scene can compare, by LAMMPS' names: columns of compute rheo/property/atom, then properties of atoms.
+Column = Literal[
+    "pressure",
+    "rho",
+    "coordination",
+    "chi",
+    "grad/v",
+    "viscosity",
+    "surface",
+    "surface/r",
+    "surface/n",
+    "surface/divr",
+    "shift/v",
+    "temperature",
+    "heatflow",
+    "energy",
+    "conductivity",
+    "cv",
+    "stress/v",
+    "stress/t",
+    "phase",
+    "status",
+]
+AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
+THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
+MAX_ATOMS = 10_000_000
+
+
+class Scene(Model):
+    """One case. See `lammps_cases/cases` for examples."""
+
+    units: Units = "lj"
+    dimension: Literal[2, 3]
+    types: tuple[AtomType, ...] = Field(min_length=1)
+    positions: Positions
+    arrangement: Literal["shuffled", "blocks"] = Field(
+        "shuffled", description="how types, in equal shares, are dealt out to the particles"
+    )
+    pressure: tuple[Law, ...] = Field(description="entries of fix rheo/pressure, in order")
+    rho: Values | None = Field(None, description="density; not given if a file or the summation sets it")
+    energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
+    velocity: Velocity = Velocity()
+    rheo: RheoSettings = RheoSettings()
+    pair: PairSettings = PairSettings()
+    forces: tuple[ForceSettings, ...] = Field((), max_length=16)
+    evolve: Evolve | None = None
+    compare: tuple[Literal[Column, AtomProperty], ...] = Field(
+        ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
+    )
+    engine: EngineSettings = EngineSettings()
+    twin: TwinSettings | None = Field(None, description="compare LAMMPS with a second run of its own")
+    violate: Violation | None = None
+    expect: Expect | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scene:
+        if isinstance(self.positions, Lattice):
+            planar = self.positions.lattice in PLANAR
+            if planar != (self.dimension == 2):
+                raise ValueError(f"lattice {self.positions.lattice} does not fit dimension {self.dimension}")
+            atoms = math.prod(self.positions.cells) * {"hex": 2, "bcc": 2, "fcc": 4}.get(self.positions.lattice, 1)
+            if atoms > MAX_ATOMS:
+                raise ValueError(f"at most {MAX_ATOMS} particles, found {atoms}")
+        if self.violate and not self.expect:
+            raise ValueError("violate needs expect: {refused: TEXT}")
+        for key in ("rho", "energy"):
+            field = getattr(self, key)
+            if field and field.per_type and len(field.per_type) != len(self.types):
+                raise ValueError(f"{key}.per_type needs {len(self.types)} values, found {len(field.per_type)}")
+        for key in ("rho0", "cs"):
+            given = [getattr(t, key) is not None for t in self.types]
+            if any(given) and not all(given):
+                raise ValueError(f"{key} must be given for every type or for none (fix rheo takes N values)")
+        self._check_types()
+        self._check_vectors()
+        self._check_compare()
+        if self.twin:
+            self._check_twin(self.twin)
+        return self
+
+    def _check_twin(self, twin: TwinSettings) -> None:
+        if self.expect or not self.whole_model:
+            raise ValueError("twin compares fields of the whole model: it needs more in compare than pressure")
+        if twin.boost is not None and self.rheo.shift:
+            raise ValueError("twin.boost: shifting follows the speed of each particle, which depends on the frame")
+        if twin.split and (self.evolve is None or self.evolve.steps < 2):
+            raise ValueError("twin.split needs two time steps or more")
+        if twin.kind in ("newton", "skin", "ranks") and getattr(twin, twin.kind) == getattr(self.engine, twin.kind):
+            raise ValueError(f"twin.{twin.kind} must differ from engine.{twin.kind}")
+        if twin.rescale is not None:
+            octaves = int(math.log2(twin.rescale))
+            for law in (t.viscosity for t in self.types if isinstance(t.viscosity, PowerLaw)):
+                if (Fraction(law.n) * octaves).denominator != 1:
+                    raise ValueError(f"twin.rescale must be exact: rescale to the power of n ({law.n!r}) is not")
+
+    def _check_types(self) -> None:
+        n = len(self.types)
+        for region in getattr(self.positions, "regions", ()):
+            if region.type is not None and region.type > n:
+                raise ValueError(f"type of a region must lie within 1 to {n}, found {region.type}")
+        for types in (*(f.types for f in self.forces), *(self.rheo.shifting.exclude if self.rheo.shifting else ())):
+            if types is not None:
+                type_range(types, n)
+        if any(t.thermal for t in self.types) and self.energy is None and isinstance(self.positions, Lattice):
+            raise ValueError("conductivity, specific_heat, latent_heat and T_freeze need energy")
+
+    def _check_vectors(self) -> None:
+        vectors: dict[str, list[tuple[float | None, ...] | tuple[float, ...] | None]] = {
+            "velocity.uniform": [self.velocity.uniform],
+            "velocity of a type": [t.velocity for t in self.types],
+            "vector of a force": [force.vector for force in self.forces],
+            "vector of twin": [self.twin.translate or self.twin.boost] if self.twin else [],
+        }
+        for what, given in vectors.items():
+            for vector in given:
+                if vector is not None and len(vector) != self.dimension:
+                    raise ValueError(f"{what} needs {self.dimension} components, found {len(vector)}")
+
+    def _check_compare(self) -> None:
+        if len(set(self.compare)) < len(self.compare):
+            raise ValueError("compare must name each field once")
+        if self.whole_model and self.units in ("real", "metal"):
+            fit = "only in lj, si, cgs, micro and nano is force over mass an acceleration"
+            raise ValueError(f"units {self.units} serve to compare the pressure alone: {fit}")
+        for field in self.compare:
+            needed = {
+                "chi": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),
+                "shift/v": ("rheo.shift", self.rheo.shift),
+                **dict.fromkeys(THERMAL_FIELDS, ("energy", self.thermal)),
+                **dict.fromkeys(
+                    ("surface", "surface/r", "surface/n", "surface/divr"),
+                    ("rheo.surface_detection", self.rheo.surface_detection),
+                ),
+            }.get(field)
+            if needed and not needed[1]:
+                raise ValueError(f"compare: {field} needs {needed[0]}")
+
+    @property
+    def rho0(self) -> tuple[float, ...] | None:
+        """Equilibrium densities per type; None: fix rheo's default of 1."""
+        values = tuple(t.rho0 for t in self.types if t.rho0 is not None)
+        return values or None
+
+    @property
+    def cs(self) -> tuple[float, ...] | None:
+        """Speeds of sound per type; None: fix rheo's default of 1."""
+        values = tuple(t.cs for t in self.types if t.cs is not None)
+        return values or None
+
+    @property
+    def thermal(self) -> bool:
+        """Whether particles carry energy (atom_style rheo/thermal)."""
+        gas = any(law.style == "ideal/gas" for law in self.pressure)
+        return self.energy is not None or gas or any(t.thermal for t in self.types)
+
+    @property
+    def rho_sum(self) -> bool:
+        """Whether the density is summed over neighbours."""
+        return self.rheo.rho_sum
+
+    @property
+    def whole_model(self) -> bool:
+        """Whether the particle model is compared, not the equation of state alone."""
+        return self.compare != ("pressure",) or (self.evolve is not None and self.evolve.compare_at is not None)
+
+    @property
+    def interacts(self) -> bool:
+        """Whether particles have neighbours."""
+        return self.whole_model or self.rho_sum or self.evolve is not None
+
+    @property
+    def snapshots(self) -> tuple[int, ...]:
+        """Steps at which fields are compared; those of an equation of state at the end alone."""
+        if self.evolve is None:
+            return (0,)
+        return self.evolve.snapshots if self.whole_model else (self.evolve.steps,)
+
+    def eos(self, where: str = "") -> EOSTable:
+        """The reference's laws of all types.
+
+        Raises
+        ------
+        InputError
+            A type without law, a bad range or parameter.
+        """
+        return resolve([law.entry for law in self.pressure], len(self.types), self.rho0, self.cs, where)
+
+
+NAME = re.compile(r"[a-z0-9]+(?:[-+][a-z0-9]+)*")
+
+
+def check_name(name: str, where: str) -> str:
+    """A part of a case's name: lower-case words joined by hyphens.
+
+    Raises
+    ------
+    InputError
+    """
+    if not NAME.fullmatch(name) or len(name) > 60:
+        raise InputError("name", "must be at most 60 lower-case letters, digits, hyphens and +", name, where)
+    return name

@@ -1,0 +1,121 @@
+"""Where the particles of a scene are, and with what densities, energies and velocities."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from lammps_cases.scene.values import Finite, LocalFile, Model, NonNegative, Positive, Vector
+
+LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]
+PLANAR = ("sq", "hex")
+
+
+class Region(Model):
+    """A block of the lattice whose particles have one type, or are removed."""
+
+    type: int | None = Field(ge=1, strict=True, description="null removes the particles")
+    low: Vector = Field(description="corner, in fractions of the lattice")
+    high: Vector = Field(description="opposite corner; sites on it lie outside")
+
+
+class Lattice(Model):
+    """Particles on a lattice that fills the box, moved by seeded uniform disorder."""
+
+    lattice: LatticeStyle
+    spacing: Positive = Field(description="nearest lattice constant (distance)")
+    cells: tuple[int, ...] = Field(description="unit cells along each axis")
+    disorder: Annotated[Finite, Field(ge=0, lt=0.5)] = Field(
+        0.0, description="largest displacement along an axis, as a fraction of the spacing"
+    )
+    regions: tuple[Region, ...] = Field((), description="applied in order to the sites, before disorder")
+    periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
+    margin: NonNegative = Field(1.0, description="empty space beyond faces that are not periodic, in spacings")
+
+    @model_validator(mode="after")
+    def _size(self) -> Lattice:
+        wanted = 2 if self.lattice in PLANAR else 3
+        if len(self.cells) != wanted:
+            raise ValueError(f"cells needs {wanted} numbers for {self.lattice}, found {len(self.cells)}")
+        if min(self.cells) < 1:
+            raise ValueError(f"the scene is empty: cells must be at least 1 along each axis, found {self.cells}")
+        if self.periodic is not None and len(self.periodic) != wanted:
+            raise ValueError(f"periodic needs {wanted} flags for {self.lattice}, found {len(self.periodic)}")
+        for region in self.regions:
+            if not len(region.low) == len(region.high) == wanted:
+                raise ValueError(f"low and high of a region need {wanted} numbers for {self.lattice}")
+            if not all(low < high for low, high in zip(region.low, region.high, strict=True)):
+                raise ValueError(f"a region needs low < high, found {region.low} and {region.high}")
+        return self
+
+
+class FromFile(Model):
+    """Particles from an extended XYZ file, read by ASE; its cell is the box."""
+
+    extxyz: LocalFile = Field(
+        description="file beside the scene; per-atom arrays type, rho, e (energy per unit mass) are used if present"
+    )
+
+
+def _kind_of_positions(positions: object) -> str:
+    from_file = isinstance(positions, FromFile) or (isinstance(positions, dict) and "extxyz" in positions)
+    return "from file" if from_file else "on lattice"
+
+
+# The key extxyz decides, so that a mistake in one kind is not reported as a mistake in the other.
+Positions = Annotated[
+    Annotated[Lattice, Tag("on lattice")] | Annotated[FromFile, Tag("from file")], Discriminator(_kind_of_positions)
+]
+
+
+class Offset(Model):
+    """Relative distances from the equilibrium density: rho = rho0 (1 +/- d), d spaced logarithmically."""
+
+    low: Positive
+    high: Positive
+    sign: Literal["both", "+", "-"] = "both"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Offset:
+        if self.low > self.high:
+            raise ValueError(f"low must not exceed high, found {self.low!r} > {self.high!r}")
+        return self
+
+
+class Table(Model):
+    """A column of a CSV file with a header line; one row per particle."""
+
+    csv: LocalFile
+    column: str
+
+
+class Values(Model):
+    """Per-atom values of a field: exactly one of the keys; sequences are dealt out in a seeded random order."""
+
+    constant: Finite | None = None
+    per_type: tuple[Finite, ...] | None = Field(None, description="one value per atom type")
+    range: tuple[Finite, Finite] | None = Field(None, description="from, to")
+    ratio: tuple[Finite, Finite] | None = Field(None, description="from, to, in units of the type's rho0")
+    offset: Offset | None = None
+    values: tuple[Finite, ...] | None = Field(None, description="one value per particle, in order of id")
+    table: Table | None = None
+    spacing: Literal["linear", "log"] = Field("linear", description="of range and ratio")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Values:
+        keys = ("constant", "per_type", "range", "ratio", "offset", "values", "table")
+        given = [key for key in keys if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"needs exactly one of {', '.join(keys)}, found {', '.join(given) or 'none'}")
+        ends = self.range or self.ratio
+        if ends and self.spacing == "log" and ends[0] * ends[1] <= 0:
+            raise ValueError(f"log spacing needs two ends of one sign, not 0, found {ends}")
+        return self
+
+
+class Velocity(Model):
+    """Initial velocities: a seeded random part, which solid types do not get, and one common to all."""
+
+    random: Finite = Field(0.0, description="largest component")
+    uniform: Vector | None = None

@@ -1,0 +1,93 @@
+"""How LAMMPS takes a scene, once or twice, and what it must say."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lammps_cases.scene.values import Finite, Model, Positive, Vector
+
+# Rules of the manual that a scene may break on purpose, to see LAMMPS refuse it.
+Violation = Literal[
+    "atom-style-atomic",
+    "no-fix-rheo",
+    "no-fix-pressure",
+    "no-fix-pressure-read",
+    "no-fix-viscosity",
+    "pressure-before-rheo",
+    "pressure-group",
+    "pressure-twice",
+    "rheo-group",
+    "rheo-twice",
+    "unknown-pressure-style",
+    "missing-argument",
+    "no-fix-thermal",
+    "atom-style-rheo",
+]
+
+
+class Rebuild(Model):
+    """When neighbour lists are built anew."""
+
+    every: int = Field(1, ge=1, strict=True)
+    delay: int = Field(0, ge=0, strict=True)
+    check: bool = True
+
+    @model_validator(mode="after")
+    def _multiple(self) -> Rebuild:
+        if self.delay % self.every:
+            raise ValueError(f"delay must be 0 or a multiple of every, found {self.delay} and {self.every}")
+        return self
+
+
+class EngineSettings(Rebuild):
+    """Settings of LAMMPS that do not change what is documented to come out."""
+
+    newton: bool = True
+    skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
+    ranks: Literal[1, 2] = 1
+    time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
+
+
+class TwinSettings(Model):
+    """A second run of LAMMPS, its own first one the reference: exactly one of the keys. See `lammps_cases.twins`."""
+
+    translate: Vector | None = Field(None, description="displacement of all particles, wrapped in periodic axes")
+    boost: Vector | None = Field(None, description="velocity added to all particles, walls included")
+    relabel: Literal[True] | None = Field(None, description="ids dealt out anew (seeded)")
+    rescale: Positive | None = Field(None, description="lengths times a power of two; densities and velocities stay")
+    newton: Annotated[bool, Field(strict=True)] | None = Field(None, description="the other setting")
+    skin: Positive | None = Field(None, description="another skin, in spacings")
+    rebuild: Rebuild | None = Field(None, description="neighbour lists built at other steps")
+    split: Literal[True] | None = Field(None, description="one run against two, the second with pre no")
+    ranks: Literal[2] | None = Field(None, description="two processes against one")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> TwinSettings:
+        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {' '.join(given) or 0}")
+        if self.rescale is not None and not 2.0**-20 <= self.rescale <= 2.0**20:
+            raise ValueError(f"rescale must lie within 2^-20 to 2^20, found {self.rescale!r}")
+        if self.rescale is not None and (math.frexp(self.rescale)[0] != 0.5 or self.rescale == 1):
+            raise ValueError(f"rescale must be a power of two other than 1, found {self.rescale!r}")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key given."""
+        return next(key for key in type(self).model_fields if getattr(self, key) is not None)
+
+
+class Expect(Model):
+    """How LAMMPS must refuse the scene."""
+
+    refused: str = Field(min_length=8, description="text that LAMMPS' error message must contain")
+
+    @model_validator(mode="after")
+    def _specific(self) -> Expect:
+        if len(self.refused.replace("ERROR", "").strip(" :")) < 8:
+            raise ValueError(f"refused must hold words that only this refusal has, found {self.refused!r}")
+        return self

@@ -1,0 +1,119 @@
+"""How a scene is computed: arguments of the RHEO fixes and of pair_style rheo, forces, time steps."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
+
+from eos_ref.fixes import KernelStyle, SurfaceStyle
+from lammps_cases.scene.values import RANGE_SCHEMA, Finite, Model, NonNegative, Positive, TypeRange
+
+SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding
+
+
+class SurfaceDetectionSettings(Model):
+    """Arguments of surface/detection."""
+
+    style: SurfaceStyle
+    limit: Finite
+    splash: int = Field(strict=True)
+
+    @model_validator(mode="after")
+    def _whole(self) -> SurfaceDetectionSettings:
+        if self.style == "coordination" and not self.limit.is_integer():
+            raise ValueError(f"limit of coordination counts neighbours: a whole number, found {self.limit!r}")
+        return self
+
+
+def _several(types: object) -> object:
+    return types if isinstance(types, list | tuple) else (types,)
+
+
+_ONE_OR_MORE = {"oneOf": [RANGE_SCHEMA, {"type": "array", "items": RANGE_SCHEMA}]}
+
+
+class ShiftSettings(Model):
+    """Arguments of shift."""
+
+    exclude: Annotated[tuple[TypeRange, ...], BeforeValidator(_several), WithJsonSchema(_ONE_OR_MORE)] = Field(
+        (), description="types that are not shifted: a range, or a list of them"
+    )
+    scale_cross_type: tuple[Finite, Finite, Finite] | None = Field(None, description="shiftscale, cmin, wmin")
+
+
+OnOrShift = Annotated[
+    Annotated[bool, Field(strict=True), Tag("on or off")] | Annotated[ShiftSettings, Tag("with arguments")],
+    Discriminator(lambda shift: "with arguments" if isinstance(shift, dict | ShiftSettings) else "on or off"),
+]
+
+
+class RheoSettings(Model):
+    """Arguments of fix rheo, but for those of the types."""
+
+    kernel: KernelStyle = "quintic"
+    cut: Positive | None = Field(None, description="kernel cutoff; default 3 spacings")
+    zmin: int = Field(0, ge=0, strict=True)
+    rho_sum: bool = Field(False, description="density summed over neighbours (rho/sum)")
+    self_mass: bool = Field(False, description="argument of rho/sum")
+    interface_reconstruct: bool = False
+    surface_detection: SurfaceDetectionSettings | None = None
+    shift: OnOrShift = False
+
+    @model_validator(mode="after")
+    def _arguments(self) -> RheoSettings:
+        if self.self_mass and not self.rho_sum:
+            raise ValueError("self_mass is an argument of rho_sum, which is off")
+        return self
+
+    @property
+    def shifting(self) -> ShiftSettings | None:
+        """Arguments of shift; None: off."""
+        if isinstance(self.shift, bool):
+            return ShiftSettings() if self.shift else None
+        return self.shift
+
+
+class PairSettings(Model):
+    """Arguments of pair_style rheo; 0 turns a term off."""
+
+    artificial_visc: NonNegative = 0.0
+    rho_damp: NonNegative = 0.0
+    harmonic_means: bool = False
+
+
+class ForceSettings(Model):
+    """A fix gravity, addforce or setforce, in the order of the list."""
+
+    style: Literal["gravity", "addforce", "setforce"]
+    vector: tuple[Finite | None, ...] = Field(description="one component per axis; null: setforce leaves it")
+    types: TypeRange | None = Field(None, description="default: all")
+
+    @model_validator(mode="after")
+    def _complete(self) -> ForceSettings:
+        if self.style != "setforce" and None in self.vector:
+            raise ValueError(f"{self.style} needs a number for every component")
+        return self
+
+
+class Evolve(Model):
+    """Time steps that LAMMPS takes."""
+
+    steps: int = Field(ge=1, le=100_000, strict=True)
+    timestep: Positive
+    compare_at: tuple[Annotated[int, Field(ge=0, strict=True)], ...] | None = Field(
+        None, min_length=1, description="steps compared; default: those of 0, 1, 10, 100 that there are, and the last"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Evolve:
+        if self.compare_at is not None and not (
+            list(self.compare_at) == sorted(set(self.compare_at)) and self.compare_at[-1] == self.steps
+        ):
+            raise ValueError(f"compare_at must increase and end with steps ({self.steps}), found {self.compare_at}")
+        return self
+
+    @property
+    def snapshots(self) -> tuple[int, ...]:
+        """Steps compared."""
+        return self.compare_at or (*(step for step in SNAPSHOTS if step < self.steps), self.steps)

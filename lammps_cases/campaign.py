@@ -25,7 +25,7 @@ from lammps_cases.casefile import Case
 from lammps_cases.commands import job
 from lammps_cases.engine import Answer, Job
 from lammps_cases.engines import Engine, library_sha256
-from lammps_cases.evaluate import Arrays, blank_record, evaluate, evaluate_twin, first_step
+from lammps_cases.evaluate import Arrays, blank_record, evaluate, evaluate_twin, first_step, methods_of
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
@@ -66,6 +66,11 @@ def prepare(case: Case) -> Prepared:
     atoms = build(case, eos)
     if case.scene.whole_model and not case.scene.expect:
         reference.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
+    elif eos is not None and case.scene.method != "default" and atoms.rho_n is not None:
+        # An unknown method, or a tolerance that none meets, is said before LAMMPS is started.
+        methods_of(
+            case, eos, atoms.type_n, atoms.rho_n, None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
+        )
     return Prepared(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
 
 

@@ -112,12 +112,40 @@ def _explanation(case: Any) -> dict[str, Any]:
         "particles": len(ready.atoms),
         "expects": case.scene.expect.refused if case.scene.expect else None,
         "laws": laws,
+        "methods": _methods(case, ready),
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
         "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
         "commands": _commands(ready.jobs[0]),
         "commands_of_twin": _commands(ready.jobs[1]) if case.scene.twin else None,
     }
+
+
+def _methods(case: Any, ready: Any) -> list[dict[str, str]]:
+    """How the reference evaluates a scene, and why: the law of every type, or the stages of the model."""
+    from lammps_cases.evaluate import methods_of, particles_of
+    from lammps_cases.trajectory import own_stages
+
+    scene, atoms = case.scene, ready.atoms
+    if scene.expect:
+        return []
+    if scene.whole_model:
+        stages = own_stages(particles_of(scene, atoms, case.where, scene.snapshots)).__name__
+        why = (
+            "as the scene says"
+            if scene.method in ("plain", "compiled")
+            else "the least time for all runs, start included"
+        )
+        return [{"of": "all stages", "method": "plain" if stages == "Plain" else "compiled", "why": why}]
+    if atoms.rho_n is None or scene.evolve:
+        why = "chosen for the densities that LAMMPS answers with"
+        return [{"of": "every law", "method": scene.method, "why": why}]
+    e_n = None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
+    choices = methods_of(case, ready.eos, atoms.type_n, atoms.rho_n, e_n)
+    return [
+        {"of": f"type {t}", "method": chosen.method.name, "why": f"{chosen.why} ({chosen.method.reason})"}
+        for t, chosen in enumerate(choices, 1)
+    ]
 
 
 def _commands(told: Any) -> list[str]:
@@ -138,6 +166,9 @@ def _show(explanation: dict[str, Any]) -> None:
         click.echo(f"type {law['type']}: {law['style']}, {parameters}")
         click.echo(f"  grows with density within {' to '.join(law['monotone'])}")
         click.echo(f"  bound: {law['bound']}")
+    if explanation["methods"]:
+        rows = [(method["of"], method["method"], method["why"]) for method in explanation["methods"]]
+        _table("evaluated by", ("what", "method", "why"), rows)
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         _table(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +12,11 @@ import numpy.typing as npt
 from eos_ref import EOSTable, bounds, rigorous
 from eos_ref.eos import FloatArray
 from lammps_cases import order
+from lammps_cases.methods import choice
+from lammps_cases.methods.choice import Choice
 from lammps_cases.records import DigitsLost, FieldRecord, Verdict
 
 IntArray = npt.NDArray[np.integer]
-COMPILED_FROM = 1_000_000  # particles
 CERTIFIED = 24  # atoms per field whose error is certified with Arb: the worst by an extended-precision screening
 
 
@@ -37,20 +39,30 @@ class State:
         return None if self.energy_n is None else self.energy_n / self.mass_n
 
 
-def evaluate(table: EOSTable, state: State, number: type[np.floating[Any]] = np.float64) -> npt.NDArray[Any]:
-    """The reference's pressure of a state, evaluated by numpy in a floating type.
+def evaluate(
+    table: EOSTable,
+    state: State,
+    number: type[np.floating[Any]] = np.float64,
+    choices: Sequence[Choice] | None = None,
+) -> npt.NDArray[Any]:
+    """The reference's pressure of a state in a floating type.
 
-    The compiled `EOSTable.pressure` is faster per particle, but loading it takes longer than most scenes do.
+    In float64 by the methods chosen for the types, by default the best conditioned ones that cost no more: compiled
+    loops are faster per particle, but loading them takes longer than most scenes do.
     """
-    if state.rho_n.size > COMPILED_FROM and number is np.float64:
-        return table.pressure(state.rho_n, state.type_n, state.e_n)
     p_n = np.empty(state.rho_n.shape, number)
     rho_n, e_n = state.rho_n.astype(number), state.e_n
     with np.errstate(all="ignore"):
         for t, law in enumerate(table.laws, 1):
             of_type = state.type_n == t
-            e = None if e_n is None else e_n[of_type].astype(number)
-            p_n[of_type] = law.evaluate(rho_n[of_type], e, number)
+            rho, e = rho_n[of_type], None if e_n is None else e_n[of_type].astype(number)
+            if not rho.size:
+                continue
+            if number is np.float64:
+                method = choices[t - 1].method if choices else choice.default(law, rho.size)
+                p_n[of_type] = method.function(law, float(rho.min()), float(rho.max()))(rho, e)
+            else:
+                p_n[of_type] = law.evaluate(rho, e, number)
     return p_n
 
 
@@ -138,17 +150,35 @@ def compare_field(
 
 
 def compare_pressure(
-    table: EOSTable, state: State, pressure_n: FloatArray, field: str = "pressure", digits: bool = True
+    table: EOSTable,
+    state: State,
+    pressure_n: FloatArray,
+    field: str = "pressure",
+    digits: bool = True,
+    choices: Sequence[Choice] | None = None,
 ) -> Comparison:
-    """LAMMPS' pressure against the reference law of LAMMPS' own density and energy (stage `eos`)."""
-    reference_n = evaluate(table, state)
+    """LAMMPS' pressure against the reference law of LAMMPS' own density and energy (stage `eos`).
+
+    What a scene's tolerance allows its method is added to the bound.
+    """
+    reference_n = evaluate(table, state, choices=choices)
     bound_n = bounds.comparison(table, state.rho_n, state.type_n, state.e_n)
     same_order_n = None
     if not same_bits(pressure_n, reference_n):
         same_order_n = order.pressure(table, state.rho_n, state.type_n, state.energy_n, state.mass_n)
     types = np.flatnonzero(np.bincount(state.type_n)).tolist()
-    derivation = "; ".join(f"type {t}: {bounds.comparison_derivation(table[t])}" for t in types)
-    comparison = compare_field(field, "eos", state.id_n, pressure_n, reference_n, bound_n, same_order_n, derivation)
+    words = []
+    for t in types:
+        words.append(f"type {t}: {bounds.comparison_derivation(table[t])}")
+        if choices and choices[t - 1].allowed:
+            chosen, of_type = choices[t - 1], state.type_n == t
+            background = table[t].background
+            size_n = np.abs(reference_n[of_type] - background) + abs(background)
+            bound_n[of_type] += chosen.allowed * size_n
+            words[-1] += f" + {chosen.allowed:.2g} of the terms for the method {chosen.method.name} ({chosen.why})"
+    comparison = compare_field(
+        field, "eos", state.id_n, pressure_n, reference_n, bound_n, same_order_n, "; ".join(words)
+    )
     if digits:
         comparison.record.digits_lost = digits_lost(table, state, pressure_n, reference_n)
     return comparison

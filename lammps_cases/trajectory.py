@@ -22,11 +22,11 @@ from eos_ref.quantities import needed_to_step
 from eos_ref.rounded import Rounded, error
 from eos_ref.stages import Stages
 from eos_ref.steps import Simulation
+from lammps_cases.methods import choice
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
 DISCRETE = ("coordination", "surface", "phase", "status")
-FAST_FROM = 100_000  # particles times evaluations; below, loading compiled loops takes longer than running plain ones
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Particles:
     timestep: float
     fields: tuple[str, ...]
     steps: tuple[int, ...]
+    method: str = "default"
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,12 @@ def predict(
 
 
 def own_stages(scene: Particles) -> type[Stages]:
-    """The reference's stages, plain or compiled."""
-    if len(scene.state.x_nc) * (1 + scene.steps[-1]) < FAST_FROM:
+    """The reference's stages, plain or compiled: as the scene says, or the cheaper ones for all its runs."""
+    name = scene.method
+    if name not in ("plain", "compiled"):
+        runs = 1 + MOVED_RUNS * bool(scene.steps[-1])
+        name = choice.stages(len(scene.state.x_nc) * (1 + scene.steps[-1]) * runs)
+    if name == "plain":
         return Plain
     from eos_ref.fast import Fast
 

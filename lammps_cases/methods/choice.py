@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from eos_ref import EOS, InputError
+from eos_ref import EOS, EOSTable, InputError
 from eos_ref.eos import FloatArray
+from eos_ref.model import IntArray
 from lammps_cases.methods.laws import METHODS, LawMethod, methods_of
 from lammps_cases.methods.worst import SAMPLES, Worst, worst_case
 
@@ -38,12 +39,20 @@ class Cost:
 
 @dataclass(frozen=True)
 class Choice:
-    """A method chosen, its worst error found (None: not asked for), its cost in seconds, and why."""
+    """How a law is evaluated.
+
+    Attributes
+    ----------
+    method : LawMethod
+    error : worst relative error found, see `lammps_cases.methods.worst`; None: not asked for
+    allowed : relative error that the scene accepts, to be added to bounds
+    why : in words
+    """
 
     method: LawMethod
-    error: float | None
-    seconds: float
-    why: str
+    error: float | None = None
+    allowed: float = 0.0
+    why: str = "the best conditioned method that costs no more"
 
 
 @cache
@@ -84,13 +93,54 @@ def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float
             break
     if best is None:
         raise InputError("tolerance", f"must be at least {least:.2g}, what the best method reaches here", tolerance)
-    seconds = cost(best, law).of(n)
     ns, startup = cost(best, law).ns, cost(best, law).startup
     why = (
         f"worst error {error:.1e} over rho from {rho_n.min():g} to {rho_n.max():g}, tolerance {tolerance:g}; "
         f"{ns:.3g} ns a state and {startup:.2g} s to start are the least for {n} states"
     )
-    return Choice(best, error, seconds, why)
+    return Choice(best, error, tolerance, why)
+
+
+def of_types(
+    table: EOSTable,
+    type_n: IntArray,
+    rho_n: FloatArray,
+    e_n: FloatArray | None,
+    method: str = "default",
+    tolerance: float | None = None,
+) -> tuple[Choice, ...]:
+    """How the law of every type is evaluated for the states of its particles.
+
+    Parameters
+    ----------
+    method : "default", "auto", or the name of a method
+    tolerance : of "auto"; None: as default
+
+    Raises
+    ------
+    InputError
+        A tolerance that no method meets; a name that is none, or not of a method for this law.
+    """
+    found = []
+    for t, law in enumerate(table.laws, 1):
+        of_type = type_n == t
+        rho, e = rho_n[of_type], None if e_n is None else e_n[of_type]
+        if not rho.size or method == "default" or (method == "auto" and tolerance is None):
+            found.append(Choice(default(law, rho.size)))
+        elif method == "auto":
+            assert tolerance is not None
+            found.append(choose(law, rho, e, tolerance))
+        else:
+            given = named(method, law)
+            error = worst_error(given, law, rho, e)
+            found.append(Choice(given, error, error, f"as the scene says; worst error {error:.1e}"))
+    return tuple(found)
+
+
+def stages(evaluations: int) -> Literal["plain", "compiled"]:
+    """The cheaper stages for a number of evaluations of one particle."""
+    found = {name: Cost(**each).of(evaluations) for name, each in measured()["stages"].items()}
+    return "plain" if found["plain"] <= found["compiled"] else "compiled"
 
 
 def worst_error(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray | None) -> float:

@@ -15,7 +15,7 @@ from lammps_cases.scene.materials import AtomType, Law, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings, Violation
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.values import Model
+from lammps_cases.scene.values import Model, Positive
 
 Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
 # What a scene can compare, by LAMMPS' names: columns of compute rheo/property/atom, then properties of atoms.
@@ -43,6 +43,7 @@ Column = Literal[
 ]
 AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
 THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
+STAGES = ("default", "auto", "plain", "compiled")  # methods of the whole model
 MAX_ATOMS = 10_000_000
 
 
@@ -66,6 +67,14 @@ class Scene(Model):
     evolve: Evolve | None = None
     compare: tuple[Literal[Column, AtomProperty], ...] = Field(
         ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
+    )
+    method: str = Field(
+        "default",
+        description="how the reference evaluates: default, auto (the cheapest within tolerance) or a method's name, as "
+        "eos-ref chart lists them; of the whole model: default, auto, plain or compiled",
+    )
+    tolerance: Positive | None = Field(
+        None, description="relative error of the pressure that method: auto may make; none: as default"
     )
     engine: EngineSettings = EngineSettings()
     twin: TwinSettings | None = Field(None, description="compare LAMMPS with a second run of its own")
@@ -94,6 +103,7 @@ class Scene(Model):
         self._check_types()
         self._check_vectors()
         self._check_compare()
+        self._check_method()
         if self.twin:
             self._check_twin(self.twin)
         return self
@@ -135,6 +145,14 @@ class Scene(Model):
             for vector in given:
                 if vector is not None and len(vector) != self.dimension:
                     raise ValueError(f"{what} needs {self.dimension} components, found {len(vector)}")
+
+    def _check_method(self) -> None:
+        if self.tolerance is not None and self.method != "auto":
+            raise ValueError(f"tolerance needs method: auto, found {self.method}")
+        if self.whole_model and self.tolerance is not None:
+            raise ValueError("tolerance is of scenes that compare the pressure alone: all stages agree to rounding")
+        if self.whole_model and self.method not in STAGES:
+            raise ValueError(f"method of the whole model must be one of {', '.join(STAGES)}, found {self.method}")
 
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from eos_ref.fixes import KernelStyle
-from lammps_cases.chart.points import LAMMPS, Panel, compared, point
+from lammps_cases.chart.points import LAMMPS, ONE_PER_CENT, Panel, compared, point
 from lammps_cases.flows import FLOWS
 from lammps_cases.flows.converge import Convergence, Result, by_lammps, by_reference, converge
 from lammps_cases.flows.flow import Flow, Options, Start
@@ -68,7 +68,7 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
         about=f"{flow.about} {last.n:,} particles, {rounds} runs of each.",
         error_of=f"{next(iter(measured))}, relative to the closed solution",
         unit="particle and step",
-        points=compared(points, timings),
+        points=compared(points, timings, ONE_PER_CENT),
     )
 
 

@@ -10,6 +10,7 @@ from lammps_cases.measure import Interval, Timing, verdict
 
 LAMMPS = "LAMMPS"
 ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one
+ONE_PER_CENT = 1.01  # the same for errors of discretisation, which are no matter of chance
 DIGITS = 15.95  # of a double; an error of 0 is drawn there
 
 
@@ -115,12 +116,17 @@ def point(quantity: str, regime: str, method: str, error: float, timing: Timing,
     return Point(quantity, regime, method, error, ns, late, reason)
 
 
-def compared(points: Sequence[Point], timings: Mapping[str, Timing]) -> tuple[Point, ...]:
+def compared(points: Sequence[Point], timings: Mapping[str, Timing], same: float = ONE_BIT) -> tuple[Point, ...]:
     """The points of one regime with what their timings, of the same rounds, say about each other.
 
     A method is dominated by another one that is measurably faster and no less accurate, or more accurate and not
-    measurably slower. Times are compared round by round (`Timing.against`); errors that differ by less than `ONE_BIT`
-    count as the same.
+    measurably slower. Times are compared round by round (`Timing.against`).
+
+    Parameters
+    ----------
+    same : float
+        Errors within this factor count as the same: of rounding, one bit, as a search for the worst case may miss by
+        so much; of discretisations `ONE_PER_CENT`.
     """
     found = []
     for one in points:
@@ -131,8 +137,8 @@ def compared(points: Sequence[Point], timings: Mapping[str, Timing]) -> tuple[Po
             answer = verdict(timings[other.method].against(timings[one.method]))
             if answer == "cannot tell":
                 like.append(other.method)
-            better = other.error * ONE_BIT < one.error and answer != "slower"
-            as_good = other.error <= one.error * ONE_BIT
+            better = other.error * same < one.error and answer != "slower"
+            as_good = other.error <= one.error * same
             if (better or (as_good and answer == "faster")) and not dominated:
                 dominated = other.method
         found.append(replace(one, dominated_by=dominated, like=tuple(sorted(like))))

@@ -122,6 +122,13 @@ def _has_polynomial(law: EOS) -> bool:
     return law.style in TAIT and law.gamma == round(law.gamma) and 2 <= law.gamma <= 64
 
 
+def _series(law: EOS, low: float, high: float) -> Evaluate:
+    from lammps_cases.methods import series
+
+    coefficient_k = series.coefficients(law, max(abs(low / law.rho0 - 1), abs(high / law.rho0 - 1)))
+    return lambda rho_n, e_n: series.pressure(law, coefficient_k, rho_n)
+
+
 def _expm1(law: EOS, low: float, high: float) -> Evaluate:
     scale = law.cs**2 * law.rho0 / law.gamma
 
@@ -189,6 +196,9 @@ METHODS: tuple[LawMethod, ...] = (
     LawMethod("compiled, 2 threads", "both halves of the states at once", _two_threads, conditioning=0),
     LawMethod("numpy", "the reference's law in numpy: nothing to compile or load", _numpy, conditioning=0),
     LawMethod("expm1/log1p", "any gamma: expm1(gamma log1p(d)), no cancellation near rho0", _expm1, _is_tait),
+    LawMethod(
+        "series", "any gamma near rho0: binomial series in d, compiled, as many terms as needed", _series, _is_tait
+    ),
     LawMethod("polynomial", "whole gamma: binomial series in d = rho/rho0 - 1", _polynomial, _has_polynomial),
     LawMethod("textbook", "the formula as printed, numpy's power", _textbook, _has_textbook, 3),
     LawMethod("in LAMMPS' order", "LAMMPS' roundings, for the verdict exact", _as_lammps, conditioning=3),

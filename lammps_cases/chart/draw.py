@@ -43,25 +43,28 @@ def panel_figure(panel: Panel) -> Figure:
         regimes = panel.regimes
         columns = min(len(regimes), 3)
         rows = -(-len(regimes) // columns)
-        figure = Figure(figsize=(3.5 * columns + 1.9, 2.9 * rows + 0.5), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         marks = _marks(panel.points)
+        handles = _legend(panel, marks)
+        legend_columns = 1 if len(handles) <= 16 * rows else 2
+        figure = Figure(figsize=(3.5 * columns + 1.9 * legend_columns, 2.9 * rows + 0.5), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, regime in zip(axes, regimes, strict=False):
             _draw_regime(axis, panel, regime, marks)
         for axis in axes[len(regimes) :]:
             axis.set_visible(False)
         figure.supxlabel(f"ns per {panel.unit} (log)", fontsize=9)
         figure.supylabel("correct digits", fontsize=9)
-        figure.legend(handles=_legend(panel, marks), loc="outside right center", frameon=False, fontsize=8)
+        figure.legend(handles=handles, loc="outside right center", frameon=False, fontsize=8, ncols=legend_columns)
         return figure
 
 
 def _marks(points: Sequence[Point]) -> dict[str, tuple[str, str]]:
-    """Colour and shape of every method."""
+    """Colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
     methods = sorted({p.method for p in points if p.engine != LAMMPS})
     marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(methods)}
     theirs = sorted({p.method for p in points if p.engine == LAMMPS})
-    return marks | {m: (RED, ("*", "P", "X", "d", "p", "h")[k % 6]) for k, m in enumerate(theirs)}
+    own = {m: m.removeprefix(LAMMPS).strip(" ,") for m in theirs}
+    return marks | {m: (RED, marks[own[m]][1] if own[m] in marks else "*") for m in theirs}
 
 
 def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[str, str]]) -> None:
@@ -82,29 +85,34 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
         axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc=face, mew=1.2, ls="none")
     if panel.roofline_ns:
         axis.axvline(panel.roofline_ns, color=GREY, ls="--", lw=1)
-    _plain_log_axis(axis.xaxis)
     first = min(p.ns.low for p in panel.points)
     axis.set_xlim(0.6 * min(first, panel.roofline_ns or first), far)
+    _plain_log_axis(axis.xaxis)
     axis.set_ylim(floor, top)
     axis.set_title(regime)
 
 
 def _plain_log_axis(axis: Any) -> None:
-    """A logarithmic axis with few ticks, as plain numbers."""
+    """A logarithmic axis with few ticks, as plain numbers; its limits are set."""
+    low, high = axis.get_view_interval()
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
-    axis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0), numticks=5))
+    axis.set_major_locator(LogLocator(10.0, (1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=6))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
     on = {p.method for p in panel.points if not p.dominated_by}
+    stars = [method for method, (colour, shape) in marks.items() if colour == RED and shape == "*"]
     handles = []
     for method, (colour, shape) in marks.items():
-        face = colour if method in on or colour == RED else "white"
-        size = 10 if shape == "*" else 6
-        style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": size}
-        handles.append(Line2D([], [], label=method, **style))
+        if colour != RED or method in stars:
+            face = colour if method in on or colour == RED else "white"
+            size = 10 if shape == "*" else 6
+            style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": size}
+            handles.append(Line2D([], [], label=method, **style))
+    if len(stars) < sum(colour == RED for colour, _ in marks.values()):
+        handles.append(Line2D([], [], marker="o", ls="none", mec=RED, mfc=RED, ms=6, label="LAMMPS: same shape, red"))
     handles.append(Line2D([], [], color=BLUE, lw=1.2, alpha=0.6, label="frontier"))
     if panel.roofline_ns:
         handles.append(Line2D([], [], color=GREY, ls="--", lw=1, label="moving the arrays\n(memory bandwidth)"))
@@ -155,7 +163,8 @@ def map_figure(data: Map) -> Figure:
             digits = np.clip(-np.log10(np.array(data.value, float)), 0, DIGITS)
         logarithmic = min(data.x) > 0 and max(data.x) / min(data.x) > 50
         x = np.log10(data.x) if logarithmic else np.array(data.x)
-        mesh = axis.pcolormesh(x, data.y, digits, cmap="viridis", vmin=0, vmax=16, shading="nearest")
+        top = 16.0 if digits.max() > 8 else float(digits.max()) or 1.0
+        mesh = axis.pcolormesh(x, data.y, digits, cmap="viridis", vmin=0, vmax=top, shading="nearest")
         axis.grid(False)
         axis.set(xlabel=f"log10 {data.x_name}" if logarithmic else data.x_name, ylabel=data.y_name, title=data.title)
         figure.colorbar(mesh, ax=axis, label="correct digits")

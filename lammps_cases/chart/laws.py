@@ -146,7 +146,7 @@ def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing |
         return None
     low, high = (10**end for end in bracket)
     at = Interval(math.sqrt(low * high), low, high)
-    return Crossing(f"pressure of {name(law)}", (one.name, other.name), "|rho/rho0 - 1|", "worst error", at)
+    return Crossing(f"pressure of {name(law)}", (other.name, one.name), "|rho/rho0 - 1|", "smaller worst error", at)
 
 
 def bisected(holds: Callable[[float], bool], low: float, high: float, width: float) -> tuple[float, float] | None:

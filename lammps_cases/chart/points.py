@@ -56,7 +56,10 @@ class Point:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where two methods change places: at a value of a variable, known within an interval."""
+    """Where two methods change places: the better one below a value of a variable, the better one above, and in what.
+
+    The value is known within an interval.
+    """
 
     quantity: str
     methods: tuple[str, str]

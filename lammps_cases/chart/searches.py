@@ -83,7 +83,7 @@ def _crossing(one: SearchMethod, other: SearchMethod, low: int, high: int, below
         low, high = (middle, high) if answer == below else (low, middle)
     n = measure.Interval(float(low * high), float(low**2), float(high**2))
     first, second = (one.name, other.name) if below == "faster" else (other.name, one.name)
-    return Crossing("pairs closer than a cutoff", (first, second), "particles", "equal time; the first below", n)
+    return Crossing("pairs closer than a cutoff", (first, second), "particles", "less time", n)
 
 
 def _search_points(edge: int, quick: bool) -> tuple[Point, ...]:

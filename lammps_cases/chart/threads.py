@@ -78,7 +78,7 @@ def _second_pays(low: int, high: int, rounds: tuple[int, float]) -> Crossing:
             break
         low, high = (middle, high) if answer == "faster" else (low, middle)
     at = Interval(math.sqrt(low * high), low, high)
-    return Crossing("pressure", ("compiled", "compiled, 2 threads"), "states", "equal time; the first below", at)
+    return Crossing("pressure", ("compiled", "compiled, 2 threads"), "states", "less time", at)
 
 
 def _model_threads(quick: bool) -> Iterator[Panel]:

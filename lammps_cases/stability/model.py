@@ -36,7 +36,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True)
 class Axis:
-    """A parameter of a map: from ``low`` to ``high``, resolved to ``width`` (of its logarithm to base 10 if ``log``)."""
+    """A parameter: from ``low`` to ``high``, resolved to ``width`` (of its logarithm to base 10 if ``log``)."""
 
     name: str
     low: float

@@ -27,8 +27,10 @@ from lammps_cases.engine import Answer, Job
 from lammps_cases.engines import Engine, library_sha256
 from lammps_cases.evaluate import Arrays, blank_record, evaluate, evaluate_twin, first_step
 from lammps_cases.plan import plan
+from lammps_cases.predictions import Predictor, current
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
+from lammps_cases.store import Store
 from lammps_cases.twins import Twin
 from lammps_cases.workers import Failure, Workers, solve
 
@@ -78,8 +80,11 @@ def run_cases(
     strict: bool = False,
     part: str = "",
     progress: Progress | None = None,
+    store: Store | None = None,
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
+
+    With a store, predictions of the reference are taken from there and kept there.
 
     Raises
     ------
@@ -106,7 +111,8 @@ def run_cases(
                 outcomes.append(outcome)
             # The particle model takes the reference longer than LAMMPS: it is judged by the workers too.
             apart = ready.case.scene.whole_model and all(isinstance(each, Answer) for each in outcomes)
-            judged.append(workers.call(judge, ready, outcomes, answering, time_limit=JUDGING) if apart else outcomes)
+            given = (judge, ready, outcomes, answering, store)
+            judged.append(workers.call(*given, time_limit=JUDGING) if apart else outcomes)
         for (ready, _), verdict in zip(queue, judged, strict=True):
             record, arrays = _judged(workers, ready, verdict, answering)
             if arrays:
@@ -123,32 +129,37 @@ def run_cases(
         run.notes = gone(run.cases)
         run.seconds = round(time.perf_counter() - begin, 3)
         write_run(run.counted(), folder)
+    if store and run.predictions.computed:
+        store.trim()
     return run
 
 
-def judge(site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord) -> tuple[CaseRecord, Arrays]:
+def judge(
+    site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
+) -> tuple[CaseRecord, Arrays]:
     """Task: judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
     outcome = outcomes[0]
+    predictor = Predictor(store if store and current(store) else None)
     try:
         if ready.twin is not None:
-            return evaluate_twin(ready.case, ready.twin, outcomes, engine)
-        record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
+            return evaluate_twin(ready.case, ready.twin, outcomes, engine, predictor)
+        record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
     if record.verdict == "differs" and arrays and ready.case.scene.whole_model:
         with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for the first step
-            record.message = _first_step(site, ready, engine.distribution) or record.message
+            record.message = _first_step(site, ready, engine.distribution, predictor) or record.message
     return record, arrays
 
 
-def _first_step(site: str | None, ready: Prepared, engine: str) -> str:
+def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> str:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
         return ""
     told = job(scene, ready.atoms, plan(scene), every_step=True)
-    return first_step(ready.case, ready.atoms, solve(site, told), engine)
+    return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
 
 
 def _judged(

@@ -18,9 +18,9 @@ from eos_ref.quantities import PART_OF
 from lammps_cases.atoms import seed
 from lammps_cases.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.ledger import Entry, shown_by
-from lammps_cases.model_mutants import unseen_in_model
+from lammps_cases.predictions import Predictor
 from lammps_cases.records import StepRecord, Verdict, worst
-from lammps_cases.trajectory import Particles, Prediction, precise_setup, predict
+from lammps_cases.trajectory import Fields, Particles, Prediction
 from lammps_cases.variants import Snapshot, Variant, combined
 
 # In the order in which a step computes them; after the first step the state comes out at the end.
@@ -86,30 +86,31 @@ class Blame:
     message: str
 
 
-def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> Judged:
+def judge(
+    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> Judged:
     """Compare all fields at all steps, and explain what is outside by the ledger."""
     random = seed(f"{name}/moved runs")
-    prediction = predict(scene, seed=random)
+    prediction = predictor.predict(scene, seed=random)
     table = compare_all(scene, id_n, snapshots, prediction)
     listed = shown_by(scene, engine)
     first = first_outside(scene, table, id_n)
-    entries = explain(scene, id_n, snapshots, listed, prediction, random) if first else []
+    entries = explain(scene, id_n, snapshots, listed, prediction, random, predictor) if first else []
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = ", ".join(entry.id for entry in entries)
     others = [entry for entry in listed if entry not in entries] if entries or not first else []
-    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, random)]
+    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, random, predictor)]
     comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
     if scene.steps[0] == 0:
-        _add_digits_lost(scene, table, comparisons)
-    lint = unseen_in_model(scene, prediction) if scene.steps[0] == 0 else []
+        _add_digits_lost(predictor.precise(scene), table, comparisons)
+    lint = predictor.unseen(scene, random) if scene.steps[0] == 0 else []
     return Judged(comparisons, entries, unseen, first, lint)
 
 
-def _add_digits_lost(scene: Particles, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
+def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
     """Digits that each side loses in the first evaluation; not LAMMPS' where it evaluates another formula."""
-    precise = precise_setup(scene)
     for comparison in comparisons:
         first = table[comparison.record.field][0]
         exact = precise[comparison.record.field]
@@ -127,20 +128,24 @@ def digits(values: FloatArray, exact: Any) -> float:
     return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
 
 
-def blame(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> str:
+def blame(
+    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> str:
     """The first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
     random = seed(f"{name}/moved runs")
-    first = first_outside(scene, compare_all(scene, id_n, snapshots, predict(scene, seed=random)), id_n)
-    return first.message + beyond(scene, id_n, snapshots, engine, random) if first else ""
+    first = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, seed=random)), id_n)
+    return first.message + beyond(scene, id_n, snapshots, engine, random, predictor) if first else ""
 
 
-def beyond(scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int) -> str:
+def beyond(
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
+) -> str:
     """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
     listed = shown_by(scene, engine)
     made = combined([entry.particles for entry in listed if entry.particles], scene, snapshots[0])
     if not listed or made is None:
         return ""
-    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predict(scene, *made, random)), id_n)
+    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, made, random)), id_n)
     return f"; beyond {', '.join(entry.id for entry in listed)}: {rest.message}" if rest else ""
 
 
@@ -231,13 +236,18 @@ def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
 
 
 def would_show(
-    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, random: int
+    scene: Particles,
+    entry: Entry,
+    snapshots: Sequence[Snapshot],
+    prediction: Prediction,
+    random: int,
+    predictor: Predictor,
 ) -> bool:
     """Whether a finding takes some field of a scene out of the reference's bound."""
     made = combined([entry.particles] if entry.particles else [], scene, snapshots[0])
     if made is None:
         return False
-    shown = predict(scene, *made, random)
+    shown = predictor.predict(scene, made, random)
     for fields, reference, bounds in zip(shown.fields, prediction.fields, prediction.bounds, strict=True):
         for field in scene.fields:
             shown_n, own_n = np.asarray(fields[field], float), np.asarray(reference[field], float)
@@ -253,12 +263,13 @@ def explain(
     listed: Sequence[Entry],
     reference: Prediction,
     random: int,
+    predictor: Predictor,
 ) -> list[Entry]:
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
     def inside(entries: Sequence[Entry]) -> bool:
         variants = [entry.particles for entry in entries if entry.particles]
-        return bool(variants) and reproduced(scene, id_n, snapshots, variants, reference, random)
+        return bool(variants) and reproduced(scene, id_n, snapshots, variants, reference, random, predictor)
 
     needed = list(listed)
     if not inside(needed):
@@ -277,12 +288,13 @@ def reproduced(
     variants: Sequence[Variant],
     reference: Prediction,
     random: int,
+    predictor: Predictor,
 ) -> bool:
     """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
     made = combined(variants, scene, snapshots[0])
     if made is None:
         return False
-    prediction = predict(scene, *made, random)
+    prediction = predictor.predict(scene, made, random)
     undefined = any(variant.undefined for variant in variants)
     for field, comparisons in compare_all(scene, id_n, snapshots, prediction).items():
         for at, c in enumerate(comparisons):

@@ -192,6 +192,8 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "command", run.command
     yield "date", run.date
     yield "wall time", f"{run.seconds:.2f} s"
+    if run.predictions.stored:
+        yield "predictions", f"{run.predictions}, with the bits of computed ones (--fresh computes them anew)"
     yield "strict", "yes: explained differences are not accepted" if run.strict else "no"
     for part in ("engine", "reference", "machine"):
         values = getattr(run, part)

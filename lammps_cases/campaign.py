@@ -11,12 +11,11 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, TYPE_CHECKING
 
 from eos_ref import EOSTable, InputError
 from lammps_cases import reference, twins
@@ -25,14 +24,17 @@ from lammps_cases.casefile import Case
 from lammps_cases.commands import job
 from lammps_cases.engine import Answer, Job
 from lammps_cases.engines import Engine, library_sha256
-from lammps_cases.evaluate import Arrays, blank_record, evaluate, evaluate_twin, first_step
 from lammps_cases.plan import plan
-from lammps_cases.predictions import Predictor, current
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
 from lammps_cases.store import Store
 from lammps_cases.twins import Twin
 from lammps_cases.workers import Failure, Workers, solve
+
+if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner without
+    from lammps_cases.evaluate import Arrays
+    from lammps_cases.predictions import Predictor
+    from lammps_cases.report.drawn import Drawn
 
 JUDGING = 1800.0  # seconds that judging a case may take
 Progress = Callable[[CaseRecord, int, int], None]
@@ -102,21 +104,18 @@ def run_cases(
             queue.append((ready, [workers.submit(told, case.scene.engine.time_limit) for told in ready.jobs]))
         who = workers.outcome(identity)
         answering = engine_record(engine, {} if isinstance(who, Failure) else who)
-        records: list[CaseRecord] = []
-        judged: list[Outcomes | Future[Any]] = []
+        judged = []
         for ready, futures in queue:
             outcomes: Outcomes = []
             for future in futures:
                 outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
                 outcomes.append(outcome)
-            # The particle model takes the reference longer than LAMMPS: it is judged by the workers too.
-            apart = ready.case.scene.whole_model and all(isinstance(each, Answer) for each in outcomes)
-            given = (judge, ready, outcomes, answering, store)
-            judged.append(workers.call(*given, time_limit=JUDGING) if apart else outcomes)
+            judged.append(workers.call(report, folder, ready, outcomes, answering, store, time_limit=JUDGING))
+        records: list[CaseRecord] = []
+        known: dict[str, Drawn] = {}
         for (ready, _), verdict in zip(queue, judged, strict=True):
-            record, arrays = _judged(workers, ready, verdict, answering)
-            if arrays:
-                write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+            found = workers.outcome(verdict, JUDGING)
+            record, known[ready.case.name] = _lost(ready, found, answering) if isinstance(found, Failure) else found
             records.append(record)
             if progress:
                 progress(record, len(records), len(queue))
@@ -128,16 +127,31 @@ def run_cases(
         run.cases = sorted(records, key=lambda record: record.case)
         run.notes = gone(run.cases)
         run.seconds = round(time.perf_counter() - begin, 3)
-        write_run(run.counted(), folder)
+        write_run(run.counted(), folder, known)
     if store and run.predictions.computed:
         store.trim()
     return run
 
 
+def report(
+    site: str | None, folder: Path, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None
+) -> tuple[CaseRecord, Drawn]:
+    """Task: judge a case, write its arrays into the folder of the report, and take from them what the page shows."""
+    from lammps_cases.report.drawn import drawn
+
+    record, arrays = judge(site, ready, outcomes, engine, store)
+    if arrays:
+        write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+    return record, drawn(record, arrays)
+
+
 def judge(
     site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
 ) -> tuple[CaseRecord, Arrays]:
-    """Task: judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+    """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+    from lammps_cases.evaluate import blank_record, evaluate, evaluate_twin
+    from lammps_cases.predictions import Predictor, current
+
     outcome = outcomes[0]
     predictor = Predictor(store if store and current(store) else None)
     try:
@@ -158,21 +172,20 @@ def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predi
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
         return ""
+    from lammps_cases.evaluate import first_step
+
     told = job(scene, ready.atoms, plan(scene), every_step=True)
     return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
 
 
-def _judged(
-    workers: Workers, ready: Prepared, outcomes: Outcomes | Future[Any], engine: EngineRecord
-) -> tuple[CaseRecord, Arrays]:
-    if not isinstance(outcomes, Future):
-        return judge(None, ready, outcomes, engine)
-    found = workers.outcome(outcomes, JUDGING)
-    if not isinstance(found, Failure):
-        return cast("tuple[CaseRecord, Arrays]", found)
+def _lost(ready: Prepared, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
+    """The record of a case that was not judged."""
+    from lammps_cases.evaluate import blank_record
+    from lammps_cases.report.drawn import Drawn
+
     record = blank_record(ready.case, ready.eos, ready.atoms, engine)
-    record.verdict, record.message = "error", f"judging failed: {found.message}"
-    return record, {}
+    record.verdict, record.message = "error", f"judging failed: {failure.message}"
+    return record, Drawn()
 
 
 def gone(cases: Sequence[CaseRecord]) -> list[str]:
@@ -213,12 +226,12 @@ def provenance(engine: EngineRecord, command: str) -> RunRecord:
     )
 
 
-def write_run(run: RunRecord, folder: Path) -> None:
-    """Write run.json and the reports made from it."""
+def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = None) -> None:
+    """Write run.json and the reports made from it; ``known`` as in `lammps_cases.report.write_report`."""
     from lammps_cases.report import write_report
 
     write_atomically(folder / "run.json", run.to_json())
-    write_report(run, folder)
+    write_report(run, folder, known=known)
 
 
 @contextmanager

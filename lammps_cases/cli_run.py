@@ -44,7 +44,7 @@ def run_command(
     """
     from lammps_cases import prefork
 
-    prefork.context()
+    prefork.context("lammps_cases.evaluate", "lammps_cases.report.drawn")
     from lammps_cases import campaign, casefile, engines, predictions
 
     chosen = casefile.select(casefile.load(paths), names, tag)

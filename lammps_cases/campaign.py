@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import importlib
 import itertools
 import os
 import platform
@@ -102,6 +103,7 @@ def run_cases(
         for case in sorted(cases, key=_last):
             ready = prepare(case)
             queue.append((ready, [workers.submit(told, case.scene.engine.time_limit) for told in ready.jobs]))
+        importlib.import_module("lammps_cases.report.page")  # while LAMMPS works
         who = workers.outcome(identity)
         answering = engine_record(engine, {} if isinstance(who, Failure) else who)
         judged = []
@@ -150,7 +152,8 @@ def judge(
 ) -> tuple[CaseRecord, Arrays]:
     """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
     from lammps_cases.evaluate import blank_record, evaluate, evaluate_twin
-    from lammps_cases.predictions import Predictor, current
+    from lammps_cases.keys import current
+    from lammps_cases.predictions import Predictor
 
     outcome = outcomes[0]
     predictor = Predictor(store if store and current(store) else None)

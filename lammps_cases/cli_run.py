@@ -45,7 +45,7 @@ def run_command(
     from lammps_cases import prefork
 
     prefork.context("lammps_cases.evaluate", "lammps_cases.report.drawn")
-    from lammps_cases import campaign, casefile, engines, predictions
+    from lammps_cases import campaign, casefile, engines, keys
 
     chosen = casefile.select(casefile.load(paths), names, tag)
     if shard:
@@ -64,7 +64,7 @@ def run_command(
             strict,
             shard or "",
             progress,
-            predictions.open_store(fresh),
+            keys.open_store(fresh),
         )
     return finish(run, out, as_json)
 

@@ -321,7 +321,7 @@ def _explain_twin(
         own = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
         if particles.first_outside(side.scene, own, id_n):
             listed = shown_by(side.scene, engine)
-            given = (side.scene, id_n, side.snapshots, listed, side.prediction, side.random, predictor)
+            given = (side.scene, side.snapshots, listed, side.prediction, side.random, predictor)
             found = particles.explain(*given)
             if not found:
                 return

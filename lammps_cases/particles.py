@@ -6,6 +6,7 @@ have to be inside their bounds on every atom, at every step, in every field.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -95,7 +96,7 @@ def judge(
     table = compare_all(scene, id_n, snapshots, prediction)
     listed = shown_by(scene, engine)
     first = first_outside(scene, table, id_n)
-    entries = explain(scene, id_n, snapshots, listed, prediction, random, predictor) if first else []
+    entries = explain(scene, snapshots, listed, prediction, random, predictor) if first else []
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
@@ -156,14 +157,20 @@ def compare_all(
     table: dict[str, list[Comparison]] = {field: [] for field in scene.fields}
     for at, step in enumerate(scene.steps):
         for field in scene.fields:
-            lammps_n = np.asarray(snapshots[at][field], float)
-            reference_n = np.asarray(prediction.fields[at][field], float)
-            if field == "x":
-                lammps_n = nearest_image(scene, lammps_n, reference_n)
-            bound_n = np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
-            comparison = compare_field(field, stage(field), id_n, lammps_n, reference_n, bound_n, None, derived(step))
-            table[field].append(comparison)
+            sides = _sides(scene, field, snapshots[at], prediction, at)
+            table[field].append(compare_field(field, stage(field), id_n, *sides, None, derived(step)))
     return table
+
+
+def _sides(
+    scene: Particles, field: str, snapshot: Snapshot, prediction: Prediction, at: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A field of LAMMPS, of the reference, and its bound, at one of the steps."""
+    lammps_n = np.asarray(snapshot[field], float)
+    reference_n = np.asarray(prediction.fields[at][field], float)
+    if field == "x":
+        lammps_n = nearest_image(scene, lammps_n, reference_n)
+    return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
 
 
 def derived(step: int) -> str:
@@ -258,7 +265,6 @@ def would_show(
 
 def explain(
     scene: Particles,
-    id_n: Any,
     snapshots: Sequence[Snapshot],
     listed: Sequence[Entry],
     reference: Prediction,
@@ -269,7 +275,7 @@ def explain(
 
     def inside(entries: Sequence[Entry]) -> bool:
         variants = [entry.particles for entry in entries if entry.particles]
-        return bool(variants) and reproduced(scene, id_n, snapshots, variants, reference, random, predictor)
+        return bool(variants) and reproduced(scene, snapshots, variants, reference, random, predictor)
 
     needed = list(listed)
     if not inside(needed):
@@ -283,7 +289,6 @@ def explain(
 
 def reproduced(
     scene: Particles,
-    id_n: Any,
     snapshots: Sequence[Snapshot],
     variants: Sequence[Variant],
     reference: Prediction,
@@ -296,19 +301,20 @@ def reproduced(
         return False
     prediction = predictor.predict(scene, made, random)
     undefined = any(variant.undefined for variant in variants)
-    for field, comparisons in compare_all(scene, id_n, snapshots, prediction).items():
-        for at, c in enumerate(comparisons):
-            own_n = np.broadcast_to(reference.bounds[at][field], c.bound_n.shape)
-            if c.record.verdict not in ("exact", "pass") and not (undefined and _defined_part_inside(c, own_n)):
+    for at, field in itertools.product(range(len(scene.steps)), scene.fields):
+        sides = _sides(scene, field, snapshots[at], prediction, at)
+        if not np.all(excess(*sides)[1] <= 1):
+            own_n = np.broadcast_to(reference.bounds[at][field], sides[2].shape)
+            if not (undefined and _defined_part_inside(*sides, own_n)):
                 return False
     return True
 
 
-def _defined_part_inside(comparison: Comparison, own_n: FloatArray) -> bool:
+def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
     """Whether all values that have a bound are inside it.
 
     Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
     """
-    defined = np.isfinite(comparison.bound_n) | ~np.isfinite(own_n)
-    sides = (comparison.lammps_n[defined], comparison.reference_n[defined], comparison.bound_n[defined])
-    return bool(defined.any()) and bool(np.all(excess(*sides)[1] <= 1))
+    defined = np.isfinite(bound_n) | ~np.isfinite(own_n)
+    ratio = excess(lammps_n[defined], reference_n[defined], bound_n[defined])[1]
+    return bool(defined.any()) and bool(np.all(ratio <= 1))

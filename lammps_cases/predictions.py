@@ -1,146 +1,27 @@
 """What the reference predicts for a scene, computed once: within a case, and from run to run.
 
 A prediction follows from the problem (model, box, particles, time step, fields, steps), the variant, the seed of the
-moved runs, the source of the reference, and the machine and libraries that round. All of it is in the key under which
-a prediction is kept (`lammps_cases.store`), to the last bit: nothing else decides whether one is found again.
+moved runs, and what `lammps_cases.keys` adds to that: nothing else decides whether one is found again.
 """
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import os
-import platform
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from eos_ref.plain import Plain
 from eos_ref.steps import Simulation
+from lammps_cases.keys import Unnamed, fingerprint
 from lammps_cases.model_mutants import unseen_in_model
-from lammps_cases.store import Store, store_folder
+from lammps_cases.store import Store
 from lammps_cases.trajectory import Fields, Particles, Prediction, precise_setup, predict, visit, wanted
 
 Made = tuple[type[Plain], type[Simulation]]  # the stages and the stepping of a variant
 Arrays = dict[str, npt.NDArray[Any]]
-# The modules of this package that predictions go through; with them all of eos_ref. A test follows the imports.
-SOURCES = ("compare", "model_mutants", "order", "predictions", "records", "store", "trajectory", "variants")
-LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy", "vesin")
-SWITCHES = ("GLIBC_TUNABLES", "NPY_", "NUMBA_", "OPENBLAS_")  # environment variables that may change how code rounds
-
-
-class Unnamed(TypeError):
-    """Something that a key cannot name: its source is not part of the context."""
-
-
-class Digest(Protocol):
-    """What hashlib gives."""
-
-    def update(self, data: bytes, /) -> None:
-        """Take in bytes."""
-
-
-# --- keys
-
-
-def fingerprint(*parts: object) -> str:
-    """SHA-256 of values, arrays and dataclasses, to the last bit.
-
-    Raises
-    ------
-    Unnamed
-        A value of any other kind, or a class that is not of the reference.
-    """
-    digest = hashlib.sha256()
-    _feed(digest, parts)
-    return digest.hexdigest()
-
-
-def _feed(digest: Digest, part: Any) -> None:
-    if isinstance(part, np.ndarray) and not part.dtype.hasobject:
-        digest.update(f"array {part.dtype.str} {part.shape};".encode())
-        digest.update(np.ascontiguousarray(part).tobytes())
-    elif isinstance(part, float):
-        digest.update(f"float {float(part).hex()};".encode())  # numpy's float64 is one
-    elif isinstance(part, np.generic):
-        _feed(digest, part.item())
-    elif part is None or isinstance(part, bool | int | str):
-        digest.update(f"{type(part).__name__} {part!r};".encode())
-    elif isinstance(part, tuple | list):
-        digest.update(f"sequence {len(part)};".encode())
-        for each in part:
-            _feed(digest, each)
-    elif isinstance(part, type):
-        for base in part.__mro__[:-1]:
-            _feed(digest, _named(base))
-    elif is_dataclass(part):
-        _feed(digest, type(part).__qualname__)
-        for each in fields(part):
-            _feed(digest, (each.name, getattr(part, each.name)))
-    else:
-        raise Unnamed(f"no key can hold a {type(part).__name__}")
-
-
-def _named(cls: type) -> tuple[object, ...]:
-    """Module, name and settings of a class whose source the context holds; of no other."""
-    package, _, module = cls.__module__.partition(".")
-    if (package != "eos_ref" and (package != "lammps_cases" or module not in SOURCES)) or "<" in cls.__qualname__:
-        raise Unnamed(f"{cls.__module__}.{cls.__qualname__} is not part of the reference")
-    plain = {k: v for k, v in vars(cls).items() if isinstance(v, bool | int | float | str | tuple) and k[:2] != "__"}
-    return (cls.__module__, cls.__qualname__, *sorted(plain.items()))
-
-
-def context(root: Path = Path(__file__).parents[1]) -> str:
-    """SHA-256 of what every prediction depends on: sources, libraries, processor, switches."""
-    digest = hashlib.sha256()
-    package = root / "lammps_cases"
-    for path in [*sorted((root / "eos_ref").rglob("*.py")), *(package / f"{name}.py" for name in SOURCES)]:
-        source = path.read_bytes()
-        _feed(digest, (path.relative_to(root).as_posix(), len(source)))
-        digest.update(source)
-    _feed(digest, (platform.python_version(), platform.machine(), _processor(), *map(_version, LIBRARIES)))
-    _feed(digest, sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(SWITCHES)))
-    return digest.hexdigest()
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return ""
-
-
-def _processor() -> str:
-    """The processor as far as it decides which instructions are used, and the C library with its functions."""
-    simd: Any = np.show_config(mode="dicts")
-    used = str(simd["SIMD Extensions"])
-    model = ""
-    try:
-        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as lines:
-            model = next((line for line in lines if line.startswith("model name")), "")
-        libc = os.confstr("CS_GNU_LIBC_VERSION") or ""
-    except (OSError, ValueError):
-        libc = ""
-    return " ".join((used, model.strip(), libc))
-
-
-def open_store(fresh: bool = False) -> Store:
-    """The user's store, for the reference as it is."""
-    return Store(store_folder(), context(), fresh)
-
-
-@functools.cache
-def current(store: Store) -> bool:
-    """Whether a store's context is that of this process: sources may have changed since the store was opened."""
-    return store.context == context()
-
-
-# --- predictions
 
 
 @dataclass
@@ -157,6 +38,7 @@ class Predictor:
     computed: int = 0
     stored: int = 0
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
+    _named: list[tuple[Particles, str]] = field(default_factory=list, repr=False)
 
     def predict(self, scene: Particles, made: Made | None = None, seed: int = 0) -> Prediction:
         """Fields with bounds, of the reference or of a variant; see `lammps_cases.trajectory.predict`."""
@@ -166,7 +48,7 @@ class Predictor:
             found = predict(scene, stages, stepping, seed)
             return _rows("value", found.fields) | _rows("bound", found.bounds)
 
-        arrays = self._recall(("prediction", scene, made, seed), compute)
+        arrays = self._recall(("prediction", self._name(scene), made, seed), compute)
         return Prediction(*(tuple(_columns(of, scene, arrays)) for of in ("value", "bound")))
 
     def values(self, scene: Particles, made: Made) -> list[Fields]:
@@ -178,11 +60,15 @@ class Predictor:
             visited = visit(sim, scene.steps, scene.timestep)
             return _rows("value", [{f: np.array(sim.output(f)) for f in scene.fields} for _ in visited])
 
-        return _columns("value", scene, self._recall(("values", scene, made), compute))
+        return _columns("value", scene, self._recall(("values", self._name(scene), made), compute))
 
     def precise(self, scene: Particles) -> Fields:
         """Fields of the first evaluation in extended precision."""
-        return self._recall(("precise", scene), lambda: {f: np.asarray(x) for f, x in precise_setup(scene).items()})
+
+        def compute() -> Arrays:
+            return {f: np.asarray(x) for f, x in precise_setup(scene).items()}
+
+        return self._recall(("precise", self._name(scene)), compute)
 
     def unseen(self, scene: Particles, seed: int) -> list[str]:
         """Mistakes that a scene cannot tell apart; see `lammps_cases.model_mutants`."""
@@ -190,8 +76,16 @@ class Predictor:
         def compute() -> Arrays:
             return {"names": np.array(unseen_in_model(scene, self.predict(scene, seed=seed)), dtype=str)}
 
-        names: list[str] = self._recall(("unseen", scene, seed), compute)["names"].tolist()
+        names: list[str] = self._recall(("unseen", self._name(scene), seed), compute)["names"].tolist()
         return names
+
+    def _name(self, scene: Particles) -> str:
+        """The fingerprint of a scene, taken once."""
+        for known, name in self._named:
+            if known is scene:
+                return name
+        self._named.append((scene, fingerprint(scene)))
+        return self._named[-1][1]
 
     def _recall(self, what: tuple[object, ...], compute: Callable[[], Arrays]) -> Arrays:
         try:

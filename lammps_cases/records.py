@@ -62,7 +62,7 @@ class FieldRecord(_Record):
     outside: int = Field(0, description="number of atoms outside the bound")
     first_id: int | None = Field(None, description="lowest id outside the bound")
     atom_type: int | None = Field(None, description="only atoms of this type (audit)")
-    digits_lost: DigitsLost = DigitsLost()
+    digits_lost: DigitsLost = Field(default_factory=DigitsLost)  # pydantic would copy a default for every record
     explained_by: str | None = Field(None, description="ids of the ledger entries whose variants are inside the bound")
     steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
 

@@ -18,15 +18,16 @@ from tests_support import Outcome
 
 from eos_ref.plain import Plain
 from eos_ref.steps import Simulation
-from lammps_cases import campaign, casefile, predictions, store
+from lammps_cases import campaign, casefile, keys, store
 from lammps_cases.evaluate import particles_of
-from lammps_cases.predictions import Predictor, Unnamed, fingerprint
+from lammps_cases.keys import Unnamed, fingerprint
+from lammps_cases.predictions import Predictor
 from lammps_cases.store import Store
 from lammps_cases.trajectory import Particles, Prediction
 from lammps_cases.variants import ForcePerVolume, HeatOverDensity, NormalOfLastPair
 
 Run = Callable[..., Outcome]
-ROOT = Path(predictions.__file__).parents[1]
+ROOT = Path(keys.__file__).parents[1]
 
 
 def _scene(name: str = "thermal.latent.2d") -> Particles:
@@ -83,18 +84,18 @@ def test_any_change_of_the_problem_is_another_key(name: str) -> None:
     leaves = _leaves(scene)
     assert ("state", "x_nc") in leaves
     assert ("model", "eos", "laws", "0", "cs") in leaves
-    keys = {fingerprint(_nudged(scene, leaf)) for leaf in leaves}
-    assert len(keys | {fingerprint(scene)}) == len(leaves) + 1
+    found = {fingerprint(_nudged(scene, leaf)) for leaf in leaves}
+    assert len(found | {fingerprint(scene)}) == len(leaves) + 1
 
 
 def test_every_element_counts(scene: Particles) -> None:
     x_nc = scene.state.x_nc.copy()
-    keys = {fingerprint(x_nc)}
+    found = {fingerprint(x_nc)}
     for at in np.ndindex(x_nc.shape):
         moved_nc = x_nc.copy()
         moved_nc[at] = np.nextafter(moved_nc[at], np.inf)
-        keys.add(fingerprint(moved_nc))
-    assert len(keys) == x_nc.size + 1
+        found.add(fingerprint(moved_nc))
+    assert len(found) == x_nc.size + 1
     assert (
         len({fingerprint(x) for x in (0.0, -0.0, 0, False, None, "", (), ((),), np.zeros(1), np.zeros((1, 1)))}) == 10
     )
@@ -129,30 +130,28 @@ def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch:
     copied = ("eos_ref", "lammps_cases")
     for package in copied:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "cases"))
-    assert predictions.context(tmp_path) == predictions.context()
-    hashed = [*(tmp_path / "eos_ref").rglob("*.py"), *(tmp_path / f"lammps_cases/{n}.py" for n in predictions.SOURCES)]
+    assert keys.context(tmp_path) == keys.context()
+    hashed = [*(tmp_path / "eos_ref").rglob("*.py"), *(tmp_path / f"lammps_cases/{n}.py" for n in keys.SOURCES)]
     assert len(hashed) > 30
     for path in hashed:
         source = path.read_bytes()
         path.write_bytes(source[:-1] + b" ")
-        assert predictions.context(tmp_path) != predictions.context(), path.name
+        assert keys.context(tmp_path) != keys.context(), path.name
         path.write_bytes(source)
     (tmp_path / "eos_ref" / "new.py").write_text("")
-    assert predictions.context(tmp_path) != predictions.context()
-    before = predictions.context()
+    assert keys.context(tmp_path) != keys.context()
+    before = keys.context()
     monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2")
-    assert predictions.context() != before
+    assert keys.context() != before
 
 
-@pytest.mark.parametrize(
-    ("where", "name"), [(predictions, "_version"), (np, "show_config"), (platform, "python_version")]
-)
+@pytest.mark.parametrize(("where", "name"), [(keys, "_version"), (np, "show_config"), (platform, "python_version")])
 def test_libraries_and_processor_are_part_of_the_context(
     where: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = predictions.context()
+    before = keys.context()
     monkeypatch.setattr(where, name, lambda *of, **options: {"SIMD Extensions": "another"} if options else "another")
-    assert predictions.context() != before
+    assert keys.context() != before
 
 
 def _imported(name: str) -> set[str]:
@@ -173,7 +172,7 @@ def test_the_context_holds_every_module_that_predictions_go_through() -> None:
         name = left.pop()
         seen.add(name)
         left |= _imported(name) - seen
-    assert seen == set(predictions.SOURCES)
+    assert seen == set(keys.SOURCES)
 
 
 def _bits(prediction: Prediction) -> list[bytes]:
@@ -230,8 +229,8 @@ def test_context_and_fresh_hide_what_is_there(scene: Particles, tmp_path: Path) 
         predictor = Predictor(kept)
         predictor.predict(scene)
         assert (predictor.computed, predictor.stored) == (1, 0)
-    assert predictions.current(predictions.open_store())
-    assert not predictions.current(Store(tmp_path, "sources of another time"))
+    assert keys.current(keys.open_store())
+    assert not keys.current(Store(tmp_path, "sources of another time"))
 
 
 def test_folder_that_cannot_be_written_costs_no_result(scene: Particles, tmp_path: Path) -> None:

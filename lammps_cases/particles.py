@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -102,7 +102,7 @@ def judge(
             comparison.record.verdict = "explained"
             comparison.record.explained_by = ", ".join(entry.id for entry in entries)
     others = [entry for entry in listed if entry not in entries] if entries or not first else []
-    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, random, predictor)]
+    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, predictor)]
     comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
     if scene.steps[0] == 0:
         _add_digits_lost(predictor.precise(scene), table, comparisons)
@@ -243,19 +243,14 @@ def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
 
 
 def would_show(
-    scene: Particles,
-    entry: Entry,
-    snapshots: Sequence[Snapshot],
-    prediction: Prediction,
-    random: int,
-    predictor: Predictor,
+    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, predictor: Predictor
 ) -> bool:
     """Whether a finding takes some field of a scene out of the reference's bound."""
     made = combined([entry.particles] if entry.particles else [], scene, snapshots[0])
     if made is None:
         return False
-    shown = predictor.predict(scene, made, random)
-    for fields, reference, bounds in zip(shown.fields, prediction.fields, prediction.bounds, strict=True):
+    shown = predictor.values(scene, made)
+    for fields, reference, bounds in zip(shown, prediction.fields, prediction.bounds, strict=True):
         for field in scene.fields:
             shown_n, own_n = np.asarray(fields[field], float), np.asarray(reference[field], float)
             if np.any(excess(shown_n, own_n, np.broadcast_to(bounds[field], own_n.shape))[1] > 1):
@@ -273,16 +268,17 @@ def explain(
 ) -> list[Entry]:
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
-    def inside(entries: Sequence[Entry]) -> bool:
+    def inside(entries: Sequence[Entry], of: Particles = scene) -> bool:
         variants = [entry.particles for entry in entries if entry.particles]
-        return bool(variants) and reproduced(scene, snapshots, variants, reference, random, predictor)
+        return bool(variants) and reproduced(of, snapshots, variants, reference, random, predictor)
 
     needed = list(listed)
     if not inside(needed):
         return []
+    first = replace(scene, steps=scene.steps[:1])  # most findings show in the first evaluation, without moved runs
     for entry in listed:
         fewer = [other for other in needed if other is not entry]
-        if inside(fewer):
+        if (scene.steps[0] or inside(fewer, first)) and inside(fewer):
             needed = fewer
     return needed
 

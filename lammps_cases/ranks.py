@@ -1,6 +1,6 @@
 """Jobs on several MPI ranks: mpiexec starts this module on each, each leaves its own atoms, `solve` joins them.
 
-``python -m lammps_cases.ranks FOLDER PARENT SITE`` is what a rank runs, job after job. LAMMPS initialises MPI itself,
+``python -m lammps_cases.ranks FOLDER SITE PARENT`` is what a rank runs, job after job. LAMMPS initialises MPI itself,
 and files carry the jobs and what the ranks found, so that nothing here needs an MPI of its own.
 """
 
@@ -47,7 +47,7 @@ class Ranks:
         self._place = Path(self._folder.name)
         # This package may lie beside the current folder, as in a checkout.
         paths = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
-        program = [sys.executable, "-m", "lammps_cases.ranks", self._folder.name, str(os.getpid()), site or ""]
+        program = [sys.executable, "-m", "lammps_cases.ranks", self._folder.name, site or "", str(os.getpid())]
         with (self._place / "words").open("wb") as words:
             self._process = subprocess.Popen(
                 [str(mpiexec(site)), "-launcher", "fork", "-n", str(count), *program],
@@ -75,6 +75,12 @@ class Ranks:
             raise EngineCrashed(_last_words(self._place / "words", self._process.wait()))
         return _joined(found)
 
+    def end(self) -> None:
+        """Stop the processes."""
+        self._process.terminate()
+        self._process.wait()
+        self._folder.cleanup()
+
 
 @functools.cache
 def _living(site: str | None, count: int) -> Ranks:
@@ -92,9 +98,11 @@ def solve(site: str | None, job: Job) -> Answer:
     EngineCrashed
         A rank died without a word of LAMMPS.
     """
+    living = _living(site, job.ranks)
     try:
-        return _living(site, job.ranks).run(job)
+        return living.run(job)
     except Exception:
+        living.end()
         _living.cache_clear()
         raise
 
@@ -145,5 +153,5 @@ def _rank(folder: Path, site: str | None) -> None:
 
 
 if __name__ == "__main__":
-    threading.Thread(target=die_with, args=(int(sys.argv[2]),), daemon=True).start()
-    _rank(Path(sys.argv[1]), sys.argv[3] or None)
+    threading.Thread(target=die_with, args=(int(sys.argv[3]),), daemon=True).start()
+    _rank(Path(sys.argv[1]), sys.argv[2] or None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import importlib
 import itertools
 import os
 import platform
@@ -11,12 +12,11 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, TYPE_CHECKING
 
 from eos_ref import EOSTable, InputError
 from lammps_cases import reference, twins
@@ -25,12 +25,17 @@ from lammps_cases.casefile import Case
 from lammps_cases.commands import job
 from lammps_cases.engine import Answer, Job
 from lammps_cases.engines import Engine, library_sha256
-from lammps_cases.evaluate import Arrays, blank_record, evaluate, evaluate_twin, first_step, methods_of
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
 from lammps_cases.scene import FromFile
+from lammps_cases.store import Store
 from lammps_cases.twins import Twin
 from lammps_cases.workers import Failure, Workers, solve
+
+if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner without
+    from lammps_cases.evaluate import Arrays
+    from lammps_cases.predictions import Predictor
+    from lammps_cases.report.drawn import Drawn
 
 JUDGING = 1800.0  # seconds that judging a case may take
 Progress = Callable[[CaseRecord, int, int], None]
@@ -67,6 +72,8 @@ def prepare(case: Case) -> Prepared:
     if case.scene.whole_model and not case.scene.expect:
         reference.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
     elif eos is not None and case.scene.method != "default" and atoms.rho_n is not None:
+        from lammps_cases.evaluate import methods_of
+
         # An unknown method, or a tolerance that none meets, is said before LAMMPS is started.
         methods_of(
             case, eos, atoms.type_n, atoms.rho_n, None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
@@ -83,8 +90,11 @@ def run_cases(
     strict: bool = False,
     part: str = "",
     progress: Progress | None = None,
+    store: Store | None = None,
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
+
+    With a store, predictions of the reference are taken from there and kept there.
 
     Raises
     ------
@@ -100,22 +110,21 @@ def run_cases(
         for case in sorted(cases, key=_last):
             ready = prepare(case)
             queue.append((ready, [workers.submit(told, case.scene.engine.time_limit) for told in ready.jobs]))
+        importlib.import_module("lammps_cases.report.page")  # while LAMMPS works
         who = workers.outcome(identity)
         answering = engine_record(engine, {} if isinstance(who, Failure) else who)
-        records: list[CaseRecord] = []
-        judged: list[Outcomes | Future[Any]] = []
+        judged = []
         for ready, futures in queue:
             outcomes: Outcomes = []
             for future in futures:
                 outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
                 outcomes.append(outcome)
-            # The particle model takes the reference longer than LAMMPS: it is judged by the workers too.
-            apart = ready.case.scene.whole_model and all(isinstance(each, Answer) for each in outcomes)
-            judged.append(workers.call(judge, ready, outcomes, answering, time_limit=JUDGING) if apart else outcomes)
+            judged.append(workers.call(report, folder, ready, outcomes, answering, store, time_limit=JUDGING))
+        records: list[CaseRecord] = []
+        known: dict[str, Drawn] = {}
         for (ready, _), verdict in zip(queue, judged, strict=True):
-            record, arrays = _judged(workers, ready, verdict, answering)
-            if arrays:
-                write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+            found = workers.outcome(verdict, JUDGING)
+            record, known[ready.case.name] = _lost(ready, found, answering) if isinstance(found, Failure) else found
             records.append(record)
             if progress:
                 progress(record, len(records), len(queue))
@@ -127,46 +136,66 @@ def run_cases(
         run.cases = sorted(records, key=lambda record: record.case)
         run.notes = gone(run.cases)
         run.seconds = round(time.perf_counter() - begin, 3)
-        write_run(run.counted(), folder)
+        write_run(run.counted(), folder, known)
+    if store and run.predictions.computed:
+        store.trim()
     return run
 
 
-def judge(site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord) -> tuple[CaseRecord, Arrays]:
-    """Task: judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+def report(
+    site: str | None, folder: Path, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None
+) -> tuple[CaseRecord, Drawn]:
+    """Task: judge a case, write its arrays into the folder of the report, and take from them what the page shows."""
+    from lammps_cases.report.drawn import drawn
+
+    record, arrays = judge(site, ready, outcomes, engine, store)
+    if arrays:
+        write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+    return record, drawn(record, arrays)
+
+
+def judge(
+    site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
+) -> tuple[CaseRecord, Arrays]:
+    """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+    from lammps_cases.evaluate import blank_record, evaluate, evaluate_twin
+    from lammps_cases.keys import current
+    from lammps_cases.predictions import Predictor
+
     outcome = outcomes[0]
+    predictor = Predictor(store if store and current(store) else None)
     try:
         if ready.twin is not None:
-            return evaluate_twin(ready.case, ready.twin, outcomes, engine)
-        record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine)
+            return evaluate_twin(ready.case, ready.twin, outcomes, engine, predictor)
+        record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
     if record.verdict == "differs" and arrays and ready.case.scene.whole_model:
         with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for the first step
-            record.message = _first_step(site, ready, engine.distribution) or record.message
+            record.message = _first_step(site, ready, engine.distribution, predictor) or record.message
     return record, arrays
 
 
-def _first_step(site: str | None, ready: Prepared, engine: str) -> str:
+def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> str:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
         return ""
+    from lammps_cases.evaluate import first_step
+
     told = job(scene, ready.atoms, plan(scene), every_step=True)
-    return first_step(ready.case, ready.atoms, solve(site, told), engine)
+    return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
 
 
-def _judged(
-    workers: Workers, ready: Prepared, outcomes: Outcomes | Future[Any], engine: EngineRecord
-) -> tuple[CaseRecord, Arrays]:
-    if not isinstance(outcomes, Future):
-        return judge(None, ready, outcomes, engine)
-    found = workers.outcome(outcomes, JUDGING)
-    if not isinstance(found, Failure):
-        return cast("tuple[CaseRecord, Arrays]", found)
+def _lost(ready: Prepared, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
+    """The record of a case that was not judged."""
+    from lammps_cases.evaluate import blank_record
+    from lammps_cases.report.drawn import Drawn
+
     record = blank_record(ready.case, ready.eos, ready.atoms, engine)
-    record.verdict, record.message = "error", f"judging failed: {found.message}"
-    return record, {}
+    record.verdict, record.message = "error", f"judging failed: {failure.message}"
+    return record, Drawn()
 
 
 def gone(cases: Sequence[CaseRecord]) -> list[str]:
@@ -207,12 +236,12 @@ def provenance(engine: EngineRecord, command: str) -> RunRecord:
     )
 
 
-def write_run(run: RunRecord, folder: Path) -> None:
-    """Write run.json and the reports made from it."""
+def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = None) -> None:
+    """Write run.json and the reports made from it; ``known`` as in `lammps_cases.report.write_report`."""
     from lammps_cases.report import write_report
 
     write_atomically(folder / "run.json", run.to_json())
-    write_report(run, folder)
+    write_report(run, folder, known=known)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ def doctor_command(engine: str, as_json: bool) -> int:
     \b
     Example:  eos-ref doctor
     """
-    checks = [*_packages(), _compiled(), _lammps(engine)]
+    checks = [*_packages(), _compiled(), _predictions(), _lammps(engine)]
     if as_json:
         click.echo(
             json.dumps({"checks": [dict(zip(("ok", "what", "found"), c, strict=True)) for c in checks]}, indent=1)
@@ -59,6 +59,15 @@ def _compiled() -> tuple[bool, str, str]:
     except Exception as error:
         return False, "compiled loops", f"{type(error).__name__}: {error}; if the cache is damaged, remove {cache}"
     return value == 127 / 7, "compiled loops", f"work ({time.perf_counter() - begin:.1f} s to load)"
+
+
+def _predictions() -> tuple[bool, str, str]:
+    from lammps_cases.store import LIMIT, VARIABLE, Store, store_folder
+
+    folder = store_folder()
+    count, size = Store(folder).size()
+    held = f"{count} stored, {size / 1e6:.0f} of at most {LIMIT / 1e6:.0f} MB"
+    return True, "predictions", f"{held}, in {folder} ({VARIABLE} names another folder; safe to remove)"
 
 
 def _lammps(engine: str) -> tuple[bool, str, str]:

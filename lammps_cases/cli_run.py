@@ -17,6 +17,7 @@ from lammps_cases.records import CaseRecord
 @paths_option
 @click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
 @engine_option
+@click.option("--fresh", is_flag=True, help="Compute every prediction of the reference anew, and store it again.")
 @click.option("--shard", help="i/n: only every n-th case, from the i-th.")
 @out_option
 @strict_option
@@ -27,6 +28,7 @@ def run_command(
     paths: tuple[Path, ...],
     jobs: int | None,
     engine: str,
+    fresh: bool,
     shard: str | None,
     out: Path,
     strict: bool,
@@ -42,8 +44,8 @@ def run_command(
     """
     from lammps_cases import prefork
 
-    prefork.context()
-    from lammps_cases import campaign, casefile, engines
+    prefork.context("lammps_cases.evaluate", "lammps_cases.report.drawn")
+    from lammps_cases import campaign, casefile, engines, keys
 
     chosen = casefile.select(casefile.load(paths), names, tag)
     if shard:
@@ -62,6 +64,7 @@ def run_command(
             strict,
             shard or "",
             progress,
+            keys.open_store(fresh),
         )
     return finish(run, out, as_json)
 

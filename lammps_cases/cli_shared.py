@@ -37,6 +37,8 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     explained = sum(case.verdict == "explained" for case in run.cases)
     if explained:
         click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")
+    if run.predictions.stored:
+        click.echo(f"  {run.predictions} (--fresh computes them anew)")
     for note in run.notes:
         click.secho(f"  {note}", fg="yellow")
     click.echo(f"report: {directory / 'report.html'}")

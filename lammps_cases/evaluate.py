@@ -21,9 +21,10 @@ from lammps_cases.ledger import Entry, explain_outcome, explain_pressure, shown_
 from lammps_cases.methods import choice
 from lammps_cases.methods.choice import Choice
 from lammps_cases.mutants import unseen
-from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Seconds, worst
+from lammps_cases.predictions import Predictor
+from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Predictions, Seconds, worst
 from lammps_cases.scene import Scene
-from lammps_cases.trajectory import Particles, Prediction, predict, visit, wanted
+from lammps_cases.trajectory import Particles, Prediction
 from lammps_cases.twins import Twin
 from lammps_cases.variants import Snapshot, combined
 from lammps_cases.workers import Failure
@@ -55,10 +56,19 @@ def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineR
 
 
 def evaluate(
-    case: Case, eos: EOSTable | None, atoms: Atoms, outcome: Answer | Failure, engine: EngineRecord
+    case: Case,
+    eos: EOSTable | None,
+    atoms: Atoms,
+    outcome: Answer | Failure,
+    engine: EngineRecord,
+    predictor: Predictor | None = None,
 ) -> tuple[CaseRecord, Arrays]:
-    """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer)."""
+    """Judge how a case ended; returns its record and the arrays of ``fields/CASE.npz`` (empty without an answer).
+
+    Without a predictor everything is computed anew.
+    """
     begin = time.perf_counter()
+    predictor = predictor or Predictor()
     record = blank_record(case, eos, atoms, engine)
     arrays: Arrays = {}
     if isinstance(outcome, Failure):
@@ -73,13 +83,18 @@ def evaluate(
         record.verdict = "differs"
         record.message = f"LAMMPS counted steps {outcome.steps} where it was asked for {case.scene.snapshots}"
     elif case.scene.whole_model:
-        arrays = _judge_particles(record, case, atoms, outcome, engine.distribution)
+        arrays = _judge_particles(record, case, atoms, outcome, engine.distribution, predictor)
     else:
         arrays = _judge_fields(record, case, eos, atoms, outcome, engine.distribution)
-    lammps = outcome.seconds if isinstance(outcome, Answer) else 0.0
+    _finish(record, outcome.seconds if isinstance(outcome, Answer) else 0.0, begin, predictor)
+    return record, arrays
+
+
+def _finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor) -> None:
+    """Note what a case cost, and whether the reference's side of it was known."""
     reference = time.perf_counter() - begin
     record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
-    return record, arrays
+    record.predictions = Predictions(computed=predictor.computed, stored=predictor.stored)
 
 
 def _judge_failure(record: CaseRecord, failure: Failure, engine: str) -> None:
@@ -158,7 +173,9 @@ def _arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
     return arrays
 
 
-def _judge_particles(record: CaseRecord, case: Case, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
+def _judge_particles(
+    record: CaseRecord, case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor
+) -> Arrays:
     scene = case.scene
     first = answer.snapshots[0]
     comparisons = _inputs(
@@ -170,6 +187,7 @@ def _judge_particles(record: CaseRecord, case: Case, atoms: Atoms, answer: Answe
         atoms.id_n,
         [snapshot(scene, arrays) for arrays in answer.snapshots],
         engine,
+        predictor,
     )
     comparisons += judged.comparisons
     record.fields = [comparison.record for comparison in comparisons]
@@ -212,10 +230,15 @@ def snapshot(scene: Scene, arrays: Arrays) -> Snapshot:
 
 
 def evaluate_twin(
-    case: Case, twin: Twin, outcomes: Sequence[Answer | Failure], engine: EngineRecord
+    case: Case,
+    twin: Twin,
+    outcomes: Sequence[Answer | Failure],
+    engine: EngineRecord,
+    predictor: Predictor | None = None,
 ) -> tuple[CaseRecord, Arrays]:
     """Judge two runs of LAMMPS that must give the same, the original's and the twin's; see `evaluate`."""
     begin = time.perf_counter()
+    predictor = predictor or Predictor()
     record = blank_record(case, case.scene.eos(case.where), twin.atoms, engine)
     arrays: Arrays = {}
     answers = [outcome for outcome in outcomes if isinstance(outcome, Answer)]
@@ -228,10 +251,8 @@ def evaluate_twin(
     elif lost:
         _judge_lost_atoms(record, twin.atoms, lost[0])
     else:
-        arrays = _judge_twin(record, case, twin, answers, engine.distribution)
-    lammps = sum(answer.seconds for answer in answers)
-    reference = time.perf_counter() - begin
-    record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
+        arrays = _judge_twin(record, case, twin, answers, engine.distribution, predictor)
+    _finish(record, sum(answer.seconds for answer in answers), begin, predictor)
     return record, arrays
 
 
@@ -245,8 +266,10 @@ class _Side:
     random: int
 
 
-def _judge_twin(record: CaseRecord, case: Case, twin: Twin, answers: Sequence[Answer], engine: str) -> Arrays:
-    one, other = _sides(case, twin, answers)
+def _judge_twin(
+    record: CaseRecord, case: Case, twin: Twin, answers: Sequence[Answer], engine: str, predictor: Predictor
+) -> Arrays:
+    one, other = _sides(case, twin, answers, predictor)
     id_n, steps = twin.atoms.id_n, twin.steps
     table = _against(twin, one, other, one.snapshots, other.snapshots)
     for comparison in (c for comparisons in table.values() for c in comparisons):
@@ -256,14 +279,14 @@ def _judge_twin(record: CaseRecord, case: Case, twin: Twin, answers: Sequence[An
     first = particles.first_outside(one.scene, table, id_n, ("as given", f"as its {twin.kind} twin"))
     if first:
         record.message = f"LAMMPS against itself (twin: {twin.kind}): {first.message}"
-        _explain_twin(record, twin, one, other, table, engine)
+        _explain_twin(record, twin, one, other, table, engine, predictor)
     comparisons = [particles.over_steps(table[field], steps) for field in particles.in_order(one.scene.fields)]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     return _arrays(twin.atoms, answers[0].arrays, comparisons)
 
 
-def _sides(case: Case, twin: Twin, answers: Sequence[Answer]) -> tuple[_Side, _Side]:
+def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predictor) -> tuple[_Side, _Side]:
     """Both runs; where only LAMMPS' settings differ, the reference's prediction is one and the same."""
     sides: list[_Side] = []
     told = ((twin.scene, twin.atoms), (twin.other_scene, twin.other_atoms))
@@ -273,7 +296,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer]) -> tuple[_Side, _S
             sides.append(replace(sides[0], snapshots=snapshots))
             continue
         problem, random = particles_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
-        sides.append(_Side(problem, predict(problem, seed=random), snapshots, random))
+        sides.append(_Side(problem, predictor.predict(problem, seed=random), snapshots, random))
     return sides[0], sides[1]
 
 
@@ -294,7 +317,13 @@ def _against(
 
 
 def _explain_twin(
-    record: CaseRecord, twin: Twin, one: _Side, other: _Side, table: dict[str, list[Comparison]], engine: str
+    record: CaseRecord,
+    twin: Twin,
+    one: _Side,
+    other: _Side,
+    table: dict[str, list[Comparison]],
+    engine: str,
+    predictor: Predictor,
 ) -> None:
     """Explain a difference by the findings that make it, if findings reproduce both runs."""
     id_n = twin.atoms.id_n
@@ -310,13 +339,14 @@ def _explain_twin(
         own = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
         if particles.first_outside(side.scene, own, id_n):
             listed = shown_by(side.scene, engine)
-            found = particles.explain(side.scene, id_n, side.snapshots, listed, side.prediction, side.random)
+            given = (side.scene, side.snapshots, listed, side.prediction, side.random, predictor)
+            found = particles.explain(*given)
             if not found:
                 return
             needed += [entry for entry in found if entry not in needed]
     if not needed:
         return
-    breaking = [e for e in needed if not same(_with_finding(one, e), _with_finding(other, e))]
+    breaking = [e for e in needed if not same(*(_with_finding(side, e, predictor) for side in (one, other)))]
     names = ", ".join(entry.id for entry in breaking or needed)
     record.message += f"; explained by {names}"
     for comparison in (c for comparisons in table.values() for c in comparisons):
@@ -324,21 +354,19 @@ def _explain_twin(
             comparison.record.verdict, comparison.record.explained_by = "explained", names
 
 
-def _with_finding(side: _Side, entry: Entry) -> list[Snapshot]:
+def _with_finding(side: _Side, entry: Entry, predictor: Predictor) -> list[Snapshot]:
     """The reference's fields of a run with one finding alone."""
     assert entry.particles is not None
-    scene = side.scene
-    stages, stepping = combined([entry.particles], scene, side.snapshots[0]) or (Plain, Simulation)
-    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
-    return [{f: sim.output(f).copy() for f in scene.fields} for _ in visit(sim, scene.steps, scene.timestep)]
+    made = combined([entry.particles], side.scene, side.snapshots[0])
+    return predictor.values(side.scene, made or (Plain, Simulation))
 
 
-def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str) -> str:
+def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> str:
     """The blame of a case that differs, from an answer with every single step."""
     scene = case.scene
     snapshots = [snapshot(scene, arrays) for arrays in answer.snapshots]
     every = particles_of(scene, atoms, case.where, tuple(range(len(snapshots))))
-    return particles.blame(every, case.name, atoms.id_n, snapshots, engine)
+    return particles.blame(every, case.name, atoms.id_n, snapshots, engine, predictor)
 
 
 def _inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:

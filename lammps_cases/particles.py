@@ -6,8 +6,9 @@ have to be inside their bounds on every atom, at every step, in every field.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,9 @@ from eos_ref.quantities import PART_OF
 from lammps_cases.atoms import seed
 from lammps_cases.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.ledger import Entry, shown_by
-from lammps_cases.model_mutants import unseen_in_model
+from lammps_cases.predictions import Predictor
 from lammps_cases.records import StepRecord, Verdict, worst
-from lammps_cases.trajectory import Particles, Prediction, precise_setup, predict
+from lammps_cases.trajectory import Fields, Particles, Prediction
 from lammps_cases.variants import Snapshot, Variant, combined
 
 # In the order in which a step computes them; after the first step the state comes out at the end.
@@ -86,30 +87,31 @@ class Blame:
     message: str
 
 
-def judge(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> Judged:
+def judge(
+    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> Judged:
     """Compare all fields at all steps, and explain what is outside by the ledger."""
     random = seed(f"{name}/moved runs")
-    prediction = predict(scene, seed=random)
+    prediction = predictor.predict(scene, seed=random)
     table = compare_all(scene, id_n, snapshots, prediction)
     listed = shown_by(scene, engine)
     first = first_outside(scene, table, id_n)
-    entries = explain(scene, id_n, snapshots, listed, prediction, random) if first else []
+    entries = explain(scene, snapshots, listed, prediction, random, predictor) if first else []
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = ", ".join(entry.id for entry in entries)
     others = [entry for entry in listed if entry not in entries] if entries or not first else []
-    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, random)]
+    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, predictor)]
     comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
     if scene.steps[0] == 0:
-        _add_digits_lost(scene, table, comparisons)
-    lint = unseen_in_model(scene, prediction) if scene.steps[0] == 0 else []
+        _add_digits_lost(predictor.precise(scene), table, comparisons)
+    lint = predictor.unseen(scene, random) if scene.steps[0] == 0 else []
     return Judged(comparisons, entries, unseen, first, lint)
 
 
-def _add_digits_lost(scene: Particles, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
+def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
     """Digits that each side loses in the first evaluation; not LAMMPS' where it evaluates another formula."""
-    precise = precise_setup(scene)
     for comparison in comparisons:
         first = table[comparison.record.field][0]
         exact = precise[comparison.record.field]
@@ -127,20 +129,24 @@ def digits(values: FloatArray, exact: Any) -> float:
     return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
 
 
-def blame(scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str) -> str:
+def blame(
+    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> str:
     """The first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
     random = seed(f"{name}/moved runs")
-    first = first_outside(scene, compare_all(scene, id_n, snapshots, predict(scene, seed=random)), id_n)
-    return first.message + beyond(scene, id_n, snapshots, engine, random) if first else ""
+    first = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, seed=random)), id_n)
+    return first.message + beyond(scene, id_n, snapshots, engine, random, predictor) if first else ""
 
 
-def beyond(scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int) -> str:
+def beyond(
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
+) -> str:
     """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
     listed = shown_by(scene, engine)
     made = combined([entry.particles for entry in listed if entry.particles], scene, snapshots[0])
     if not listed or made is None:
         return ""
-    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predict(scene, *made, random)), id_n)
+    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, made, random)), id_n)
     return f"; beyond {', '.join(entry.id for entry in listed)}: {rest.message}" if rest else ""
 
 
@@ -151,14 +157,20 @@ def compare_all(
     table: dict[str, list[Comparison]] = {field: [] for field in scene.fields}
     for at, step in enumerate(scene.steps):
         for field in scene.fields:
-            lammps_n = np.asarray(snapshots[at][field], float)
-            reference_n = np.asarray(prediction.fields[at][field], float)
-            if field == "x":
-                lammps_n = nearest_image(scene, lammps_n, reference_n)
-            bound_n = np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
-            comparison = compare_field(field, stage(field), id_n, lammps_n, reference_n, bound_n, None, derived(step))
-            table[field].append(comparison)
+            sides = _sides(scene, field, snapshots[at], prediction, at)
+            table[field].append(compare_field(field, stage(field), id_n, *sides, None, derived(step)))
     return table
+
+
+def _sides(
+    scene: Particles, field: str, snapshot: Snapshot, prediction: Prediction, at: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A field of LAMMPS, of the reference, and its bound, at one of the steps."""
+    lammps_n = np.asarray(snapshot[field], float)
+    reference_n = np.asarray(prediction.fields[at][field], float)
+    if field == "x":
+        lammps_n = nearest_image(scene, lammps_n, reference_n)
+    return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
 
 
 def derived(step: int) -> str:
@@ -231,14 +243,14 @@ def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
 
 
 def would_show(
-    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, random: int
+    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, predictor: Predictor
 ) -> bool:
     """Whether a finding takes some field of a scene out of the reference's bound."""
     made = combined([entry.particles] if entry.particles else [], scene, snapshots[0])
     if made is None:
         return False
-    shown = predict(scene, *made, random)
-    for fields, reference, bounds in zip(shown.fields, prediction.fields, prediction.bounds, strict=True):
+    shown = predictor.values(scene, made)
+    for fields, reference, bounds in zip(shown, prediction.fields, prediction.bounds, strict=True):
         for field in scene.fields:
             shown_n, own_n = np.asarray(fields[field], float), np.asarray(reference[field], float)
             if np.any(excess(shown_n, own_n, np.broadcast_to(bounds[field], own_n.shape))[1] > 1):
@@ -248,55 +260,57 @@ def would_show(
 
 def explain(
     scene: Particles,
-    id_n: Any,
     snapshots: Sequence[Snapshot],
     listed: Sequence[Entry],
     reference: Prediction,
     random: int,
+    predictor: Predictor,
 ) -> list[Entry]:
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
-    def inside(entries: Sequence[Entry]) -> bool:
+    def inside(entries: Sequence[Entry], of: Particles = scene) -> bool:
         variants = [entry.particles for entry in entries if entry.particles]
-        return bool(variants) and reproduced(scene, id_n, snapshots, variants, reference, random)
+        return bool(variants) and reproduced(of, snapshots, variants, reference, random, predictor)
 
     needed = list(listed)
     if not inside(needed):
         return []
+    first = replace(scene, steps=scene.steps[:1])  # most findings show in the first evaluation, without moved runs
     for entry in listed:
         fewer = [other for other in needed if other is not entry]
-        if inside(fewer):
+        if (scene.steps[0] or inside(fewer, first)) and inside(fewer):
             needed = fewer
     return needed
 
 
 def reproduced(
     scene: Particles,
-    id_n: Any,
     snapshots: Sequence[Snapshot],
     variants: Sequence[Variant],
     reference: Prediction,
     random: int,
+    predictor: Predictor,
 ) -> bool:
     """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
     made = combined(variants, scene, snapshots[0])
     if made is None:
         return False
-    prediction = predict(scene, *made, random)
+    prediction = predictor.predict(scene, made, random)
     undefined = any(variant.undefined for variant in variants)
-    for field, comparisons in compare_all(scene, id_n, snapshots, prediction).items():
-        for at, c in enumerate(comparisons):
-            own_n = np.broadcast_to(reference.bounds[at][field], c.bound_n.shape)
-            if c.record.verdict not in ("exact", "pass") and not (undefined and _defined_part_inside(c, own_n)):
+    for at, field in itertools.product(range(len(scene.steps)), scene.fields):
+        sides = _sides(scene, field, snapshots[at], prediction, at)
+        if not np.all(excess(*sides)[1] <= 1):
+            own_n = np.broadcast_to(reference.bounds[at][field], sides[2].shape)
+            if not (undefined and _defined_part_inside(*sides, own_n)):
                 return False
     return True
 
 
-def _defined_part_inside(comparison: Comparison, own_n: FloatArray) -> bool:
+def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
     """Whether all values that have a bound are inside it.
 
     Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
     """
-    defined = np.isfinite(comparison.bound_n) | ~np.isfinite(own_n)
-    sides = (comparison.lammps_n[defined], comparison.reference_n[defined], comparison.bound_n[defined])
-    return bool(defined.any()) and bool(np.all(excess(*sides)[1] <= 1))
+    defined = np.isfinite(bound_n) | ~np.isfinite(own_n)
+    ratio = excess(lammps_n[defined], reference_n[defined], bound_n[defined])[1]
+    return bool(defined.any()) and bool(np.all(ratio <= 1))

@@ -11,8 +11,11 @@ from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
 
 
-def context() -> ForkServerContext:
-    """The multiprocessing context of the server; starts it if it does not run, without waiting for it."""
-    forkserver.set_forkserver_preload(["lammps_cases.workers"])
+def context(*modules: str) -> ForkServerContext:
+    """The multiprocessing context of the server; starts it if it does not run, without waiting for it.
+
+    Workers begin with the modules named, which the server imports once for all of them.
+    """
+    forkserver.set_forkserver_preload(["lammps_cases.workers", *modules])
     forkserver.ensure_running()
     return multiprocessing.get_context("forkserver")

@@ -1,11 +1,13 @@
-"""One job on several MPI ranks: mpiexec starts this module on each, each leaves its own atoms, `solve` joins them.
+"""Jobs on several MPI ranks: mpiexec starts this module on each, each leaves its own atoms, `solve` joins them.
 
-``python -m lammps_cases.ranks FOLDER PARENT`` is what a rank runs. LAMMPS initialises MPI itself, and files carry
-what the ranks found, so that nothing here needs an MPI of its own.
+``python -m lammps_cases.ranks FOLDER SITE PARENT`` is what a rank runs, job after job. LAMMPS initialises MPI itself,
+and files carry the jobs and what the ranks found, so that nothing here needs an MPI of its own.
 """
 
 from __future__ import annotations
 
+import functools
+import itertools
 import os
 import pickle
 import re
@@ -22,6 +24,8 @@ import numpy as np
 
 from lammps_cases.engine import Answer, EngineCrashed, EngineMissing, Job, mpiexec, open_lammps, run
 
+PAUSE = 0.002  # seconds between two looks for a file
+
 
 def die_with(parent: int) -> None:
     """End this process when another is gone: LAMMPS in a long run notices nothing of a closed pipe."""
@@ -33,8 +37,59 @@ def die_with(parent: int) -> None:
         time.sleep(0.5)
 
 
+class Ranks:
+    """LAMMPS on several processes of their own, which take one job after another and die with this one."""
+
+    def __init__(self, site: str | None, count: int) -> None:
+        self._count = count
+        self._asked = 0
+        self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
+        self._place = Path(self._folder.name)
+        # This package may lie beside the current folder, as in a checkout.
+        paths = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
+        program = [sys.executable, "-m", "lammps_cases.ranks", self._folder.name, site or "", str(os.getpid())]
+        with (self._place / "words").open("wb") as words:
+            self._process = subprocess.Popen(
+                [str(mpiexec(site)), "-launcher", "fork", "-n", str(count), *program],
+                stdin=subprocess.DEVNULL,
+                stdout=words,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            )
+
+    def run(self, job: Job) -> Answer:
+        """Run one job; after an exception the processes are gone."""
+        written = self._place / "job"
+        written.write_bytes(pickle.dumps(job))
+        written.rename(self._place / f"job.{self._asked}")
+        mask = f"rank.{self._asked}.*"
+        self._asked += 1
+        while self._process.poll() is None and len(list(self._place.glob(mask))) < self._count:
+            time.sleep(PAUSE)
+        found = [pickle.loads(file.read_bytes()) for file in sorted(self._place.glob(mask))]
+        for outcome in found:
+            if isinstance(outcome, Exception):
+                self._process.wait()
+                raise outcome
+        if len(found) != self._count:
+            raise EngineCrashed(_last_words(self._place / "words", self._process.wait()))
+        return _joined(found)
+
+    def end(self) -> None:
+        """Stop the processes."""
+        self._process.terminate()
+        self._process.wait()
+        self._folder.cleanup()
+
+
+@functools.cache
+def _living(site: str | None, count: int) -> Ranks:
+    """The processes of this one: starting them takes as long as a dozen small jobs."""
+    return Ranks(site, count)
+
+
 def solve(site: str | None, job: Job) -> Answer:
-    """Run one job on ``job.ranks`` processes of their own; they die with this one.
+    """Run one job on ``job.ranks`` processes.
 
     Raises
     ------
@@ -43,28 +98,13 @@ def solve(site: str | None, job: Job) -> Answer:
     EngineCrashed
         A rank died without a word of LAMMPS.
     """
-    with tempfile.TemporaryDirectory(prefix="eos-ref-ranks-") as name:
-        folder = Path(name)
-        (folder / "job").write_bytes(pickle.dumps((site, job)))
-        # This package may lie beside the current folder, as in a checkout.
-        paths = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
-        program = [sys.executable, "-m", "lammps_cases.ranks", name, str(os.getpid())]
-        with (folder / "words").open("wb") as words:
-            done = subprocess.run(
-                [str(mpiexec(site)), "-launcher", "fork", "-n", str(job.ranks), *program],
-                stdin=subprocess.DEVNULL,
-                stdout=words,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-                check=False,
-            )
-        found = [pickle.loads(file.read_bytes()) for file in sorted(folder.glob("rank.*"))]
-        for outcome in found:
-            if isinstance(outcome, Exception):
-                raise outcome
-        if done.returncode or len(found) != job.ranks:
-            raise EngineCrashed(_last_words(folder / "words", done.returncode))
-    return _joined(found)
+    living = _living(site, job.ranks)
+    try:
+        return living.run(job)
+    except Exception:
+        living.end()
+        _living.cache_clear()
+        raise
 
 
 def _last_words(file: Path, code: int) -> str:
@@ -90,26 +130,29 @@ def _joined(answers: list[Answer]) -> Answer:
 # --- inside a rank ---
 
 
-def _rank(folder: Path) -> None:
-    site, job = pickle.loads((folder / "job").read_bytes())
+def _rank(folder: Path, site: str | None) -> None:
     lmp: Any = None
-    outcome: Answer | Exception
-    try:
-        lmp = open_lammps(site)
-        size = lmp.extract_setting("world_size")
-        if size != job.ranks:
-            raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
-        outcome = run(lmp, job)
-    except Exception as error:
-        outcome = error
-    written = folder / f"part.{os.getpid()}"
-    written.write_bytes(pickle.dumps(outcome))
-    written.rename(folder / f"rank.{os.getpid()}")  # never half a file
-    if isinstance(outcome, Exception):
-        os._exit(1)  # other ranks may wait for this one for ever; mpiexec ends them
-    lmp.finalize()
+    for asked in itertools.count():
+        file = folder / f"job.{asked}"
+        while not file.exists():
+            time.sleep(PAUSE)
+        outcome: Answer | Exception
+        try:
+            job = pickle.loads(file.read_bytes())
+            lmp = lmp or open_lammps(site)
+            size = lmp.extract_setting("world_size")
+            if size != job.ranks:
+                raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
+            outcome = run(lmp, job)
+        except Exception as error:
+            outcome = error
+        written = folder / f"part.{os.getpid()}"
+        written.write_bytes(pickle.dumps(outcome))
+        written.rename(folder / f"rank.{asked}.{os.getpid()}")  # never half a file
+        if isinstance(outcome, Exception):
+            os._exit(1)  # other ranks may wait for this one for ever; mpiexec ends them
 
 
 if __name__ == "__main__":
-    threading.Thread(target=die_with, args=(int(sys.argv[2]),), daemon=True).start()
-    _rank(Path(sys.argv[1]))
+    threading.Thread(target=die_with, args=(int(sys.argv[3]),), daemon=True).start()
+    _rank(Path(sys.argv[1]), sys.argv[2] or None)

@@ -62,7 +62,7 @@ class FieldRecord(_Record):
     outside: int = Field(0, description="number of atoms outside the bound")
     first_id: int | None = Field(None, description="lowest id outside the bound")
     atom_type: int | None = Field(None, description="only atoms of this type (audit)")
-    digits_lost: DigitsLost = DigitsLost()
+    digits_lost: DigitsLost = Field(default_factory=DigitsLost)  # pydantic would copy a default for every record
     explained_by: str | None = Field(None, description="ids of the ledger entries whose variants are inside the bound")
     steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
 
@@ -107,6 +107,16 @@ class Seconds(_Record):
     total: float = 0.0
 
 
+class Predictions(_Record):
+    """Where the reference's predictions came from; a stored one has the bits of a computed one."""
+
+    computed: int = Field(0, description="evaluated in this run")
+    stored: int = Field(0, description="found in the store of predictions (eos-ref run --fresh ignores it)")
+
+    def __str__(self) -> str:
+        return f"{self.stored} of {self.stored + self.computed} predictions of the reference from the store"
+
+
 class CaseRecord(_Record):
     """One case: what was compared and how it ended."""
 
@@ -119,6 +129,7 @@ class CaseRecord(_Record):
     dimension: int | None = None
     units: str | None = None
     seconds: Seconds = Seconds()
+    predictions: Predictions = Predictions()
     fields: list[FieldRecord] = []
     message: str = Field("", description="one line: the blame, the engine's error, or the reason")
     twin: str = Field("", description="kind of the second run that LAMMPS is compared with; empty: the reference")
@@ -168,12 +179,15 @@ class RunRecord(_Record):
     notes: list[str] = Field([], description="what concerns the run as a whole: findings that the engine no longer has")
     cases: list[CaseRecord] = []
     summary: dict[str, int] = {}
+    predictions: Predictions = Predictions()
     seconds: float = 0.0
 
     def counted(self) -> RunRecord:
-        """Return self with the summary made from the cases."""
+        """Return self with the summary and the number of predictions made from the cases."""
         counts = Counter(case.verdict for case in self.cases)
         self.summary = {verdict: counts[verdict] for verdict in VERDICTS if counts[verdict]}
+        made = [case.predictions for case in self.cases]
+        self.predictions = Predictions(computed=sum(p.computed for p in made), stored=sum(p.stored for p in made))
         return self
 
     @property

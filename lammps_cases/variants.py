@@ -152,13 +152,14 @@ def combined(
             fitted = variant.fit(scene, stages, snapshot)
             if fitted is None:
                 return None
-            stages = type("Fitted", (stages,), fitted)
+            stages = type("Fitted", (stages,), {**fitted, "__module__": __name__})
     return stages, _joined("Stepping", (v.stepping for v in variants), Simulation)
 
 
 def _joined(name: str, parts: Iterable[type | None], base: type) -> Any:
     bases = tuple(part for part in parts if part is not None)
-    return type(name, bases, {}) if bases else base
+    # Named, as a prediction is kept only if the module of its stages is known.
+    return type(name, bases, {"__module__": __name__}) if bases else base
 
 
 # --- which scenes a variant changes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 import yaml
 from tests_support import Outcome
 
-from lammps_cases import cli
+from lammps_cases import cli, store
 
 BASE: dict[str, Any] = {
     "dimension": 2,
@@ -20,6 +21,12 @@ BASE: dict[str, Any] = {
     "pressure": [{"types": "*", "style": "tait/general", "gamma": 2.3}],
     "rho": {"ratio": [0.8, 1.3]},
 }
+
+
+@pytest.fixture(autouse=True, scope="session")
+def own_store(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No test finds what an earlier run of the tests predicted."""
+    os.environ[store.VARIABLE] = str(tmp_path_factory.mktemp("predictions"))
 
 
 @pytest.fixture

@@ -87,12 +87,12 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
         axis.axvline(panel.roofline_ns, color=GREY, ls="--", lw=1)
     first = min(p.ns.low for p in panel.points)
     axis.set_xlim(0.6 * min(first, panel.roofline_ns or first), far)
-    _plain_log_axis(axis.xaxis)
+    plain_log_axis(axis.xaxis)
     axis.set_ylim(floor, top)
     axis.set_title(regime)
 
 
-def _plain_log_axis(axis: Any) -> None:
+def plain_log_axis(axis: Any) -> None:
     """A logarithmic axis with few ticks, as plain numbers; its limits are set."""
     low, high = axis.get_view_interval()
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
@@ -147,7 +147,7 @@ def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
         ticks = sorted({n for run in runs for n in run.resolutions})
         left.set_xticks(ticks, [str(n) for n in ticks])
         left.minorticks_off()
-        _plain_log_axis(right.xaxis)
+        plain_log_axis(right.xaxis)
         right.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 1000:g}"))
         right.set(xlabel="µs per particle, all steps (log)")
         left.legend(frameon=False, fontsize=8)

@@ -75,12 +75,16 @@ def write(chart: Chart, folder: Path) -> None:
 def _picture(figure: Figure, folder: Path, name: str) -> Picture:
     draw.save(figure, folder, name)
     # Several pictures in one page must not share the names of their parts.
-    return Picture(name, Markup(_with_own_names(draw.svg(figure), name)))
+    return Picture(name, Markup(with_own_names(draw.svg(figure), name)))
 
 
-def _with_own_names(svg: str, name: str) -> str:
+def with_own_names(svg: str, name: str) -> str:
+    """A picture whose parts, and what refers to them, are named after it; links out of the picture stay."""
+    ids = set(re.findall(r'\bid="([^"]+)"', svg))
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
-    return re.sub(r'(href="#|url\(#)([^")]+)', rf"\g<1>{name}-\2", svg)
+    return re.sub(
+        r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg
+    )
 
 
 def _flows(section: Section, figures: Path) -> Iterator[FlowView]:

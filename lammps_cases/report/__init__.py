@@ -6,7 +6,7 @@ Everything is made from the models of ``run.json`` and, where present, the per-a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +14,15 @@ from lammps_cases.records import RunRecord, write_atomically
 
 if TYPE_CHECKING:
     from lammps_cases.ledger import Entry
+    from lammps_cases.report.drawn import Drawn
 
 
-def write_report(run: RunRecord, directory: Path, ledger: Sequence[Entry] | None = None) -> Path:
+def write_report(
+    run: RunRecord,
+    directory: Path,
+    ledger: Sequence[Entry] | None = None,
+    known: Mapping[str, Drawn] | None = None,
+) -> Path:
     """Write ``summary.md``, ``junit.xml`` and ``report.html`` into a report folder.
 
     Parameters
@@ -27,6 +33,8 @@ def write_report(run: RunRecord, directory: Path, ledger: Sequence[Entry] | None
         Report folder; ``fields/CASE.npz`` is read from it where a case has fields and the file exists.
     ledger : sequence of Entry, optional
         The findings to look for in the run; the project's own unless given.
+    known : mapping, optional
+        What is shown of cases whose arrays were at hand; those of the others are read.
 
     Returns
     -------
@@ -45,5 +53,5 @@ def write_report(run: RunRecord, directory: Path, ledger: Sequence[Entry] | None
     write_atomically(directory / "summary.md", markdown.summary(run, ledger))
     write_atomically(directory / "junit.xml", junit.document(run))
     path = directory / "report.html"
-    write_atomically(path, page.render(run, directory / "fields", ledger))
+    write_atomically(path, page.render(run, directory / "fields", ledger, known))
     return path

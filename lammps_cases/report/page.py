@@ -4,36 +4,24 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
-import json
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import jinja2
-import numpy as np
 from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
-from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.ledger import LEDGER, Entry
 from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, findings, plots, wording
-from lammps_cases.report.arrays import one_per_atom, read_arrays
+from lammps_cases.report.drawn import Drawn, Worst, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
 ROWS = 200  # checks of an audit listed per case
-
-
-@dataclass(frozen=True)
-class Worst:
-    """Exact numbers of the worst atom of a field."""
-
-    field: str
-    values: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -60,7 +48,7 @@ class Shown:
     styles: str
     text: str
     checks: list[CheckRecord]
-    worst: list[Worst]
+    worst: tuple[Worst, ...]
     data: Markup | None
     message: str
     explained: list[str]
@@ -68,8 +56,11 @@ class Shown:
     rows: list[Row]
 
 
-def render(run: RunRecord, fields: Path, ledger: Sequence[Entry] = LEDGER) -> str:
-    """The page of a run; per-atom arrays are read from the folder ``fields``."""
+def render(
+    run: RunRecord, fields: Path, ledger: Sequence[Entry] = LEDGER, known: Mapping[str, Drawn] | None = None
+) -> str:
+    """The page of a run; per-atom arrays of cases that are not among the known are read from the folder ``fields``."""
+    known = known or {}
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(ASSETS),
         bytecode_cache=jinja2.FileSystemBytecodeCache(
@@ -90,7 +81,7 @@ def render(run: RunRecord, fields: Path, ledger: Sequence[Entry] = LEDGER) -> st
         sentence=wording.sentence(run),
         engine=wording.engine(run),
         counts=wording.counts(run),
-        entries=[_shown(case, run, fields) for case in run.cases],
+        entries=[_shown(case, run, known.get(case.case) or drawn_from(case, fields)) for case in run.cases],
         notes=run.notes,
         tags=_tags(run),
         matrices=agreement.matrices(run),
@@ -101,12 +92,6 @@ def render(run: RunRecord, fields: Path, ledger: Sequence[Entry] = LEDGER) -> st
         css=Markup((ASSETS / "report.css").read_text(encoding="utf-8")),
         scripts=[_script(path) for path in (_plotly(), ASSETS / "plots.js", ASSETS / "report.js")],
     )
-
-
-def embedded(data: Any) -> Markup:
-    """JSON that cannot end the script element it stands in, nor open a comment there."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 
 def shade(ratio: float | None, verdict: str) -> int:
@@ -130,24 +115,14 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[Ro
     return rows
 
 
-def _moved(found: plots.Differences) -> list[str]:
-    return [name for name, (difference_n, _) in found.items() if difference_n.any()]
-
-
 def _tags(run: RunRecord) -> dict[str, int]:
     found = Counter(tag for case in run.cases for tag in set(case.tags))
     return {tag: found[tag] for tag in sorted(found)}
 
 
-def _shown(case: CaseRecord, run: RunRecord, fields: Path) -> Shown:
-    arrays = _arrays(case, fields)
-    found = {} if arrays is None else plots.differences(arrays)
-    data = plots.payload(case, arrays, found)
+def _shown(case: CaseRecord, run: RunRecord, drawn: Drawn) -> Shown:
     words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message, case.twin)
     steps = sorted({at.step for record in case.fields for at in record.steps})
-    drawn = list((data or {}).get("fields", ()))
-    # Of the model only the field in which a difference enters: it has a dozen.
-    exact_numbers = [name for name in drawn if name == (data or {})["first"]] if steps else _moved(found)
     return Shown(
         record=case,
         kind=wording.kind(case),
@@ -159,39 +134,21 @@ def _shown(case: CaseRecord, run: RunRecord, fields: Path) -> Shown:
         styles=wording.styles(case),
         text=" ".join(words).lower(),
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
-        worst=[_worst(case, arrays, name, *found[name]) for name in exact_numbers] if arrays else [],
-        data=None if data is None else embedded(data),
+        worst=drawn.worst,
+        data=drawn.data,
         message=wording.blame(case),
         explained=wording.explained_by(case),
         steps=steps,
-        rows=_rows(case, steps, drawn) if steps else [],
+        rows=_rows(case, steps, drawn.fields) if steps else [],
     )
-
-
-def _arrays(case: CaseRecord, fields: Path) -> plots.Arrays | None:
-    # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
-    path = fields / f"{case.case}.npz"
-    if not case.fields or not path.is_file():
-        return None
-    arrays = one_per_atom(read_arrays(path))
-    return arrays if arrays["id"].size else None
-
-
-def _worst(case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: FloatArray, ratio_n: FloatArray) -> Worst:
-    at = int(np.argmax(ratio_n))
-    names = ("id", "type", "rho", "e", f"{field}.lammps", f"{field}.reference", f"{field}.bound")
-    values = {name.removeprefix(f"{field}."): repr(arrays[name][at].item()) for name in names if name in arrays}
-    values |= {"difference": repr(difference_n[at].item()), "difference/bound": repr(ratio_n[at].item())}
-    delta_n = plots.offsets(case, arrays["type"][at : at + 1], np.asarray(arrays["rho"][at : at + 1], float))
-    values |= {"(rho - rho0)/rho0": repr(delta_n[0].item())}
-    values["position"] = ", ".join(repr(float(c)) for c in arrays["x"][at])
-    return Worst(field, values)
 
 
 def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "command", run.command
     yield "date", run.date
     yield "wall time", f"{run.seconds:.2f} s"
+    if run.predictions.stored:
+        yield "predictions", f"{run.predictions}, with the bits of computed ones (--fresh computes them anew)"
     yield "strict", "yes: explained differences are not accepted" if run.strict else "no"
     for part in ("engine", "reference", "machine"):
         values = getattr(run, part)

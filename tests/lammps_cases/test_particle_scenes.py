@@ -234,8 +234,8 @@ def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers) -> 
 
 
 def _ranks_left() -> list[str]:
-    """Ranks started by workers of this process: their second argument is that worker, which is no more."""
-    processes = subprocess.run(["ps", "ax", "-o", "args"], capture_output=True, text=True, check=True).stdout
+    """Ranks started by workers of this process: their last argument is that worker, which is no more."""
+    processes = subprocess.run(["ps", "axww", "-o", "args"], capture_output=True, text=True, check=True).stdout
     ranks = [line.split() for line in processes.splitlines() if "-m lammps_cases.ranks" in line]
     return [" ".join(words) for words in ranks if not Path(f"/proc/{words[-1]}").exists()]
 

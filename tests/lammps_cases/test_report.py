@@ -29,7 +29,7 @@ from lammps_cases.records import (
     Seconds,
     StepRecord,
 )
-from lammps_cases.report import agreement, findings, markdown, page, plots, wording, write_report
+from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, wording, write_report
 from lammps_cases.report.arrays import read_arrays
 from lammps_cases.variants import Variant
 
@@ -452,7 +452,7 @@ def test_extreme_states_are_packed(parameter: float) -> None:
     arrays |= {f"pressure.{side}": arrays["rho"] for side in ("lammps", "reference", "bound")}
     case = CaseRecord(case="x", verdict="pass", laws=laws)
     data = plots.payload(case, arrays, plots.differences(arrays))
-    assert data is not None and json.loads(page.embedded(data)) == data
+    assert data is not None and json.loads(drawn.embedded(data)) == data
     assert {law["type"] for law in data["laws"]} >= {1, 2, 3, 4}
 
 
@@ -470,8 +470,8 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert parsed.scripts == 3 + len(parsed.data)
     text = (Path("x") / markdown.summary(run)).as_posix()
     assert "<img" not in text and "<script" not in text
-    assert page.embedded({"a": "</script><!--"}).count("<") == 0
-    assert json.loads(page.embedded({"a": "</script>&"})) == {"a": "</script>&"}
+    assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
+    assert json.loads(drawn.embedded({"a": "</script>&"})) == {"a": "</script>&"}
 
 
 def test_fields_against_steps(parsed: Page, html: str) -> None:

@@ -1,0 +1,78 @@
+"""What the page shows of a case's per-atom arrays, made where these are at hand: a run need not read them again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from eos_ref.eos import FloatArray
+from lammps_cases.records import CaseRecord
+from lammps_cases.report import plots
+from lammps_cases.report.arrays import one_per_atom, read_arrays
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Exact numbers of the worst atom of a field."""
+
+    field: str
+    values: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The data that the page draws a case from, as JSON; the fields in it; exact numbers of worst atoms."""
+
+    data: Markup | None = None
+    fields: tuple[str, ...] = ()
+    worst: tuple[Worst, ...] = ()
+
+
+def drawn(case: CaseRecord, arrays: plots.Arrays) -> Drawn:
+    """What is shown of the arrays of a case (none: no arrays)."""
+    # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
+    at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
+    reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
+    found = {} if reduced is None else plots.differences(reduced)
+    data = plots.payload(case, reduced, found)
+    fields = tuple((data or {}).get("fields", ()))
+    # Of the model only the field in which a difference enters: it has a dozen.
+    stepped = any(record.steps for record in case.fields)
+    exact_numbers = [name for name in fields if name == (data or {})["first"]] if stepped else _moved(found)
+    return Drawn(
+        None if data is None else embedded(data),
+        fields,
+        tuple(_worst(case, reduced, name, *found[name]) for name in exact_numbers) if reduced else (),
+    )
+
+
+def drawn_from(case: CaseRecord, fields: Path) -> Drawn:
+    """What is shown of the arrays of a case in the folder ``fields``."""
+    path = fields / f"{case.case}.npz"
+    return drawn(case, read_arrays(path) if case.fields and path.is_file() else {})
+
+
+def embedded(data: Any) -> Markup:
+    """JSON that cannot end the script element it stands in, nor open a comment there."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _moved(found: plots.Differences) -> list[str]:
+    return [name for name, (difference_n, _) in found.items() if difference_n.any()]
+
+
+def _worst(case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: FloatArray, ratio_n: FloatArray) -> Worst:
+    at = int(np.argmax(ratio_n))
+    names = ("id", "type", "rho", "e", f"{field}.lammps", f"{field}.reference", f"{field}.bound")
+    values = {name.removeprefix(f"{field}."): repr(arrays[name][at].item()) for name in names if name in arrays}
+    values |= {"difference": repr(difference_n[at].item()), "difference/bound": repr(ratio_n[at].item())}
+    delta_n = plots.offsets(case, arrays["type"][at : at + 1], np.asarray(arrays["rho"][at : at + 1], float))
+    values |= {"(rho - rho0)/rho0": repr(delta_n[0].item())}
+    values["position"] = ", ".join(repr(float(c)) for c in arrays["x"][at])
+    return Worst(field, values)

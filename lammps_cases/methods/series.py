@@ -26,7 +26,7 @@ PASS = 4  # terms of Horner's scheme taken in one pass over a block
 def coefficients(law: EOS, reach: float) -> FloatArray:
     r"""Coefficients of 1, d, d^2, ... of :math:`[(1+d)^\gamma-1]/(\gamma d)`, until what follows is below rounding.
 
-    The terms left out add up to less than :math:`2^{-54}` where :math:`|d|` does not exceed ``reach`` < 1; at most
+    Of a whole gamma the series ends by itself. The terms left out add up to less than :math:`2^{-54}` where :math:`|d|` does not exceed ``reach`` < 1; at most
     `MOST`.
     """
     found = [1.0]
@@ -35,7 +35,7 @@ def coefficients(law: EOS, reach: float) -> FloatArray:
         next_ = found[-1] * (law.gamma - k) / (k + 1)
         # From here on the ratio of a term to the one before is below this, so that the rest is a geometric series.
         ratio = reach * max(1.0, abs(law.gamma - k - 1) / (k + 2))
-        if ratio < 1 and abs(next_) * reach**k / (1 - ratio) < 2.0**-54:
+        if next_ == 0 or (ratio < 1 and abs(next_) * reach**k / (1 - ratio) < 2.0**-54):
             break
         found.append(next_)
     return np.array(found)

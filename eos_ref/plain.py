@@ -77,10 +77,7 @@ class Plain(Stages):
         """
         if not self.model.corrects_gradients:
             return
-        volume_p = self.volume_of_wall(rho_n)[self.j]
-        h = kernels.basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
-        weight = volume_p * self.w
-        m = [[self.total(weight * h[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
+        h, m = self.moments(rho_n)
         factor, definite_n = cholesky(m)
         used_n = definite_n & (self.coordination_n >= self.model.fix.zmin)
         self.corrected_n = used_n.answer & ~used_n.open if isinstance(used_n, Decision) else used_n
@@ -92,6 +89,13 @@ class Plain(Stages):
             for h_b, c_b in zip(h[1:], c[1:], strict=True):
                 product = product + h_b * c_b[self.i]
             self.g.append(where(used_p, -(self.w * product) / self.model.cut, self.gradw[a]))
+
+    def moments(self, rho_n: Number) -> tuple[list[Number], list[list[Number]]]:
+        """Basis of every pair, and by rows of its lower triangle the moment matrix of every particle; see `correct`."""
+        volume_p = self.volume_of_wall(rho_n)[self.j]
+        h = kernels.basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
+        weight = volume_p * self.w
+        return h, [[self.total(weight * h[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
 
     # --- walls
 

@@ -26,8 +26,8 @@ PASS = 4  # terms of Horner's scheme taken in one pass over a block
 def coefficients(law: EOS, reach: float) -> FloatArray:
     r"""Coefficients of 1, d, d^2, ... of :math:`[(1+d)^\gamma-1]/(\gamma d)`, until what follows is below rounding.
 
-    Of a whole gamma the series ends by itself. The terms left out add up to less than :math:`2^{-54}` where :math:`|d|` does not exceed ``reach`` < 1; at most
-    `MOST`.
+    Of a whole gamma the series ends by itself. The terms left out add up to less than :math:`2^{-54}` where :math:`|d|`
+    does not exceed ``reach`` < 1; at most `MOST`.
     """
     found = [1.0]
     while len(found) < MOST:

@@ -16,7 +16,7 @@ import numpy as np
 from eos_ref import kernels, loops
 from eos_ref.compiled import cached, inline
 from eos_ref.loops import Pairs
-from eos_ref.vectors import add_to, graded, matrix_times, mirrored, monomials, outer, plus, put, row, scaled
+from eos_ref.vectors import add_to, columns_times, graded, mirrored, monomials, put, row, zero
 
 _jit = cached(*loops.SOURCES, "corrections.py")
 
@@ -64,13 +64,13 @@ class _Monomial:
 def moments(pairs: Pairs, volume_n: Any, cut: float, like: Any, like_m: Any, out_nm: Any) -> None:
     """Add sum_j V_j W_ij times the monomials of x_ij/cut."""
     for i in range(volume_n.size):
-        total = scaled(0.0, like_m)
+        total = zero(like_m)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j, w = pairs.j_p[p], pairs.w_p[p]
-            u = scaled(1 / cut, row(pairs.x_pc, p, like))
+            u = 1 / cut * row(pairs.x_pc, p, like)
             m = monomials(u, like_m)
-            total = plus(total, scaled(volume_n[j] * w, m))
-            add_to(out_nm, j, scaled(volume_n[i] * w, mirrored(m, u)))
+            total = total + volume_n[j] * w * m
+            add_to(out_nm, j, volume_n[i] * w * mirrored(m, u))
         add_to(out_nm, i, total)
 
 
@@ -83,7 +83,7 @@ def coefficients(
     Entry a, b of a matrix is factor_a factor_b times moment index_bb[a, b]; basis function b is factor_b times
     monomial place_b[b].
     """
-    size = factor_b.size
+    size, d = factor_b.size, out_nf.shape[1] // factor_b.size
     lower = np.empty((size, size))
     y = np.empty(size)
     for i in range(corrected_n.size):
@@ -93,10 +93,10 @@ def coefficients(
                     lower[a, b] = factor_b[a] * factor_b[b] * moment_nm[i, index_bb[a, b]]
             corrected_n[i] = _factorise(lower)
         if corrected_n[i]:
-            for axis in range(out_nf.shape[1] // size):
+            for axis in range(d):
                 _solve_unit(lower, 1 + axis, y)
                 for b in range(size):
-                    out_nf[i, axis * size + place_b[b]] = scale * factor_b[b] * y[b]
+                    out_nf[i, place_b[b] * d + axis] = scale * factor_b[b] * y[b]
 
 
 @inline
@@ -135,22 +135,29 @@ def _solve_unit(lower: Any, unit: int, y: Any) -> None:
 
 @_jit
 def corrected_gradients(
-    pairs: Pairs, coefficient_nf: Any, corrected_n: Any, cut: float, like: Any, like_b: Any, gi_pc: Any, gj_pc: Any
+    pairs: Pairs,
+    coefficient_nf: Any,
+    corrected_n: Any,
+    cut: float,
+    like: Any,
+    like_b: Any,
+    like_f: Any,
+    gi_pc: Any,
+    gj_pc: Any,
 ) -> None:
     """Corrected gradients of both sides of every pair; a side without coefficients has the plain one."""
-    like_f = outer(like, like_b)
     for i in range(corrected_n.size):
         c_i = row(coefficient_nf, i, like_f)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j, w = pairs.j_p[p], pairs.w_p[p]
             x = row(pairs.x_pc, p, like)
-            u = scaled(1 / cut, x)
+            u = 1 / cut * x
             m = monomials(u, like_b)
-            g_i = scaled(pairs.slope_p[p], x)
-            g_j = scaled(-1.0, g_i)
+            g_i = pairs.slope_p[p] * x
+            g_j = -1.0 * g_i
             if corrected_n[i]:
-                g_i = scaled(w, matrix_times(c_i, m))
+                g_i = w * columns_times(c_i, m)
             if corrected_n[j]:
-                g_j = scaled(w, matrix_times(row(coefficient_nf, j, like_f), mirrored(m, u)))
+                g_j = w * columns_times(row(coefficient_nf, j, like_f), mirrored(m, u))
             put(gi_pc, p, g_i)
             put(gj_pc, p, g_j)

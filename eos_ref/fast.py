@@ -126,12 +126,14 @@ class Fast(Stages):
         moment_nm = np.zeros((self.n, basis.moments))
         corrections.moments(self.pairs, self._in(self.volume_of_wall(rho_n)), model.cut, self.like, like_m, moment_nm)
         corrected_n = self._count_n >= model.fix.zmin
-        coefficient_nf = np.zeros((self.n, d * len(like_b)))
+        like_f = like_b * d
+        coefficient_nf = np.zeros((self.n, len(like_f)))
         tables = basis.index_bb, basis.place_b, basis.factor_b
         corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, coefficient_nf)
         sides = self._buffer("gi", d), self._buffer("gj", d)
         plain = self.pairs._replace(gi_pc=None, gj_pc=None)
-        corrections.corrected_gradients(plain, coefficient_nf, corrected_n, model.cut, self.like, like_b, *sides)
+        likes = self.like, like_b, like_f
+        corrections.corrected_gradients(plain, coefficient_nf, corrected_n, model.cut, *likes, *sides)
         self.pairs = plain._replace(gi_pc=sides[0], gj_pc=sides[1])
         self.corrected_n = self._out(corrected_n)
 
@@ -237,6 +239,7 @@ class Fast(Stages):
             self.walls,
             model.h,
             model.cut,
+            self.like * d,
         )
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
         forces.pair_terms(self.pairs, forces.Fields(*inputs), terms, self.like, force_nf, drho_n, heat_n)

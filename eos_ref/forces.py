@@ -12,7 +12,7 @@ import numpy as np
 from eos_ref import interactions, loops
 from eos_ref.compiled import cached, inline
 from eos_ref.loops import Pairs, both_gradients, slip
-from eos_ref.vectors import add_to, dot, matrix_times, minus, outer, plus, row, scaled
+from eos_ref.vectors import add_to, dot, joined, matrix_times, row, zero
 
 _jit = cached(*loops.SOURCES, "forces.py")
 
@@ -32,6 +32,7 @@ class Terms(NamedTuple):
     walls: bool
     h: float
     cut: float
+    like_f: Any
 
 
 class Fields(NamedTuple):
@@ -61,7 +62,7 @@ def pair_terms(pairs: Pairs, fields: Fields, terms: Terms, like: Any, force_nf: 
     """Add the force of pressure and artificial viscosity, followed by all other force; density diffusion; heat flow."""
     f = fields
     for i in range(f.solid_n.size):
-        force = scaled(0.0, like + like)
+        force = joined(zero(like), zero(like))
         v_i = row(f.v_nc, i, like)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j = pairs.j_p[p]
@@ -84,24 +85,24 @@ def pair_terms(pairs: Pairs, fields: Fields, terms: Terms, like: Any, force_nf: 
             if solids == 2:
                 continue
             sound = _arithmetic_mean(f.sound_n[i], f.sound_n[j])
-            v = minus(v_i, row(f.v_nc, j, like))
+            v = v_i - row(f.v_nc, j, like)
             p_sum = f.pressure_n[i] + f.pressure_n[j]
             if terms.zeta != 0 and not (terms.walls and solids == 1):
                 p_sum += _artificial(f, i, j, v, x, rr, sound, terms, like)
             if terms.walls and solids == 1:
-                v = scaled(1 + slip(f.chi_n[i], f.chi_n[j], f.solid_n[i], terms.cut), v)
-                repulsion = scaled(_repulsion(f, i, j, rr, sound, terms), x)
-                force = plus(force, like + repulsion)
-                add_to(force_nf, j, like + scaled(-1.0, repulsion))
+                v = (1 + slip(f.chi_n[i], f.chi_n[j], f.solid_n[i], terms.cut)) * v
+                repulsion = joined(zero(like), _repulsion(f, i, j, rr, sound, terms) * x)
+                force = force + repulsion
+                add_to(force_nf, j, -1.0 * repulsion)
             if terms.xi != 0 and solids == 0:
                 psi = _density_difference(pairs.gi_pc, f, i, j, x, like)
                 drho_n[i] += _diffusion_term(terms.xi, volume_j, psi, xg_i, rr)
                 drho_n[j] += _diffusion_term(terms.xi, volume_i, -psi, xg_j, rr)
             push = _pressure_term(volume_i, volume_j, p_sum)
             eta = _mean(f.viscosity_n[i], f.viscosity_n[j], terms.harmonic)
-            force = plus(force, scaled(push, g_i) + scaled(_viscous_term(eta, volume_i, volume_j, xg_i, rr), v))
+            force = force + joined(push * g_i, _viscous_term(eta, volume_i, volume_j, xg_i, rr) * v)
             drag = -_viscous_term(eta, volume_i, volume_j, xg_j, rr)
-            add_to(force_nf, j, scaled(push, g_j) + scaled(drag, v))
+            add_to(force_nf, j, joined(push * g_j, drag * v))
         add_to(force_nf, i, force)
 
 
@@ -119,9 +120,8 @@ def _mean(a: float, b: float, harmonic: bool) -> float:
 @inline
 def _artificial(f: Fields, i: int, j: int, v: Any, x: Any, rr: float, sound: float, terms: Terms, like: Any) -> float:
     """Artificial viscous pressure, with the velocities extrapolated to the midpoint."""
-    like_f = outer(like, like)
-    G = scaled(0.5, plus(row(f.v_gradient_nf, i, like_f), row(f.v_gradient_nf, j, like_f)))
-    u = minus(v, matrix_times(G, x))
+    G = 0.5 * (row(f.v_gradient_nf, i, terms.like_f) + row(f.v_gradient_nf, j, terms.like_f))
+    u = v - matrix_times(G, x)
     return _artificial_term(terms.zeta, sound, dot(u, x), rr, terms.h, f.rho_n[i] + f.rho_n[j])  # type: ignore[no-any-return]
 
 
@@ -138,5 +138,5 @@ def _density_difference(gi_pc: Any, f: Fields, i: int, j: int, x: Any, like: Any
     """Density of j less that of i, beyond equilibrium or beyond what the gradients explain."""
     if gi_pc is None:
         return (f.rho_n[j] - f.rho0_n[j]) - (f.rho_n[i] - f.rho0_n[i])  # type: ignore[no-any-return]
-    slope = scaled(0.5, plus(row(f.rho_gradient_nc, i, like), row(f.rho_gradient_nc, j, like)))
+    slope = 0.5 * (row(f.rho_gradient_nc, i, like) + row(f.rho_gradient_nc, j, like))
     return f.rho_n[j] - f.rho_n[i] + dot(slope, x)  # type: ignore[no-any-return]

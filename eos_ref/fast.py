@@ -220,29 +220,26 @@ class Fast(Stages):
     ) -> PairTerms:
         """Forces, density diffusion and heat flow; see `Plain.pair_terms`."""
         model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
-        none, hot, damped = np.zeros(1), model.thermal is not None, pair.rho_damp and model.corrects_gradients
-        volumes = self.volume_of_wall(rho_n), self._volume_among_solids(rho_n)
-        always = (self.solid_n, *volumes, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n)
+        hot, damped = model.thermal is not None, pair.rho_damp and model.corrects_gradients
+        solids = self.solid_n.any()
+        walls = self.walls and solids
+        volume_n = self.volume_of_wall(rho_n)
         inputs = [
-            *map(self._in, always),
-            self._in(chi_n) if self.walls else none,
-            self._in(grad.v_ncc.reshape(n, d * d)) if pair.artificial_viscosity else np.zeros((1, d * d)),
-            self._in(grad.rho_nc) if damped else np.zeros((1, d)),
-            self._in(self.conduction()) if hot else none,
-            self._in(temperature_n) if hot else none,
+            *(volume_n, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n),
+            self.solid_n if solids else None,
+            self.mass_n / self.rho0_n if walls else None,
+            chi_n if walls else None,
+            grad.v_ncc.reshape(n, d * d) if pair.artificial_viscosity else None,
+            grad.rho_nc if damped else None,
+            self.conduction() if hot else None,
+            temperature_n if hot else None,
         ]
+        fields = forces.Fields(*(None if array is None else self._in(array) for array in inputs))
         terms = forces.Terms(
-            float(pair.artificial_viscosity),
-            float(pair.rho_damp),
-            pair.harmonic_means,
-            hot,
-            self.walls,
-            model.h,
-            model.cut,
-            self.like * d,
+            float(pair.artificial_viscosity), float(pair.rho_damp), pair.harmonic_means, model.h, model.cut
         )
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
-        forces.pair_terms(self.pairs, forces.Fields(*inputs), terms, self.like, force_nf, drho_n, heat_n)
+        forces.pair_terms(self.pairs, fields, terms, self.like, self.like * d, force_nf, drho_n, heat_n)
         force_nf = self._out(force_nf)
         pressure_nc = force_nf[:, :d]
         flow_n = self._out(heat_n) if hot else None

@@ -22,6 +22,7 @@ from eos_ref.neighbours import Neighbours
 from eos_ref.stages import Stages
 
 SKIN = 0.1  # of the cutoff
+LANES = (1.0,) * 8  # doubles in a register
 
 
 class Fast(Stages):
@@ -103,11 +104,11 @@ class Fast(Stages):
         start_n = np.empty(self.n + 1, np.uint64)
         self.pairs = loops.Pairs(start_n, j_p, x_pc, self._buffer("w"), self._buffer("slope"), None, None)
         sigma = kernels.normalisation(d, model.cut)
-        count_n = np.zeros(self.n, np.int64)
+        count_n = np.zeros(self.n, np.uint64)
         lists = near.start_n.view(np.uint64), near.j_p, near.image_pc
         loops.geometry(self._in(x_nc), *lists, self.edge, self.reach, model.h, sigma, self.pairs, count_n)
-        self._count_n = count_n
-        self.coordination_n = self._out(count_n)
+        self._count_n = count_n.view(np.int64)
+        self.coordination_n = self._out(self._count_n)
         self.corrected_n = np.zeros(self.n, bool)
 
     def kernel_sum(self, weight_n: Any = None) -> FloatArray:
@@ -129,7 +130,7 @@ class Fast(Stages):
         like_f = like_b * d
         coefficient_nf = np.zeros((self.n, len(like_f)))
         tables = basis.index_bb, basis.place_b, basis.factor_b
-        corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, coefficient_nf)
+        corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, LANES, coefficient_nf)
         sides = self._buffer("gi", d), self._buffer("gj", d)
         plain = self.pairs._replace(gi_pc=None, gj_pc=None)
         likes = self.like, like_b, like_f

@@ -58,7 +58,7 @@ def geometry(
     count_n: Any,
 ) -> None:
     """Keep in ``near`` the pairs of a list with r*r < reach and their kernel values; add to the count of neighbours."""
-    k = 0
+    k = np.uint64(0)  # a signed number might count from the end
     for first in range(0, start_n.size - 1, BLOCK):
         begin = k
         for i in range(first, min(first + BLOCK, start_n.size - 1)):
@@ -72,7 +72,7 @@ def geometry(
                 near.j_p[k] = j
                 put(near.x_pc, k, x)
                 near.w_p[k] = rr
-                close = int(rr < reach)
+                close = np.uint64(rr < reach)
                 count_n[j] += close
                 k += close
             count_n[i] += k - first_of_row

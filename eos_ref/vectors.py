@@ -1,8 +1,9 @@
 """Short vectors for compiled loops, one register each: their length, a dimension, is known when a loop is compiled.
 
-A row of a two-dimensional array becomes a vector and back. ``+``, ``-`` and ``*`` act on every component at once, ``*``
-also with a number; numba by itself would treat the components one after the other. Which row length is meant is said by
-a tuple of that length (``like``). Nothing here is a formula of the model. All functions exist in compiled code only.
+A row of a two-dimensional array becomes a vector and back. ``+``, ``-``, ``*`` and ``/`` act on every component at
+once, ``*`` also with a number; numba by itself would treat the components one after the other. Which row length is
+meant is said by a tuple of that length (``like``). Nothing here is a formula of the model. All functions exist in
+compiled code only.
 """
 
 # mypy: disable-error-code="untyped-decorator,no-untyped-def,misc"
@@ -15,6 +16,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core.cgutils import get_or_insert_function
 from numba.extending import intrinsic, models, overload, register_model
 
 _DOUBLE, _LANE = ir.DoubleType(), ir.IntType(32)
@@ -106,7 +108,7 @@ def _componentwise(operation: str) -> Any:
     return function
 
 
-_plus, _minus, _times = map(_componentwise, ("fadd", "fsub", "fmul"))
+_plus, _minus, _times, _over = map(_componentwise, ("fadd", "fsub", "fmul", "fdiv"))
 
 
 @intrinsic
@@ -136,6 +138,26 @@ def _mul(a, b):
     if not isinstance(b, Vector):
         return None
     return (lambda a, b: _times(a, b)) if isinstance(a, Vector) else (lambda a, b: _scaled(a, b))
+
+
+@overload(operator.truediv)
+def _truediv(a, b):
+    return (lambda a, b: _over(a, b)) if isinstance(a, Vector) and isinstance(b, Vector) else None
+
+
+@intrinsic
+def roots(typing_context, a):
+    """Square root of every component."""
+
+    def code(context, builder, signature, args):
+        found = []
+        for register in _registers(builder, args[0]):
+            form = ir.FunctionType(register.type, [register.type])
+            root = get_or_insert_function(builder.module, form, f"llvm.sqrt.v{register.type.count}f64")
+            found.append(builder.call(root, [register]))
+        return _vector(builder, found)
+
+    return a(a), code
 
 
 @intrinsic

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import compiled, corrections, forces, kernels, loops
-from eos_ref.columns import Axes, axes
+from eos_ref.columns import Axes, axes, joined
 from eos_ref.eos import FloatArray
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms
 from eos_ref.neighbours import Neighbours
@@ -161,20 +161,17 @@ class Fast(Stages):
         velocity = [v_nc[:, a] for a in range(d)] if "v" in want else []
         if not velocity and not names:
             return found
-        field_nf = np.column_stack([*velocity, *(scalars[name] for name in names)])
-        rest_nf = np.column_stack([*velocity, *({**scalars, "rho": self.rho0_n}[name] for name in names)])
+        count = len(velocity) + len(names)
         slips = (1.0,) * len(velocity) + (0.0,) * len(names)
-        sum_nf = np.zeros((self.n, len(slips) * d))
-        volume, rest_volume = self.mass_n / scalars["rho"], self.mass_n / self.rho0_n
-        loops.gradients(
-            self.pairs,
-            *map(self._in, (volume, field_nf, rest_volume, rest_nf, self.solid_n)),
-            self._in(chi_n) if self.walls else None,
-            self.model.cut,
-            slips,
-            self.like,
-            sum_nf,
-        )
+        sum_nf = np.zeros((self.n, count * d))
+        field_nf = np.column_stack([*velocity, *(scalars[name] for name in names)]) if names else v_nc
+        inputs = [self.mass_n / scalars["rho"], field_nf, *[None] * 4]
+        if self.walls and self.solid_n.any():
+            scalars["rho"] = self.rho0_n
+            rest_nf = np.column_stack([*velocity, *(scalars[name] for name in names)]) if names else v_nc
+            inputs[2:] = [self.mass_n / self.rho0_n, rest_nf, self.solid_n, chi_n]
+        arrays = (None if array is None else self._in(array) for array in inputs)
+        loops.gradients(self.pairs, *arrays, self.model.cut, slips, self.like, sum_nf)
         sum_nf = self._out(sum_nf)
         if velocity:
             found.v_ncc = sum_nf[:, : d * d].reshape(self.n, d, d)
@@ -242,9 +239,10 @@ class Fast(Stages):
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
         forces.pair_terms(self.pairs, fields, terms, self.like, self.like * d, force_nf, drho_n, heat_n)
         force_nf = self._out(force_nf)
-        pressure_nc = force_nf[:, :d]
+        pressure, rest = axes(force_nf[:, :d]), axes(force_nf[:, d:])
+        force_nc = joined([a + b for a, b in zip(pressure, rest, strict=True)])
         flow_n = self._out(heat_n) if hot else None
-        return PairTerms(pressure_nc + force_nf[:, d:], pressure_nc, self._out(drho_n), flow_n)
+        return PairTerms(force_nc, force_nf[:, :d], self._out(drho_n), flow_n)
 
     # --- properties of a particle
 

@@ -158,7 +158,7 @@ def pair_terms(
             push = _pressure_term(volume_a, volume_b, p_sum)
             eta = _mean(a.viscosity, b.viscosity, terms.harmonic)
             force = force + joined(push * g_a, _viscous_term(eta, volume_a, volume_b, F_a) * v)
-            add_to(force_nf, j, joined(push * g_b, -_viscous_term(eta, volume_a, volume_b, F_b) * v))
+            add_to(force_nf, j, -1.0 * joined(push * g_b, _viscous_term(eta, volume_a, volume_b, F_b) * v))
         add_to(force_nf, i, force)
         drho_n[i] += drho
         heat_n[i] += heat
@@ -166,10 +166,10 @@ def pair_terms(
 
 @inline
 def _ratios(slope_p: Any, gi_pc: Any, p: int, x: Any, g_a: Any, g_b: Any, rr: float) -> tuple[float, float]:
-    """x.gradient over r squared of both sides, from where each of them looks."""
+    """x.gradient over r squared of both sides; both factors have their sign turned for b."""
     if gi_pc is None:
         return slope_p[p], slope_p[p]
-    return dot(x, g_a) / rr, -dot(x, g_b) / rr
+    return dot(x, g_a) / rr, dot(x, g_b) / rr
 
 
 @inline

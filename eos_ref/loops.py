@@ -92,7 +92,7 @@ def _kernel(w_p: Any, slope_p: Any, h: float, sigma: float) -> None:
 
 @inline
 def both_gradients(pairs: Pairs, p: int, like: Any) -> Any:
-    """Gradient that i uses and gradient that j uses."""
+    """Gradient that i uses, and that of j with its sign turned: what the one gains by it the other loses."""
     return _choose_gradients(pairs.slope_p, pairs.x_pc, pairs.gi_pc, pairs.gj_pc, p, like)
 
 
@@ -100,8 +100,8 @@ def both_gradients(pairs: Pairs, p: int, like: Any) -> Any:
 def _choose_gradients(slope_p: Any, x_pc: Any, gi_pc: Any, gj_pc: Any, p: int, like: Any) -> Any:
     if gi_pc is None:  # decided when compiled, as it is an argument
         g = slope_p[p] * row(x_pc, p, like)
-        return g, -1.0 * g
-    return row(gi_pc, p, like), row(gj_pc, p, like)
+        return g, g
+    return row(gi_pc, p, like), -1.0 * row(gj_pc, p, like)
 
 
 @_jit
@@ -179,8 +179,8 @@ def gradients(
                 elif solid_n[i] | solid_n[j]:
                     extra = slip(chi_n[i], chi_n[j], solid_n[i], cut) * vector(slips)
                     difference = difference + extra * difference
-            total = total + outer(volume_j * difference, g_i)
-            add_to(out_nf, j, outer(-volume_i * difference, g_j))
+            total = total + volume_j * outer(difference, g_i)
+            add_to(out_nf, j, volume_i * outer(difference, g_j))
         add_to(out_nf, i, total)
 
 

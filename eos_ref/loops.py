@@ -21,7 +21,7 @@ from eos_ref.compiled import cached, inline
 from eos_ref.vectors import add_to, dot, outer, put, row, vector, zero
 
 BLOCK = 64  # rows whose pairs stay in the first-level cache between the two passes of `geometry`
-SOURCES = ("vectors.py", "kernels.py", "interactions.py", "loops.py")
+SOURCES = ("registers.py", "vectors.py", "kernels.py", "interactions.py", "loops.py")
 _jit = cached(*SOURCES)
 
 _quintic, _quintic_slope = inline(kernels.quintic), inline(kernels.quintic_slope)

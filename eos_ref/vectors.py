@@ -1,4 +1,4 @@
-"""Short vectors for compiled loops, one register each: their length, a dimension, is known when a loop is compiled.
+"""Short vectors for compiled loops, kept in registers: their length, a dimension, is known when a loop is compiled.
 
 A row of a two-dimensional array becomes a vector and back. ``+``, ``-``, ``*`` and ``/`` act on every component at
 once, ``*`` also with a number; numba by itself would treat the components one after the other. Which row length is
@@ -19,8 +19,23 @@ from numba import types
 from numba.core.cgutils import get_or_insert_function
 from numba.extending import intrinsic, models, overload, register_model
 
-_DOUBLE, _LANE = ir.DoubleType(), ir.IntType(32)
-_WIDTH = 8  # doubles in the widest registers
+from eos_ref.registers import (
+    DOUBLE,
+    LANE,
+    added,
+    addresses,
+    constants,
+    loaded,
+    multiplied,
+    packed,
+    picked,
+    resized,
+    shuffled,
+    store,
+    sum_of_pieces,
+    unpacked,
+    widths,
+)
 
 
 class Vector(types.Type):
@@ -34,58 +49,7 @@ class Vector(types.Type):
 @register_model(Vector)
 class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, vector: Vector) -> None:
-        registers = [ir.VectorType(_DOUBLE, width) for width in _widths(vector.size)]
-        super().__init__(manager, vector, ir.LiteralStructType(registers))
-
-
-def _widths(size: int) -> list[int]:
-    """Registers that hold a vector. The last may be wider than what is left: only powers of two stay in registers."""
-    left = size % _WIDTH
-    return [_WIDTH] * (size // _WIDTH) + ([1 << (left - 1).bit_length()] if left else [])
-
-
-def _registers(builder: Any, vector: Any) -> list[Any]:
-    return [builder.extract_value(vector, k) for k in range(len(vector.type.elements))]
-
-
-def _vector(builder: Any, registers: list[Any]) -> Any:
-    found = ir.Constant(ir.LiteralStructType([register.type for register in registers]), ir.Undefined)
-    for k, register in enumerate(registers):
-        found = builder.insert_value(found, register, k)
-    return found
-
-
-def _shuffled(builder: Any, register: Any, other: Any, lanes: list[int | None]) -> Any:
-    """Lanes of a register, and those of another counted on; None: of no meaning, the first of the other."""
-    mask = [ir.Constant(_LANE, register.type.count if lane is None else lane) for lane in lanes]
-    return builder.shuffle_vector(register, other, ir.Constant(ir.VectorType(_LANE, len(mask)), mask))
-
-
-def _picked(builder: Any, registers: list[Any], places: list[int]) -> list[Any]:
-    """Registers of the components at these places."""
-    found, start = [], 0
-    for width in _widths(len(places)):
-        wanted = dict(enumerate(places[start : start + width]))
-        parts: Any = None
-        for k, register in enumerate(registers):
-            lanes = {lane: place - k * _WIDTH for lane, place in wanted.items() if place // _WIDTH == k}
-            if not lanes:
-                continue
-            nothing = ir.Constant(register.type, ir.Undefined)
-            part = _shuffled(builder, register, nothing, [lanes.get(lane) for lane in range(width)])
-            choice: list[int | None] = [lane + width * (lane in lanes) for lane in range(width)]
-            parts = part if parts is None else _shuffled(builder, parts, part, choice)
-        found.append(parts)
-        start += width
-    return found
-
-
-def _added(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
-    return [builder.fadd(x, y) for x, y in zip(a, b, strict=True)]
-
-
-def _multiplied(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
-    return [builder.fmul(x, y) for x, y in zip(a, b, strict=True)]
+        super().__init__(manager, vector, ir.LiteralStructType([ir.VectorType(DOUBLE, w) for w in widths(vector.size)]))
 
 
 def graded(dimension: int, degree: int) -> list[tuple[int, ...]]:
@@ -100,8 +64,8 @@ def _componentwise(operation: str) -> Any:
     @intrinsic
     def function(typing_context, a, b):
         def code(context, builder, signature, args):
-            pairs = zip(*(_registers(builder, arg) for arg in args), strict=True)
-            return _vector(builder, [getattr(builder, operation)(x, y) for x, y in pairs])
+            pairs = zip(*(unpacked(builder, arg) for arg in args), strict=True)
+            return packed(builder, [getattr(builder, operation)(x, y) for x, y in pairs])
 
         return a(a, b), code
 
@@ -114,11 +78,9 @@ _plus, _minus, _times, _over = map(_componentwise, ("fadd", "fsub", "fmul", "fdi
 @intrinsic
 def _scaled(typing_context, factor, a):
     def code(context, builder, signature, args):
-        nothing = ir.Constant(ir.VectorType(_DOUBLE, 1), ir.Undefined)
-        number = [builder.insert_element(nothing, args[0], _LANE(0))]
-        return _vector(
-            builder, _multiplied(builder, _picked(builder, number, [0] * a.size), _registers(builder, args[1]))
-        )
+        nothing = ir.Constant(ir.VectorType(DOUBLE, 1), ir.Undefined)
+        number = [builder.insert_element(nothing, args[0], LANE(0))]
+        return packed(builder, multiplied(builder, picked(builder, number, [0] * a.size), unpacked(builder, args[1])))
 
     return a(types.float64, a), code
 
@@ -151,11 +113,11 @@ def roots(typing_context, a):
 
     def code(context, builder, signature, args):
         found = []
-        for register in _registers(builder, args[0]):
+        for register in unpacked(builder, args[0]):
             form = ir.FunctionType(register.type, [register.type])
             root = get_or_insert_function(builder.module, form, f"llvm.sqrt.v{register.type.count}f64")
             found.append(builder.call(root, [register]))
-        return _vector(builder, found)
+        return packed(builder, found)
 
     return a(a), code
 
@@ -163,13 +125,13 @@ def roots(typing_context, a):
 @intrinsic
 def vector(typing_context, parts):
     """Vector of the numbers in a tuple, as many as fit one register."""
-    (width,) = _widths(len(parts))
+    (width,) = widths(len(parts))
 
     def code(context, builder, signature, args):
-        found = ir.Constant(ir.VectorType(_DOUBLE, width), ir.Undefined)
+        found = ir.Constant(ir.VectorType(DOUBLE, width), ir.Undefined)
         for k in range(len(parts)):
-            found = builder.insert_element(found, builder.extract_value(args[0], k), _LANE(k))
-        return _vector(builder, [found])
+            found = builder.insert_element(found, builder.extract_value(args[0], k), LANE(k))
+        return packed(builder, [found])
 
     return Vector(len(parts))(parts), code
 
@@ -190,11 +152,10 @@ def joined(typing_context, a, b):
     """Components of one vector followed by those of another of the same length, each in one register."""
 
     def code(context, builder, signature, args):
-        (left,), (right,) = (_registers(builder, arg) for arg in args)
+        (left,), (right,) = (unpacked(builder, arg) for arg in args)
         width = left.type.count
         lanes: list[int | None] = [*range(a.size), *range(width, width + a.size)]
-        (total,) = _widths(2 * a.size)
-        return _vector(builder, [_shuffled(builder, left, right, lanes + [None] * (total - len(lanes)))])
+        return packed(builder, [resized(builder, shuffled(builder, left, right, lanes), *widths(2 * a.size))])
 
     return Vector(2 * a.size)(a, b), code
 
@@ -205,18 +166,11 @@ def outer(typing_context, a, b):
     size = a.size * b.size
 
     def code(context, builder, signature, args):
-        left = _picked(builder, _registers(builder, args[0]), [k // b.size for k in range(size)])
-        right = _picked(builder, _registers(builder, args[1]), [k % b.size for k in range(size)])
-        return _vector(builder, _multiplied(builder, left, right))
+        left = picked(builder, unpacked(builder, args[0]), [k // b.size for k in range(size)])
+        right = picked(builder, unpacked(builder, args[1]), [k % b.size for k in range(size)])
+        return packed(builder, multiplied(builder, left, right))
 
     return Vector(size)(a, b), code
-
-
-def _sum_of_pieces(builder: Any, registers: list[Any], pieces: list[list[int]]) -> list[Any]:
-    total = _picked(builder, registers, pieces[0])
-    for piece in pieces[1:]:
-        total = _added(builder, total, _picked(builder, registers, piece))
-    return total
 
 
 @intrinsic
@@ -224,9 +178,9 @@ def dot(typing_context, a, b):
     """Scalar product, summed from the first component on."""
 
     def code(context, builder, signature, args):
-        product = _multiplied(builder, *(_registers(builder, arg) for arg in args))
-        (total,) = _sum_of_pieces(builder, product, [[k] for k in range(a.size)])
-        return builder.extract_element(total, _LANE(0))
+        product = multiplied(builder, *(unpacked(builder, arg) for arg in args))
+        (total,) = sum_of_pieces(builder, product, [[k] for k in range(a.size)])
+        return builder.extract_element(total, LANE(0))
 
     return types.float64(a, b), code
 
@@ -237,9 +191,9 @@ def matrix_times(typing_context, matrix, a):
     rows, size = matrix.size // a.size, a.size
 
     def code(context, builder, signature, args):
-        repeated = _picked(builder, _registers(builder, args[1]), [k % size for k in range(matrix.size)])
-        product = _multiplied(builder, _registers(builder, args[0]), repeated)
-        return _vector(builder, _sum_of_pieces(builder, product, [[*range(k, matrix.size, size)] for k in range(size)]))
+        repeated = picked(builder, unpacked(builder, args[1]), [k % size for k in range(matrix.size)])
+        product = multiplied(builder, unpacked(builder, args[0]), repeated)
+        return packed(builder, sum_of_pieces(builder, product, [[*range(k, matrix.size, size)] for k in range(size)]))
 
     return Vector(rows)(matrix, a), code
 
@@ -250,10 +204,10 @@ def columns_times(typing_context, matrix, a):
     rows, size = matrix.size // a.size, a.size
 
     def code(context, builder, signature, args):
-        repeated = _picked(builder, _registers(builder, args[1]), [k // rows for k in range(matrix.size)])
-        product = _multiplied(builder, _registers(builder, args[0]), repeated)
-        return _vector(
-            builder, _sum_of_pieces(builder, product, [[*range(k * rows, (k + 1) * rows)] for k in range(size)])
+        repeated = picked(builder, unpacked(builder, args[1]), [k // rows for k in range(matrix.size)])
+        product = multiplied(builder, unpacked(builder, args[0]), repeated)
+        return packed(
+            builder, sum_of_pieces(builder, product, [[*range(k * rows, (k + 1) * rows)] for k in range(size)])
         )
 
     return Vector(rows)(matrix, a), code
@@ -272,20 +226,18 @@ def monomials(typing_context, u, like):
     degree = _degree(u.size, len(like))
 
     def code(context, builder, signature, args):
-        one = ir.Constant(ir.VectorType(_DOUBLE, 1), [1.0])
-        ones = _picked(builder, [one], [0] * u.size)[0]
-        (x,) = _registers(builder, args[0])
-        lanes: list[int | None] = [0, *range(x.type.count, x.type.count + u.size)]
-        (width,) = _widths(len(lanes))
-        found = [_shuffled(builder, ones, x, lanes + [None] * (width - len(lanes)))]
+        (x,) = unpacked(builder, args[0])
+        (ones,), width = constants([1.0] * u.size), x.type.count
+        lanes: list[int | None] = [0, *range(width, width + u.size)]
+        found = [resized(builder, shuffled(builder, ones, x, lanes), *widths(len(lanes)))]
         known = 1
         while known < degree:  # the product of any two is one of twice the degree
             parts, known = graded(u.size, known), min(2 * known, degree)
             wanted = graded(u.size, known)
             left = [parts.index(axes[: len(axes) // 2]) for axes in wanted]
             right = [parts.index(axes[len(axes) // 2 :]) for axes in wanted]
-            found = _multiplied(builder, _picked(builder, found, left), _picked(builder, found, right))
-        return _vector(builder, found)
+            found = multiplied(builder, picked(builder, found, left), picked(builder, found, right))
+        return packed(builder, found)
 
     return Vector(len(like))(u, like), code
 
@@ -296,52 +248,12 @@ def mirrored(typing_context, products, u):
     sign = [(-1.0) ** len(axes) for axes in graded(u.size, _degree(u.size, products.size))]
 
     def code(context, builder, signature, args):
-        signs = [ir.Constant(_DOUBLE, x) for x in sign]
-        found = []
-        for k, register in enumerate(_registers(builder, args[0])):
-            part = signs[k * _WIDTH : (k + 1) * _WIDTH]
-            part += [ir.Constant(_DOUBLE, 1.0)] * (register.type.count - len(part))
-            found.append(builder.fmul(register, ir.Constant(register.type, part)))
-        return _vector(builder, found)
+        return packed(builder, multiplied(builder, unpacked(builder, args[0]), constants(sign)))
 
     return products(products, u), code
 
 
 # --- rows of arrays
-
-
-def _cells(context: Any, builder: Any, signature: Any, args: Any, size: int) -> list[Any]:
-    """Addresses of a row's parts, one for each register; the array is contiguous, its rows as long as the vector."""
-    array = context.make_array(signature.args[0])(context, builder, value=args[0])
-    k = context.cast(builder, args[1], signature.args[1], types.intp)
-    first = builder.mul(k, context.get_constant(types.intp, size))
-    cells = []
-    for start in range(0, size, _WIDTH):
-        cell = builder.gep(array.data, [builder.add(first, context.get_constant(types.intp, start))])
-        part = ir.VectorType(array.data.type.pointee, min(size - start, _WIDTH))
-        cells.append(builder.bitcast(cell, part.as_pointer()))
-    return cells
-
-
-def _loaded(builder: Any, cells: list[Any], align: int) -> list[Any]:
-    found = []
-    for cell in cells:
-        register = builder.load(cell, align=align)
-        if not isinstance(register.type.element, ir.DoubleType):
-            register = builder.sitofp(register, ir.VectorType(_DOUBLE, register.type.count))
-        size = register.type.count
-        (width,) = _widths(size)
-        lanes: list[int | None] = [*range(size)]
-        nothing = ir.Constant(register.type, ir.Undefined)
-        found.append(_shuffled(builder, register, nothing, lanes + [None] * (width - size)))
-    return found
-
-
-def _store(builder: Any, registers: list[Any], cells: list[Any], align: int) -> None:
-    for register, cell in zip(registers, cells, strict=True):
-        nothing = ir.Constant(register.type, ir.Undefined)
-        lanes: list[int | None] = [*range(cell.type.pointee.count)]
-        builder.store(_shuffled(builder, register, nothing, lanes), cell, align=align)
 
 
 def _bytes(array: Any) -> int:
@@ -354,8 +266,8 @@ def row(typing_context, array_nc, k, like):
     """Row k as a vector of as many components as ``like``; whole numbers become doubles."""
 
     def code(context, builder, signature, args):
-        cells = _cells(context, builder, signature, args, len(like))
-        return _vector(builder, _loaded(builder, cells, _bytes(array_nc)))
+        places = addresses(context, builder, signature, args, len(like))
+        return packed(builder, loaded(builder, places, _bytes(array_nc)))
 
     return Vector(len(like))(array_nc, k, like), code
 
@@ -365,8 +277,8 @@ def put(typing_context, array_nc, k, vector):
     """Store a vector as row k."""
 
     def code(context, builder, signature, args):
-        cells = _cells(context, builder, signature, args, vector.size)
-        _store(builder, _registers(builder, args[2]), cells, _bytes(array_nc))
+        places = addresses(context, builder, signature, args, vector.size)
+        store(builder, unpacked(builder, args[2]), places, _bytes(array_nc))
         return context.get_dummy_value()
 
     return types.none(array_nc, k, vector), code
@@ -377,9 +289,9 @@ def add_to(typing_context, array_nc, k, vector):
     """Add a vector to row k."""
 
     def code(context, builder, signature, args):
-        cells = _cells(context, builder, signature, args, vector.size)
-        found = _loaded(builder, cells, _bytes(array_nc))
-        _store(builder, _added(builder, found, _registers(builder, args[2])), cells, _bytes(array_nc))
+        places = addresses(context, builder, signature, args, vector.size)
+        found = loaded(builder, places, _bytes(array_nc))
+        store(builder, added(builder, found, unpacked(builder, args[2])), places, _bytes(array_nc))
         return context.get_dummy_value()
 
     return types.none(array_nc, k, vector), code

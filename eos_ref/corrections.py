@@ -8,7 +8,6 @@ each matrix is put together from them.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from eos_ref import kernels, loops
 from eos_ref.compiled import cached, inline
 from eos_ref.loops import Pairs
-from eos_ref.vectors import add_to, graded, matrix_times, mirrored, monomials, outer, plus, put, row, scaled
+from eos_ref.vectors import add_to, columns_times, graded, mirrored, monomials, put, roots, row, vector, zero
 
 _jit = cached(*loops.SOURCES, "corrections.py")
 
@@ -64,93 +63,115 @@ class _Monomial:
 def moments(pairs: Pairs, volume_n: Any, cut: float, like: Any, like_m: Any, out_nm: Any) -> None:
     """Add sum_j V_j W_ij times the monomials of x_ij/cut."""
     for i in range(volume_n.size):
-        total = scaled(0.0, like_m)
+        total = zero(like_m)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j, w = pairs.j_p[p], pairs.w_p[p]
-            u = scaled(1 / cut, row(pairs.x_pc, p, like))
+            u = 1 / cut * row(pairs.x_pc, p, like)
             m = monomials(u, like_m)
-            total = plus(total, scaled(volume_n[j] * w, m))
-            add_to(out_nm, j, scaled(volume_n[i] * w, mirrored(m, u)))
+            total = total + volume_n[j] * w * m
+            add_to(out_nm, j, volume_n[i] * w * mirrored(m, u))
         add_to(out_nm, i, total)
 
 
 @_jit
 def coefficients(
-    moment_nm: Any, index_bb: Any, place_b: Any, factor_b: Any, scale: float, corrected_n: Any, out_nf: Any
+    moment_nm: Any,
+    index_bb: Any,
+    place_b: Any,
+    factor_b: Any,
+    scale: float,
+    corrected_n: Any,
+    one: Any,
+    out_nf: Any,
 ) -> None:
     """Columns 1 to d of the inverse moment matrices, as coefficients of monomials; fewer ``corrected_n`` may remain.
 
     Entry a, b of a matrix is factor_a factor_b times moment index_bb[a, b]; basis function b is factor_b times
-    monomial place_b[b].
+    monomial place_b[b]. The matrices of as many particles as ``one`` has ones are taken together, one in each lane (l)
+    of a register; lanes without a particle, or without a factor, hold numbers that nobody reads.
     """
-    size = factor_b.size
-    lower = np.empty((size, size))
-    y = np.empty(size)
-    for i in range(corrected_n.size):
-        if corrected_n[i]:
+    size, lanes = factor_b.size, len(one)
+    d = out_nf.shape[1] // size
+    moment_ml, lower_l = np.zeros((moment_nm.shape[1], lanes)), np.zeros((size * size, lanes))
+    pivot_l, y_bl = np.zeros((size, lanes)), np.zeros((size, lanes))
+    for first in range(0, corrected_n.size, lanes):
+        together = min(lanes, corrected_n.size - first)
+        for lane in range(together):
+            for m in range(moment_nm.shape[1]):
+                moment_ml[m, lane] = moment_nm[first + lane, m]
+        for a in range(size):
+            for b in range(a + 1):
+                put(lower_l, a * size + b, factor_b[a] * factor_b[b] * row(moment_ml, index_bb[a, b], one))
+        _factorise(lower_l, pivot_l, one)
+        for lane in range(together):
             for a in range(size):
-                for b in range(a + 1):
-                    lower[a, b] = factor_b[a] * factor_b[b] * moment_nm[i, index_bb[a, b]]
-            corrected_n[i] = _factorise(lower)
-        if corrected_n[i]:
-            for axis in range(out_nf.shape[1] // size):
-                _solve_unit(lower, 1 + axis, y)
-                for b in range(size):
-                    out_nf[i, axis * size + place_b[b]] = scale * factor_b[b] * y[b]
+                corrected_n[first + lane] &= pivot_l[a, lane] > 0
+        for axis in range(d):
+            _solve_unit(lower_l, 1 + axis, y_bl, one)
+            for lane in range(together):
+                if corrected_n[first + lane]:
+                    for b in range(size):
+                        out_nf[first + lane, place_b[b] * d + axis] = scale * factor_b[b] * y_bl[b, lane]
 
 
 @inline
-def _factorise(lower: Any) -> bool:
-    """Cholesky's factor in place; False if there is none."""
-    size = lower.shape[0]
+def _factorise(lower_l: Any, pivot_l: Any, one: Any) -> None:
+    """Cholesky's factor in place, row after row; where a square of a pivot is not positive there is none."""
+    size = pivot_l.shape[0]
     for a in range(size):
         for b in range(a + 1):
-            rest = lower[a, b]
+            rest = row(lower_l, a * size + b, one)
             for k in range(b):
-                rest -= lower[a, k] * lower[b, k]
+                rest = rest - row(lower_l, a * size + k, one) * row(lower_l, b * size + k, one)
             if a != b:
-                lower[a, b] = rest / lower[b, b]
-            elif rest > 0:
-                lower[a, a] = math.sqrt(rest)
+                rest = rest / row(lower_l, b * size + b, one)
             else:
-                return False
-    return True
+                put(pivot_l, a, rest)
+                rest = roots(rest)
+            put(lower_l, a * size + b, rest)
 
 
 @inline
-def _solve_unit(lower: Any, unit: int, y: Any) -> None:
+def _solve_unit(lower_l: Any, unit: int, y_bl: Any, one: Any) -> None:
     """Solve for the unit vector of one row; its forward substitution begins at that row."""
-    size = lower.shape[0]
+    size = y_bl.shape[0]
     for a in range(size):
-        rest = 1.0 if a == unit else 0.0
+        rest = vector(one) if a == unit else zero(one)
         for k in range(unit, a):
-            rest -= lower[a, k] * y[k]
-        y[a] = rest / lower[a, a]
+            rest = rest - row(lower_l, a * size + k, one) * row(y_bl, k, one)
+        put(y_bl, a, rest / row(lower_l, a * size + a, one))
     for a in range(size - 1, -1, -1):
-        rest = y[a]
+        rest = row(y_bl, a, one)
         for k in range(a + 1, size):
-            rest -= lower[k, a] * y[k]
-        y[a] = rest / lower[a, a]
+            rest = rest - row(lower_l, k * size + a, one) * row(y_bl, k, one)
+        put(y_bl, a, rest / row(lower_l, a * size + a, one))
 
 
 @_jit
 def corrected_gradients(
-    pairs: Pairs, coefficient_nf: Any, corrected_n: Any, cut: float, like: Any, like_b: Any, gi_pc: Any, gj_pc: Any
+    pairs: Pairs,
+    coefficient_nf: Any,
+    corrected_n: Any,
+    cut: float,
+    like: Any,
+    like_b: Any,
+    like_f: Any,
+    gi_pc: Any,
+    gj_pc: Any,
 ) -> None:
     """Corrected gradients of both sides of every pair; a side without coefficients has the plain one."""
-    like_f = outer(like, like_b)
     for i in range(corrected_n.size):
         c_i = row(coefficient_nf, i, like_f)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j, w = pairs.j_p[p], pairs.w_p[p]
             x = row(pairs.x_pc, p, like)
-            u = scaled(1 / cut, x)
+            u = 1 / cut * x
             m = monomials(u, like_b)
-            g_i = scaled(pairs.slope_p[p], x)
-            g_j = scaled(-1.0, g_i)
+            g_i = pairs.slope_p[p] * x
+            g_j = -1.0 * g_i
             if corrected_n[i]:
-                g_i = scaled(w, matrix_times(c_i, m))
+                g_i = w * columns_times(c_i, m)
             if corrected_n[j]:
-                g_j = scaled(w, matrix_times(row(coefficient_nf, j, like_f), mirrored(m, u)))
+                g_j = w * columns_times(row(coefficient_nf, j, like_f), mirrored(m, u))
             put(gi_pc, p, g_i)
             put(gj_pc, p, g_j)

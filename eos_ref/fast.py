@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 
 from eos_ref import compiled, corrections, forces, kernels, loops
-from eos_ref.columns import Axes, axes
+from eos_ref.columns import Axes, axes, joined
 from eos_ref.eos import FloatArray
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms
 from eos_ref.neighbours import Neighbours
 from eos_ref.stages import Stages
 
 SKIN = 0.1  # of the cutoff
+LANES = (1.0,) * 8  # doubles in a register
 
 
 class Fast(Stages):
@@ -103,11 +104,11 @@ class Fast(Stages):
         start_n = np.empty(self.n + 1, np.uint64)
         self.pairs = loops.Pairs(start_n, j_p, x_pc, self._buffer("w"), self._buffer("slope"), None, None)
         sigma = kernels.normalisation(d, model.cut)
-        count_n = np.zeros(self.n, np.int64)
+        count_n = np.zeros(self.n, np.uint64)
         lists = near.start_n.view(np.uint64), near.j_p, near.image_pc
         loops.geometry(self._in(x_nc), *lists, self.edge, self.reach, model.h, sigma, self.pairs, count_n)
-        self._count_n = count_n
-        self.coordination_n = self._out(count_n)
+        self._count_n = count_n.view(np.int64)
+        self.coordination_n = self._out(self._count_n)
         self.corrected_n = np.zeros(self.n, bool)
 
     def kernel_sum(self, weight_n: Any = None) -> FloatArray:
@@ -126,12 +127,14 @@ class Fast(Stages):
         moment_nm = np.zeros((self.n, basis.moments))
         corrections.moments(self.pairs, self._in(self.volume_of_wall(rho_n)), model.cut, self.like, like_m, moment_nm)
         corrected_n = self._count_n >= model.fix.zmin
-        coefficient_nf = np.zeros((self.n, d * len(like_b)))
+        like_f = like_b * d
+        coefficient_nf = np.zeros((self.n, len(like_f)))
         tables = basis.index_bb, basis.place_b, basis.factor_b
-        corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, coefficient_nf)
+        corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, LANES, coefficient_nf)
         sides = self._buffer("gi", d), self._buffer("gj", d)
         plain = self.pairs._replace(gi_pc=None, gj_pc=None)
-        corrections.corrected_gradients(plain, coefficient_nf, corrected_n, model.cut, self.like, like_b, *sides)
+        likes = self.like, like_b, like_f
+        corrections.corrected_gradients(plain, coefficient_nf, corrected_n, model.cut, *likes, *sides)
         self.pairs = plain._replace(gi_pc=sides[0], gj_pc=sides[1])
         self.corrected_n = self._out(corrected_n)
 
@@ -158,20 +161,17 @@ class Fast(Stages):
         velocity = [v_nc[:, a] for a in range(d)] if "v" in want else []
         if not velocity and not names:
             return found
-        field_nf = np.column_stack([*velocity, *(scalars[name] for name in names)])
-        rest_nf = np.column_stack([*velocity, *({**scalars, "rho": self.rho0_n}[name] for name in names)])
+        count = len(velocity) + len(names)
         slips = (1.0,) * len(velocity) + (0.0,) * len(names)
-        sum_nf = np.zeros((self.n, len(slips) * d))
-        volume, rest_volume = self.mass_n / scalars["rho"], self.mass_n / self.rho0_n
-        loops.gradients(
-            self.pairs,
-            *map(self._in, (volume, field_nf, rest_volume, rest_nf, self.solid_n)),
-            self._in(chi_n) if self.walls else None,
-            self.model.cut,
-            slips,
-            self.like,
-            sum_nf,
-        )
+        sum_nf = np.zeros((self.n, count * d))
+        field_nf = np.column_stack([*velocity, *(scalars[name] for name in names)]) if names else v_nc
+        inputs = [self.mass_n / scalars["rho"], field_nf, *[None] * 4]
+        if self.walls and self.solid_n.any():
+            scalars["rho"] = self.rho0_n
+            rest_nf = np.column_stack([*velocity, *(scalars[name] for name in names)]) if names else v_nc
+            inputs[2:] = [self.mass_n / self.rho0_n, rest_nf, self.solid_n, chi_n]
+        arrays = (None if array is None else self._in(array) for array in inputs)
+        loops.gradients(self.pairs, *arrays, self.model.cut, slips, self.like, sum_nf)
         sum_nf = self._out(sum_nf)
         if velocity:
             found.v_ncc = sum_nf[:, : d * d].reshape(self.n, d, d)
@@ -218,32 +218,31 @@ class Fast(Stages):
     ) -> PairTerms:
         """Forces, density diffusion and heat flow; see `Plain.pair_terms`."""
         model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
-        none, hot, damped = np.zeros(1), model.thermal is not None, pair.rho_damp and model.corrects_gradients
-        volumes = self.volume_of_wall(rho_n), self._volume_among_solids(rho_n)
-        always = (self.solid_n, *volumes, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n)
+        hot, damped = model.thermal is not None, pair.rho_damp and model.corrects_gradients
+        solids = self.solid_n.any()
+        walls = self.walls and solids
+        volume_n = self.volume_of_wall(rho_n)
         inputs = [
-            *map(self._in, always),
-            self._in(chi_n) if self.walls else none,
-            self._in(grad.v_ncc.reshape(n, d * d)) if pair.artificial_viscosity else np.zeros((1, d * d)),
-            self._in(grad.rho_nc) if damped else np.zeros((1, d)),
-            self._in(self.conduction()) if hot else none,
-            self._in(temperature_n) if hot else none,
+            *(volume_n, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n),
+            self.solid_n if solids else None,
+            self.mass_n / self.rho0_n if walls else None,
+            chi_n if walls else None,
+            grad.v_ncc.reshape(n, d * d) if pair.artificial_viscosity else None,
+            grad.rho_nc if damped else None,
+            self.conduction() if hot else None,
+            temperature_n if hot else None,
         ]
+        fields = forces.Fields(*(None if array is None else self._in(array) for array in inputs))
         terms = forces.Terms(
-            float(pair.artificial_viscosity),
-            float(pair.rho_damp),
-            pair.harmonic_means,
-            hot,
-            self.walls,
-            model.h,
-            model.cut,
+            float(pair.artificial_viscosity), float(pair.rho_damp), pair.harmonic_means, model.h, model.cut
         )
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
-        forces.pair_terms(self.pairs, forces.Fields(*inputs), terms, self.like, force_nf, drho_n, heat_n)
+        forces.pair_terms(self.pairs, fields, terms, self.like, self.like * d, force_nf, drho_n, heat_n)
         force_nf = self._out(force_nf)
-        pressure_nc = force_nf[:, :d]
+        pressure, rest = axes(force_nf[:, :d]), axes(force_nf[:, d:])
+        force_nc = joined([a + b for a, b in zip(pressure, rest, strict=True)])
         flow_n = self._out(heat_n) if hot else None
-        return PairTerms(pressure_nc + force_nf[:, d:], pressure_nc, self._out(drho_n), flow_n)
+        return PairTerms(force_nc, force_nf[:, :d], self._out(drho_n), flow_n)
 
     # --- properties of a particle
 

@@ -5,7 +5,8 @@ and `eos_ref.elementary` functions; compiled loops, numpy arrays and numbers tha
 bodies. The sums over neighbours are in `eos_ref.plain` (readable) and `eos_ref.fast` (compiled).
 
 Symbols: ``volume`` V = m/rho, ``p`` pressure, ``eta`` dynamic viscosity, ``kappa`` conductivity, ``rr`` squared
-distance, ``xg`` the product :math:`\mathbf x_{ij}\cdot\widetilde\nabla W_{ij}` (1/length**d).
+distance, ``F`` the ratio :math:`\mathbf x_{ij}\cdot\widetilde\nabla W_{ij}/r^2` (1/length**(d + 2)), which is
+:math:`W'/r` for the plain kernel.
 """
 
 from __future__ import annotations
@@ -43,35 +44,35 @@ def artificial_term(zeta: Number, cs: Number, ux: Number, rr: Number, h: Number,
     Source: Monaghan's form with the linear midpoint extrapolation of Frontiere, Raskin & Owen, J. Comput. Phys. 332,
     160 (2017).
     """
-    mu = minimum(0.0, (ux / h) / (rr / (h * h) + VISCOUS_SOFTENING))
+    mu = minimum(0.0, h * ux / (rr + VISCOUS_SOFTENING * (h * h)))
     return zeta * (mu * mu - 2 * (cs * mu)) * rho_sum
 
 
-def viscous_term(eta: Number, volume_i: Number, volume_j: Number, xg: Number, rr: Number) -> Number:
-    r"""Viscous coefficient :math:`2\bar\eta V_iV_j(\mathbf x\cdot\widetilde\nabla W)/r^2`, times v_ij.
+def viscous_term(eta: Number, volume_i: Number, volume_j: Number, F: Number) -> Number:
+    r"""Viscous coefficient :math:`2\bar\eta V_iV_jF`, times v_ij.
 
     Source: Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997).
     """
-    return 2 * eta * (volume_i * volume_j) * xg / rr
+    return 2 * eta * (volume_i * volume_j) * F
 
 
-def heat_term(kappa: Number, volume_i: Number, volume_j: Number, xg: Number, rr: Number) -> Number:
-    r"""Heat coefficient :math:`2\bar\kappa V_iV_j(\mathbf x\cdot\widetilde\nabla W)/r^2`: times T_i - T_j.
+def heat_term(kappa: Number, volume_i: Number, volume_j: Number, F: Number) -> Number:
+    r"""Heat coefficient :math:`2\bar\kappa V_iV_jF`: times T_i - T_j.
 
     Source: Cleary & Monaghan, J. Comput. Phys. 148, 227 (1999).
     """
-    return 2 * kappa * (volume_i * volume_j) * xg / rr
+    return 2 * kappa * (volume_i * volume_j) * F
 
 
-def diffusion_term(xi: Number, volume_j: Number, difference: Number, xg: Number, rr: Number) -> Number:
-    r"""Density diffusion into i, :math:`-2\xi V_j\psi_{ij}(\mathbf x\cdot\widetilde\nabla W)/r^2`.
+def diffusion_term(xi: Number, volume_j: Number, difference: Number, F: Number) -> Number:
+    r"""Density diffusion into i, :math:`-2\xi V_j\psi_{ij}F`.
 
     :math:`\psi` is :math:`(\rho_j-\rho_{0,j})-(\rho_i-\rho_{0,i})` for the kernels quintic and RK0 (Molteni &
     Colagrossi, Comput. Phys. Commun. 180, 861 (2009)) and
     :math:`(\rho_j-\rho_i)+\frac12[(\nabla\rho)_i+(\nabla\rho)_j]\cdot\mathbf x_{ij}` for RK1 and RK2 (Antuono et al.,
     Comput. Phys. Commun. 181, 532 (2010)).
     """
-    return -2 * xi * volume_j * difference * xg / rr
+    return -2 * xi * volume_j * difference * F
 
 
 def interface_distance(chi: Number, cut: Number) -> Number:

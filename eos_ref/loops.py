@@ -18,10 +18,10 @@ from numba.extending import register_jitable
 
 from eos_ref import interactions, kernels
 from eos_ref.compiled import cached, inline
-from eos_ref.vectors import add_to, dot, minus, outer, plus, put, row, scaled, times
+from eos_ref.vectors import add_to, dot, outer, put, row, vector, zero
 
 BLOCK = 64  # rows whose pairs stay in the first-level cache between the two passes of `geometry`
-SOURCES = ("vectors.py", "kernels.py", "interactions.py", "loops.py")
+SOURCES = ("registers.py", "vectors.py", "kernels.py", "interactions.py", "loops.py")
 _jit = cached(*SOURCES)
 
 _quintic, _quintic_slope = inline(kernels.quintic), inline(kernels.quintic_slope)
@@ -58,7 +58,7 @@ def geometry(
     count_n: Any,
 ) -> None:
     """Keep in ``near`` the pairs of a list with r*r < reach and their kernel values; add to the count of neighbours."""
-    k = 0
+    k = np.uint64(0)  # a signed number might count from the end
     for first in range(0, start_n.size - 1, BLOCK):
         begin = k
         for i in range(first, min(first + BLOCK, start_n.size - 1)):
@@ -66,13 +66,13 @@ def geometry(
             x_i = row(x_nc, i, edge)
             for p in range(start_n[i], start_n[i + 1]):
                 j = j_p[p]
-                x = minus(x_i, plus(row(x_nc, j, edge), times(row(image_pc, p, edge), edge)))
+                x = x_i - (row(x_nc, j, edge) + row(image_pc, p, edge) * vector(edge))
                 rr = dot(x, x)
                 # No branch: a pair that is too far is overwritten by the next.
                 near.j_p[k] = j
                 put(near.x_pc, k, x)
                 near.w_p[k] = rr
-                close = int(rr < reach)
+                close = np.uint64(rr < reach)
                 count_n[j] += close
                 k += close
             count_n[i] += k - first_of_row
@@ -92,16 +92,16 @@ def _kernel(w_p: Any, slope_p: Any, h: float, sigma: float) -> None:
 
 @inline
 def both_gradients(pairs: Pairs, p: int, like: Any) -> Any:
-    """Gradient that i uses and gradient that j uses."""
+    """Gradient that i uses, and that of j with its sign turned: what the one gains by it the other loses."""
     return _choose_gradients(pairs.slope_p, pairs.x_pc, pairs.gi_pc, pairs.gj_pc, p, like)
 
 
 @inline
 def _choose_gradients(slope_p: Any, x_pc: Any, gi_pc: Any, gj_pc: Any, p: int, like: Any) -> Any:
     if gi_pc is None:  # decided when compiled, as it is an argument
-        g = scaled(slope_p[p], row(x_pc, p, like))
-        return g, scaled(-1.0, g)
-    return row(gi_pc, p, like), row(gj_pc, p, like)
+        g = slope_p[p] * row(x_pc, p, like)
+        return g, g
+    return row(gi_pc, p, like), -1.0 * row(gj_pc, p, like)
 
 
 @_jit
@@ -136,7 +136,7 @@ def wall_sums(
             else:
                 s, f = (i, np.int64(j)) if solid_n[i] else (np.int64(j), i)
                 # (g_f - a_s).x_sf is the same product with both factors' signs turned if i is the fluid.
-                reach = dot(minus(row(a_nc, j, like), row(a_nc, i, like)), row(pairs.x_pc, p, like))
+                reach = dot(row(a_nc, j, like) - row(a_nc, i, like), row(pairs.x_pc, p, like))
                 wall_nf[s, 0] += w
                 wall_nf[s, 1] += w * (pressure_n[f] + rho_n[f] * reach)
         all_n[i] += total
@@ -166,21 +166,21 @@ def gradients(
     """
     for i in range(volume_n.size):
         f_i = row(field_nf, i, slips)
-        total = scaled(0.0, outer(slips, like))
+        total = outer(zero(slips), zero(like))
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j = pairs.j_p[p]
             g_i, g_j = both_gradients(pairs, p, like)
             volume_i, volume_j = volume_n[i], volume_n[j]
-            difference = minus(row(field_nf, j, slips), f_i)
+            difference = row(field_nf, j, slips) - f_i
             if chi_n is not None:
                 if solid_n[i] & solid_n[j]:
                     volume_i, volume_j = rest_volume_n[i], rest_volume_n[j]
-                    difference = minus(row(rest_field_nf, j, slips), row(rest_field_nf, i, slips))
+                    difference = row(rest_field_nf, j, slips) - row(rest_field_nf, i, slips)
                 elif solid_n[i] | solid_n[j]:
-                    extra = scaled(slip(chi_n[i], chi_n[j], solid_n[i], cut), slips)
-                    difference = plus(difference, times(extra, difference))
-            total = plus(total, outer(scaled(volume_j, difference), g_i))
-            add_to(out_nf, j, outer(scaled(-volume_i, difference), g_j))
+                    extra = slip(chi_n[i], chi_n[j], solid_n[i], cut) * vector(slips)
+                    difference = difference + extra * difference
+            total = total + volume_j * outer(difference, g_i)
+            add_to(out_nf, j, volume_i * outer(difference, g_j))
         add_to(out_nf, i, total)
 
 
@@ -196,12 +196,12 @@ def slip(chi_i: float, chi_j: float, solid_i: bool, cut: float) -> float:
 def shift_sums(pairs: Pairs, volume_n: Any, w_h: float, like: Any, out_nc: Any) -> None:
     """Add sum_j V_j [1 + (W/W(h))^4/5] grad W."""
     for i in range(volume_n.size):
-        total = scaled(0.0, like)
+        total = zero(like)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j = pairs.j_p[p]
-            g = scaled(_shift_weight(pairs.w_p[p], w_h) * pairs.slope_p[p], row(pairs.x_pc, p, like))
-            total = plus(total, scaled(volume_n[j], g))
-            add_to(out_nc, j, scaled(-volume_n[i], g))
+            g = _shift_weight(pairs.w_p[p], w_h) * pairs.slope_p[p] * row(pairs.x_pc, p, like)
+            total = total + volume_n[j] * g
+            add_to(out_nc, j, -volume_n[i] * g)
         add_to(out_nc, i, total)
 
 
@@ -217,11 +217,11 @@ def color_sums(
                 same_n[i] += w
                 same_n[j] += w
             else:
-                g = scaled(pairs.slope_p[p], row(pairs.x_pc, p, like))
+                g = pairs.slope_p[p] * row(pairs.x_pc, p, like)
                 color_n[i] += volume_n[j] * w
                 color_n[j] += volume_n[i] * w
-                add_to(gradient_nc, i, scaled(volume_n[j], g))
-                add_to(gradient_nc, j, scaled(-volume_n[i], g))
+                add_to(gradient_nc, i, volume_n[j] * g)
+                add_to(gradient_nc, j, -volume_n[i] * g)
 
 
 @_jit
@@ -230,17 +230,17 @@ def surface_sums(
 ) -> None:
     """Add sum_j V_j grad W and -sum_j V_j x.grad W; a solid has its volume named ``rest`` for a solid."""
     for i in range(volume_n.size):
-        total, divr = scaled(0.0, like), 0.0
+        total, divr = zero(like), 0.0
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j = pairs.j_p[p]
             x = row(pairs.x_pc, p, like)
-            g = scaled(pairs.slope_p[p], x)
+            g = pairs.slope_p[p] * x
             xg = dot(x, g)
             volume_i, volume_j = volume_n[i], volume_n[j]
             if solid_n[i] & solid_n[j]:
                 volume_i, volume_j = rest_volume_n[i], rest_volume_n[j]
-            total = plus(total, scaled(volume_j, g))
-            add_to(gradient_nc, j, scaled(-volume_i, g))
+            total = total + volume_j * g
+            add_to(gradient_nc, j, -volume_i * g)
             divr -= volume_j * xg
             divr_n[j] -= volume_i * xg
         add_to(gradient_nc, i, total)

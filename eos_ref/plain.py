@@ -236,7 +236,7 @@ class Plain(Stages):
         model, i, j = self.model, self.i, self.j
         rho_i, rho_j = self.density_pair(rho_n)
         volume_i, volume_j = self.collecting_volume(rho_i), self.mass_n[j] / rho_j
-        xg = dot(self.x, self.g)
+        F = dot(self.x, self.g) / self.rr
         mechanical = ~(self.solid_n[i] & self.solid_n[j])
         mean = interactions.harmonic_mean if model.pair.harmonic_means else interactions.arithmetic_mean
         sound = interactions.arithmetic_mean(sound_n[i], sound_n[j])
@@ -246,7 +246,7 @@ class Plain(Stages):
         coefficient = where(mechanical, interactions.pressure_term(volume_i, volume_j, p_sum), 0.0)
         pressure_force = [self.total(coefficient * g_a) for g_a in self.g]
         eta = mean(viscosity_n[i], viscosity_n[j])
-        coefficient = where(mechanical, interactions.viscous_term(eta, volume_i, volume_j, xg, self.rr), 0.0)
+        coefficient = where(mechanical, interactions.viscous_term(eta, volume_i, volume_j, F), 0.0)
         force = [
             f_a + self.total(coefficient * v_a)
             for f_a, v_a in zip(pressure_force, self.velocity_difference(v_nc, chi_n), strict=True)
@@ -258,9 +258,9 @@ class Plain(Stages):
         if model.thermal is not None:
             kappa_n = self.conduction()
             kappa = mean(kappa_n[i], kappa_n[j])
-            flow = interactions.heat_term(kappa, self.heated_volume(rho_i, rho_j), volume_j, xg, self.rr)
+            flow = interactions.heat_term(kappa, self.heated_volume(rho_i, rho_j), volume_j, F)
             heat_n = self.total(flow * (temperature_n[i] - temperature_n[j]))
-        drho_n = self.diffusion(rho_n, volume_j, xg, grad)
+        drho_n = self.diffusion(rho_n, volume_j, F, grad)
         return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n)
 
     def collecting_volume(self, rho_i: Number) -> Number:
@@ -290,7 +290,7 @@ class Plain(Stages):
         term = interactions.repulsion_term(chi, self.r, rho0, sound, self.model.cut)
         return where(solid_i != self.solid_n[j], term, 0.0)
 
-    def diffusion(self, rho_n: Number, volume_j: Number, xg: Number, grad: Gradients) -> Number:
+    def diffusion(self, rho_n: Number, volume_j: Number, F: Number, grad: Gradients) -> Number:
         """Rate of density by rho/damp, between fluid particles."""
         xi = self.model.pair.rho_damp
         if not xi:
@@ -302,4 +302,4 @@ class Plain(Stages):
         else:
             difference = (rho_n[j] - self.rho0_n[j]) - (rho_n[i] - self.rho0_n[i])
         fluid = ~self.solid_n[i] & ~self.solid_n[j]
-        return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, xg, self.rr), 0.0))
+        return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, F), 0.0))

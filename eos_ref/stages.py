@@ -235,9 +235,10 @@ class Stages(ABC):
     def viscosity(self, gradient_ncc: Number = None) -> Number:
         """Viscosity of every particle; the style power needs the velocity gradient."""
         laws = self.model.viscosity
-        eta_n, gd0_n, K_n, power_n = (self.of_type(getattr(law, k) for law in laws) for k in ("eta", "gd0", "K", "n"))
+        eta_n = self.of_type(law.eta for law in laws)
         if all(law.style == "constant" for law in laws):
             return eta_n
+        gd0_n, K_n, power_n = (self.of_type(getattr(law, k) for law in laws) for k in ("gd0", "K", "n"))
         rate = per_atom.strain_rate(matrix(gradient_ncc))
         power = self.of_type(law.style == "power" for law in laws)
         gd0_n = np.where(power, gd0_n, 1.0)  # any rate but 0, which the style constant has

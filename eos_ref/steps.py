@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import per_atom, quantities
-from eos_ref.columns import joined, matrix
+from eos_ref.columns import axes, dot, joined, matrix
 from eos_ref.elementary import where
 from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
@@ -277,11 +277,12 @@ class Simulation:
     def _shift(self, dt: float, shift_nc: Array, gradient: Gradients) -> None:
         s = self.state
         s.x_nc = s.x_nc + dt * shift_nc
-        s.v_nc = s.v_nc + dt * np.einsum("nab,nb->na", gradient.v_ncc, shift_nc)
+        shift = axes(shift_nc)  # sums over a short last axis take ten times as long as sums of columns
+        s.v_nc = s.v_nc + dt * joined([dot(row, shift) for row in matrix(gradient.v_ncc)])
         if gradient.rho_nc is not None:
-            s.rho_n = s.rho_n + dt * (shift_nc * gradient.rho_nc).sum(axis=1)
+            s.rho_n = s.rho_n + dt * dot(axes(gradient.rho_nc), shift)
         if gradient.energy_nc is not None:
-            s.energy_n = s.energy_n + dt * (shift_nc * gradient.energy_nc).sum(axis=1)
+            s.energy_n = s.energy_n + dt * dot(axes(gradient.energy_nc), shift)
 
     def _change_phase(self) -> None:
         """Melt solids above their freezing temperature, freeze fluid below it."""

@@ -19,6 +19,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "report": ("lammps_cases.cli_run", "Render the report of a finished run again."),
     "merge": ("lammps_cases.cli_run", "Join the shards of a run."),
     "chart": ("lammps_cases.cli_chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
+    "stability": ("lammps_cases.cli_stability", "Map where methods fail, on LAMMPS and on the reference."),
     "bench": ("lammps_cases.cli_bench", "Measure speed against peers, as ratios."),
     "doctor": (
         "lammps_cases.cli_doctor",

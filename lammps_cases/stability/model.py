@@ -13,6 +13,7 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 # How a run ends, from sound to worst; `stable` is no failure.
 Kind = Literal[
     "stable",
+    "lost digits",  # fewer correct digits of the pressure than a map asks for
     "misclassified surface",  # a surface particle taken for bulk, or bulk for surface
     "ill-conditioned matrix",  # moment matrix with a condition number that leaves fewer than four digits
     "failed matrix",  # no Cholesky factor
@@ -70,6 +71,7 @@ class Watch:
     behind : types of solids and the outward coordinate: ``(axis, value)`` that no fluid particle may pass below
     surface : expected class of ids (0 bulk, 1 surface, 2 splash)
     condition : condition number of a moment matrix beyond which it is ill-conditioned; None: not watched
+    digits : decimal digits of the pressure that must be right, by a rigorous value of the law; None: not watched
     """
 
     every: int = 10
@@ -81,6 +83,7 @@ class Watch:
     behind: tuple[int, float] | None = None
     surface: Mapping[int, int] = field(default_factory=dict)
     condition: float | None = None
+    digits: float | None = None
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,7 @@ class StabilityMap:
     coarse : number of places along x that are run first; between neighbours of different kind bisection follows
     tags : ``quick`` maps make the one-minute atlas, ``long`` ones run only by name or tag
     quick_lines : the lines of the quick atlas; none: the first and the last
+    reference_only : layers that LAMMPS has nothing of, as numbers of another precision
     """
 
     id: str
@@ -157,3 +161,8 @@ class StabilityMap:
     theory: tuple[Theory, ...] = ()
     tags: tuple[str, ...] = ()
     quick_lines: tuple[float, ...] = ()
+    reference_only: tuple[str, ...] = ()
+
+    def engines(self, layer: str) -> tuple[Engine, ...]:
+        """The engines that a layer can be run on."""
+        return ("reference",) if layer in self.reference_only else ENGINES

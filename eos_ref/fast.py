@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ import numpy as np
 from eos_ref import compiled, corrections, forces, kernels, loops
 from eos_ref.columns import Axes, axes, joined
 from eos_ref.eos import FloatArray
+from eos_ref.errors import InputError
 from eos_ref.model import BoolArray, Box, Gradients, IntArray, Model, PairTerms
 from eos_ref.neighbours import Neighbours
 from eos_ref.stages import Stages
@@ -36,14 +39,24 @@ class Fast(Stages):
     solid_n : (n,) whether a particle is solid; may be set anew when phases change
     skin : float, optional
         How far beyond the cutoff pairs are listed: the list lasts until a particle has moved by half of it.
+    threads : int, optional
+        How many share the sums over pairs; what is done particle by particle stays with one.
 
     Notes
     -----
     Results have the same bits on every run. They do not depend on the age of the neighbour list, but on the order of
-    summation, and so on the positions that came first where those were without spatial order.
+    summation: on the number of threads, and on the positions that came first where those were without spatial order.
     """
 
-    def __init__(self, model: Model, box: Box, type_n: IntArray, solid_n: BoolArray, skin: float | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        box: Box,
+        type_n: IntArray,
+        solid_n: BoolArray,
+        skin: float | None = None,
+        threads: int = 1,
+    ) -> None:
         super().__init__(model, box, type_n, solid_n)
         compiled.announce_first_use(loops.geometry)
         d = model.dimension
@@ -52,7 +65,11 @@ class Fast(Stages):
         self.edge = tuple(edge if p else 0.0 for edge, p in zip(box.edge_c, box.periodic, strict=True))
         self.reach = _least_square(model.cut)
         self.basis = corrections.Basis(model.order, d) if model.corrects_gradients else None
-        self.pairs: Any = None  # of `loops.Pairs`
+        if not isinstance(threads, int) or threads < 1:
+            raise InputError("threads", "must be a whole number, at least 1", threads)
+        self.threads = threads
+        self.workers = ThreadPoolExecutor(threads)  # without threads until there is something for two of them
+        self.parts: list[Any] = []  # `loops.Pairs` for every thread, with the rows of the others empty
         self._buffers: dict[str, Any] = {}
 
     # --- internal order
@@ -86,9 +103,29 @@ class Fast(Stages):
         """Volume of a particle for one of its phase if that is solid; see `Plain.density_pair`."""
         return self.mass_n / (self.rho0_n if self.walls else rho_n)
 
-    def _spline(self) -> Any:
+    def _spline(self) -> list[Any]:
         """The pairs with the gradients of the quintic spline, whatever the kernel."""
-        return self.pairs._replace(gi_pc=None, gj_pc=None)
+        return [pairs._replace(gi_pc=None, gj_pc=None) for pairs in self.parts]
+
+    def _shares(self, start_n: Any) -> list[Any]:
+        """Where the rows begin, for every thread with the rows of the others empty; about as many pairs for each."""
+        start_n = start_n.view(np.uint64)
+        even = int(start_n[-1]) * np.arange(self.threads + 1) // self.threads
+        ends = start_n[np.searchsorted(start_n, even.astype(np.uint64))]
+        return [np.clip(start_n, *share) for share in pairwise(ends)]
+
+    def _each(
+        self, loop: Any, parts: list[Any], inputs: Sequence[Any], sums: Sequence[Any], join: Any = np.add
+    ) -> None:
+        """Run a loop on every part of the pairs; the sums of the parts are joined in their order."""
+        if len(parts) == 1:
+            loop(*parts, *inputs, *sums)
+            return
+        own = [sums, *([out.copy() for out in sums] for _ in parts[1:])]
+        list(self.workers.map(lambda pairs, sums: loop(pairs, *inputs, *sums), parts, own))
+        for part in own[1:]:
+            for total, out in zip(sums, part, strict=True):
+                join(total, out, out=total)
 
     # --- pairs, kernel values, coordination; sums over neighbours
 
@@ -97,16 +134,15 @@ class Fast(Stages):
         x_nc = np.ascontiguousarray(x_nc, float)
         model, near, d = self.model, self.neighbours, self.model.dimension
         if not near.holds(x_nc):
-            self.pairs = None  # memory for a new list
+            self.parts = []  # memory for a new list
             self._buffers.clear()
             near.build(x_nc)
-        j_p, x_pc = self._buffer("j", dtype=np.uint32), self._buffer("x", d)
-        start_n = np.empty(self.n + 1, np.uint64)
-        self.pairs = loops.Pairs(start_n, j_p, x_pc, self._buffer("w"), self._buffer("slope"), None, None)
+        kept = self._buffer("j", dtype=np.uint32), self._buffer("x", d), self._buffer("w"), self._buffer("slope")
         sigma = kernels.normalisation(d, model.cut)
+        self.parts = [loops.Pairs(start_n, *kept, None, None) for start_n in self._shares(near.start_n)]
         count_n = np.zeros(self.n, np.uint64)
-        lists = near.start_n.view(np.uint64), near.j_p, near.image_pc
-        loops.geometry(self._in(x_nc), *lists, self.edge, self.reach, model.h, sigma, self.pairs, count_n)
+        inputs = self._in(x_nc), near.j_p, near.image_pc, self.edge, self.reach, model.h, sigma
+        self._each(loops.geometry, self.parts, inputs, (count_n,))
         self._count_n = count_n.view(np.int64)
         self.coordination_n = self._out(self._count_n)
         self.corrected_n = np.zeros(self.n, bool)
@@ -114,7 +150,8 @@ class Fast(Stages):
     def kernel_sum(self, weight_n: Any = None) -> FloatArray:
         """See `Stages.kernel_sum`."""
         sum_n = np.zeros(self.n)
-        loops.kernel_sum(self.pairs, np.ones(self.n) if weight_n is None else self._in(weight_n), sum_n)
+        weight_n = np.ones(self.n) if weight_n is None else self._in(weight_n)
+        self._each(loops.kernel_sum, self.parts, (weight_n,), (sum_n,))
         return np.asarray(self._out(sum_n))
 
     def correct(self, rho_n: Any) -> None:
@@ -125,24 +162,25 @@ class Fast(Stages):
         d = model.dimension
         like_m, like_b = (0.0,) * basis.moments, (0.0,) * len(basis.factor_b)
         moment_nm = np.zeros((self.n, basis.moments))
-        corrections.moments(self.pairs, self._in(self.volume_of_wall(rho_n)), model.cut, self.like, like_m, moment_nm)
+        inputs = self._in(self.volume_of_wall(rho_n)), model.cut, self.like, like_m
+        self._each(corrections.moments, self.parts, inputs, (moment_nm,))
         corrected_n = self._count_n >= model.fix.zmin
         like_f = like_b * d
         coefficient_nf = np.zeros((self.n, len(like_f)))
         tables = basis.index_bb, basis.place_b, basis.factor_b
         corrections.coefficients(moment_nm, *tables, -1 / model.cut, corrected_n, LANES, coefficient_nf)
         sides = self._buffer("gi", d), self._buffer("gj", d)
-        plain = self.pairs._replace(gi_pc=None, gj_pc=None)
+        spline, coefficients = self._spline(), (coefficient_nf, corrected_n, model.cut)
         likes = self.like, like_b, like_f
-        corrections.corrected_gradients(plain, coefficient_nf, corrected_n, model.cut, *likes, *sides)
-        self.pairs = plain._replace(gi_pc=sides[0], gj_pc=sides[1])
+        self._each(corrections.corrected_gradients, spline, (*coefficients, *likes, *sides), ())
+        self.parts = [pairs._replace(gi_pc=sides[0], gj_pc=sides[1]) for pairs in spline]
         self.corrected_n = self._out(corrected_n)
 
     def wall_sums(self, pressure_n: Any, rho_n: Any, acceleration_nc: Any) -> tuple[FloatArray, ...]:
         """See `Stages.wall_sums`."""
         all_n, same_n, wall_nf = np.zeros(self.n), np.zeros(self.n), np.zeros((self.n, 2))
         inputs = map(self._in, (self.solid_n, pressure_n, rho_n, acceleration_nc))
-        loops.wall_sums(self._spline(), *inputs, self.like, all_n, same_n, wall_nf)
+        self._each(loops.wall_sums, self._spline(), (*inputs, self.like), (all_n, same_n, wall_nf))
         return self._out(all_n), self._out(same_n), *axes(self._out(wall_nf))
 
     def gradients(
@@ -171,7 +209,7 @@ class Fast(Stages):
             rest_nf = np.column_stack([*velocity, *(scalars[name] for name in names)]) if names else v_nc
             inputs[2:] = [self.mass_n / self.rho0_n, rest_nf, self.solid_n, chi_n]
         arrays = (None if array is None else self._in(array) for array in inputs)
-        loops.gradients(self.pairs, *arrays, self.model.cut, slips, self.like, sum_nf)
+        self._each(loops.gradients, self.parts, (*arrays, self.model.cut, slips, self.like), (sum_nf,))
         sum_nf = self._out(sum_nf)
         if velocity:
             found.v_ncc = sum_nf[:, : d * d].reshape(self.n, d, d)
@@ -182,27 +220,27 @@ class Fast(Stages):
     def shift_sums(self, volume_n: Any, w_h: float) -> Axes:
         """See `Stages.shift_sums`."""
         sum_nc = np.zeros((self.n, self.model.dimension))
-        loops.shift_sums(self._spline(), self._in(volume_n), w_h, self.like, sum_nc)
+        self._each(loops.shift_sums, self._spline(), (self._in(volume_n), w_h, self.like), (sum_nc,))
         return axes(self._out(sum_nc))
 
     def color_sums(self, volume_n: Any) -> tuple[Axes, FloatArray, FloatArray]:
         """See `Stages.color_sums`."""
         gradient_nc, color_n, same_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n), np.zeros(self.n)
-        inputs = self._in(volume_n), self._in(self.type_n)
-        loops.color_sums(self._spline(), *inputs, self.like, gradient_nc, color_n, same_n)
+        inputs = self._in(volume_n), self._in(self.type_n), self.like
+        self._each(loops.color_sums, self._spline(), inputs, (gradient_nc, color_n, same_n))
         return axes(self._out(gradient_nc)), self._out(color_n), self._out(same_n)
 
     def surface_sums(self, rho_n: Any) -> tuple[Axes, FloatArray]:
         """See `Stages.surface_sums`."""
         gradient_nc, divr_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n)
         inputs = (self.volume_of_wall(rho_n), self._volume_among_solids(rho_n), self.solid_n)
-        loops.surface_sums(self._spline(), *map(self._in, inputs), self.like, gradient_nc, divr_n)
+        self._each(loops.surface_sums, self._spline(), (*map(self._in, inputs), self.like), (gradient_nc, divr_n))
         return axes(self._out(gradient_nc)), self._out(divr_n)
 
     def nearest(self, class_n: Any) -> FloatArray:
         """See `Stages.nearest`."""
         r_n = np.full(self.n, self.model.cut)
-        loops.nearest(self._spline(), self._in(class_n == 1), self.like, r_n)
+        self._each(loops.nearest, self._spline(), (self._in(class_n == 1), self.like), (r_n,), np.minimum)
         return np.asarray(self._out(r_n))
 
     def pair_terms(
@@ -222,7 +260,7 @@ class Fast(Stages):
         solids = self.solid_n.any()
         walls = self.walls and solids
         volume_n = self.volume_of_wall(rho_n)
-        inputs = [
+        properties = [
             *(volume_n, v_nc, rho_n, self.rho0_n, pressure_n, viscosity_n, sound_n),
             self.solid_n if solids else None,
             self.mass_n / self.rho0_n if walls else None,
@@ -232,12 +270,13 @@ class Fast(Stages):
             self.conduction() if hot else None,
             temperature_n if hot else None,
         ]
-        fields = forces.Fields(*(None if array is None else self._in(array) for array in inputs))
+        fields = forces.Fields(*(None if array is None else self._in(array) for array in properties))
         terms = forces.Terms(
             float(pair.artificial_viscosity), float(pair.rho_damp), pair.harmonic_means, model.h, model.cut
         )
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
-        forces.pair_terms(self.pairs, fields, terms, self.like, self.like * d, force_nf, drho_n, heat_n)
+        inputs = fields, terms, self.like, self.like * d
+        self._each(forces.pair_terms, self.parts, inputs, (force_nf, drho_n, heat_n))
         force_nf = self._out(force_nf)
         pressure, rest = axes(force_nf[:, :d]), axes(force_nf[:, d:])
         force_nc = joined([a + b for a, b in zip(pressure, rest, strict=True)])

@@ -46,25 +46,21 @@ class Pairs(NamedTuple):
 
 @_jit
 def geometry(
-    x_nc: Any,
-    start_n: Any,
-    j_p: Any,
-    image_pc: Any,
-    edge: Any,
-    reach: float,
-    h: float,
-    sigma: float,
-    near: Pairs,
-    count_n: Any,
+    near: Pairs, x_nc: Any, j_p: Any, image_pc: Any, edge: Any, reach: float, h: float, sigma: float, count_n: Any
 ) -> None:
-    """Keep in ``near`` the pairs of a list with r*r < reach and their kernel values; add to the count of neighbours."""
-    k = np.uint64(0)  # a signed number might count from the end
-    for first in range(0, start_n.size - 1, BLOCK):
+    """Keep in ``near`` the pairs of a list with r*r < reach and their kernel values; add to the count of neighbours.
+
+    ``near.start_n`` holds where the rows of the list begin, and afterwards those of the pairs kept.
+    """
+    start_n = near.start_n
+    k = start_n[0]  # unsigned: a signed number might count from the end
+    for first in range(0, count_n.size, BLOCK):
         begin = k
-        for i in range(first, min(first + BLOCK, start_n.size - 1)):
-            near.start_n[i] = first_of_row = k
+        for i in range(first, min(first + BLOCK, count_n.size)):
+            first_of_row, first_listed, end = k, start_n[i], start_n[i + 1]
+            start_n[i] = k
             x_i = row(x_nc, i, edge)
-            for p in range(start_n[i], start_n[i + 1]):
+            for p in range(first_listed, end):
                 j = j_p[p]
                 x = x_i - (row(x_nc, j, edge) + row(image_pc, p, edge) * vector(edge))
                 rr = dot(x, x)
@@ -77,7 +73,7 @@ def geometry(
                 k += close
             count_n[i] += k - first_of_row
         _kernel(near.w_p[begin:k], near.slope_p[begin:k], h, sigma)
-    near.start_n[start_n.size - 1] = k
+    start_n[count_n.size] = k
 
 
 @inline

@@ -18,10 +18,13 @@ from double_loop import DoubleLoop
 from particle_scenes import EPS, RECIPES, Scene, dyadic, recipe, results, scene
 
 from eos_ref import elementary, kernels
+from eos_ref.errors import InputError
 from eos_ref.fast import Fast
 from eos_ref.model import Box, Gradients
 from eos_ref.neighbours import WINDOW
 from eos_ref.rounded import error
+
+THREE = functools.partial(Fast, threads=3)
 
 
 def history(built: Scene) -> Any:
@@ -48,12 +51,13 @@ def test_every_field_of_an_evaluation(name: str, dimension: int) -> None:
     simulation = built.simulate()
     simulation.other_nc = history(built)
     bound = results(simulation.rounded())
-    found = evaluated(built)
-    assert found.keys() == expected.keys()
-    for field, values in found.items():
-        true = np.array(expected[field], np.longdouble)
-        wrong = np.abs(values - true) - error(bound[field])
-        assert (wrong <= 0).all(), f"{field}: {np.abs(values - true).max()} > {error(bound[field]).max()}"
+    for evaluator in (Fast, THREE):
+        found = evaluated(built, evaluator)
+        assert found.keys() == expected.keys()
+        for field, values in found.items():
+            true = np.array(expected[field], np.longdouble)
+            wrong = np.abs(values - true) - error(bound[field])
+            assert (wrong <= 0).all(), f"{field}: {np.abs(values - true).max()} > {error(bound[field]).max()}"
 
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1", "RK2"])
@@ -126,8 +130,9 @@ def fingerprint() -> str:
     """Digest of the bits of all fields of a few scenes, one of them in an internal order."""
     digest = hashlib.sha256()
     for built in (recipe("walls, RK2", 2), recipe("cross", 3), large(shuffled=True)):
-        for values in evaluated(built).values():
-            digest.update(np.ascontiguousarray(values).tobytes())
+        for evaluator in (Fast, THREE):
+            for values in evaluated(built, evaluator).values():
+                digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
 
 
@@ -139,6 +144,28 @@ def large(shuffled: bool) -> Scene:
     s, order_n = built.state, np.random.default_rng(6).permutation(len(built.state.x_nc))
     fields = {k: getattr(s, k)[order_n] for k in ("x_nc", "v_nc", "rho_n", "type_n", "solid_n")}
     return built.with_state(**fields)
+
+
+def test_threads_share_the_pairs() -> None:
+    """Every pair belongs to one thread, each has about as many, and particles without pairs are no obstacle."""
+    built = large(shuffled=False)
+    evaluator = THREE(built.model, built.box, built.state.type_n, built.state.solid_n)
+    whole = Fast(built.model, built.box, built.state.type_n, built.state.solid_n)
+    for e in (evaluator, whole):
+        e.move(built.state.x_nc)
+    counts = [np.diff(pairs.start_n.astype(int)) for pairs in evaluator.parts]
+    assert np.array_equal(sum(counts), np.diff(whole.parts[0].start_n.astype(int)))
+    assert all(0.3 < count_n.sum() / sum(counts).sum() < 0.36 for count_n in counts)
+    lone = THREE(built.model, Box((0.0, 0.0), (99.0, 99.0), (False, False)), np.ones(2, int), np.zeros(2, bool))
+    lone.move(np.array([[1.0, 1.0], [50.0, 50.0]]))
+    assert lone.coordination_n.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, "two"])
+def test_number_of_threads_is_refused(threads: Any) -> None:
+    built = recipe("cross", 2)
+    with pytest.raises(InputError, match="threads: must be a whole number, at least 1"):
+        Fast(built.model, built.box, built.state.type_n, built.state.solid_n, threads=threads)
 
 
 def test_relabelling() -> None:
@@ -213,7 +240,7 @@ def test_consistency_of_the_gradients_stored(kernel: str, dimension: int) -> Non
     s, evaluator = built.state, built.simulate(evaluator=Fast).evaluator
     evaluator.move(s.x_nc)
     evaluator.correct(s.rho_n)
-    pairs, n = evaluator.pairs, len(s.x_nc)
+    (pairs,), n = evaluator.parts, len(s.x_nc)
     size = int(pairs.start_n[n])
     i, j = np.repeat(np.arange(n), np.diff(pairs.start_n.astype(int))), pairs.j_p[:size].astype(int)
     x_pc, V_n = pairs.x_pc[:size], evaluator.mass_n / s.rho_n

@@ -82,9 +82,7 @@ def with_own_names(svg: str, name: str) -> str:
     """A picture whose parts, and what refers to them, are named after it; links out of the picture stay."""
     ids = set(re.findall(r'\bid="([^"]+)"', svg))
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
-    return re.sub(
-        r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg
-    )
+    return re.sub(r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg)
 
 
 def _flows(section: Section, figures: Path) -> Iterator[FlowView]:

@@ -43,6 +43,22 @@ Column = Literal[
 ]
 AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
 THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
+# Ways to evaluate a law (`lammps_cases.methods.laws`), and the stages of the whole model.
+Method = Literal[
+    "default",
+    "auto",
+    "plain",
+    "compiled",
+    "compiled, 2 threads",
+    "numpy",
+    "expm1/log1p",
+    "series",
+    "polynomial",
+    "textbook",
+    "in LAMMPS' order",
+    "table, cubic",
+    "table, linear",
+]
 STAGES = ("default", "auto", "plain", "compiled")  # methods of the whole model
 MAX_ATOMS = 10_000_000
 
@@ -68,10 +84,10 @@ class Scene(Model):
     compare: tuple[Literal[Column, AtomProperty], ...] = Field(
         ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
     )
-    method: str = Field(
+    method: Method = Field(
         "default",
-        description="how the reference evaluates: default, auto (the cheapest within tolerance) or a method's name, as "
-        "eos-ref chart lists them; of the whole model: default, auto, plain or compiled",
+        description="how the reference evaluates: default, auto (the cheapest within tolerance), or by a method that "
+        "eos-ref chart lists; of the whole model: default, auto, plain or compiled",
     )
     tolerance: Positive | None = Field(
         None, description="relative error of the pressure that method: auto may make; none: as default"

@@ -27,7 +27,8 @@ def tait(gamma: float) -> list[dict[str, Any]]:
 
 
 BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "unknown method": ({"method": "fast"}, ("method", "must be auto or one of compiled", "'fast'")),
+    "unknown method": ({"method": "fast"}, ("method", "'auto'", "'table, cubic'", "'fast'")),
+    "stages for a law": ({"method": "plain"}, ("method", "must be auto or one of compiled", "'plain'")),
     "method for another law": (
         {"pressure": [LINEAR], "method": "polynomial"},
         ("method", "cannot evaluate linear", "'polynomial'"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +14,7 @@ from lammps_cases.methods import choice, series
 from lammps_cases.methods.laws import METHODS, NODES, LawMethod, methods_of
 from lammps_cases.methods.table import Table
 from lammps_cases.methods.worst import SAMPLES, Regime, certain_error, worst_case
+from lammps_cases.scene.case import Method
 
 LAWS = [
     EOS("linear", 1.2345, 7.89),
@@ -219,6 +222,11 @@ def test_costs_cover_every_method_that_can_be_chosen() -> None:
                 cost = choice.cost(method, law)
                 assert cost.ns > 0
                 assert cost.startup >= 0
+
+
+def test_a_scene_may_name_every_method_for_doubles_and_no_other() -> None:
+    usable = {method.name for method in METHODS if method.store is None}
+    assert set(get_args(Method)) == usable | {"default", "auto", "plain"}
 
 
 def test_unknown_methods_are_refused_with_the_names_there_are() -> None:

@@ -18,6 +18,7 @@ from eos_ref.compiled import cached, inline
 from eos_ref.eos import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.model import Box, IntArray
+from eos_ref.pairs import compacted
 
 WINDOW = 4096  # particles whose data fit the second-level cache
 MOST_IMAGES = 2**13  # box lengths by which a position may lie outside
@@ -84,7 +85,8 @@ class Neighbours:
         n, d = x_nc.shape
         points = np.zeros((n, 3))
         points[:, :d] = x_nc + image_nc * np.where(self.box.periodic, self.edge_c, 0.0)
-        points[:, :d] -= np.where(self.box.periodic, low_c, points[:, :d].min(axis=0))
+        for a, periodic in enumerate(self.box.periodic):
+            points[:, a] = points[:, a] - low_c[a] if periodic else compacted(points[:, a], self.reach)
         extent = points.max(axis=0) + 4 * self.reach
         extent[:d] = np.where(self.box.periodic, self.edge_c, extent[:d])
         # Chosen once: sums would have other rounding errors in another order.

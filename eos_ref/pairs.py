@@ -6,7 +6,26 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.eos import FloatArray
 from eos_ref.model import Box, IntArray
+
+
+def compacted(x_n: FloatArray, reach: float) -> FloatArray:
+    """Coordinates along an open axis from 0 on, with empty stretches longer than two reaches shortened to that.
+
+    Who is whose neighbour within a reach does not change. A cell list covers all the space between particles, and one
+    particle far away from the others would ask for more cells than there can be.
+    """
+    order_n = np.argsort(x_n, kind="stable")
+    sorted_n = x_n[order_n]
+    begins_n = np.flatnonzero(np.concatenate([[True], np.diff(sorted_n) > 2 * reach]))
+    ends_n = np.append(begins_n[1:], len(x_n))
+    spans = sorted_n[ends_n - 1] - sorted_n[begins_n]
+    origins = np.concatenate([[0.0], np.cumsum(spans[:-1] + 2 * reach)])
+    found_n = np.empty(len(x_n))
+    sizes = ends_n - begins_n
+    found_n[order_n] = (sorted_n - np.repeat(sorted_n[begins_n], sizes)) + np.repeat(origins, sizes)
+    return found_n
 
 
 def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
@@ -23,6 +42,8 @@ def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray,
     wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
     points, extent = np.zeros((n, 3)), np.full(3, 4 * cut)
     points[:, :d] = x_nc + wrap_nc
+    for a in (a for a in range(d) if not box.periodic[a] and n):
+        points[:, a] = compacted(points[:, a], cut)
     span = np.ptp(points[:, :d], axis=0) + 4 * cut
     extent[:d] = np.where(box.periodic, edge, span)
     periodic = [*box.periodic, *([False] * (3 - d))]

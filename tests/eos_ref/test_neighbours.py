@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from eos_ref.errors import InputError
 from eos_ref.model import Box
 from eos_ref.neighbours import WINDOW, Neighbours
+from eos_ref.pairs import compacted, directed_pairs
 
 CUT = 1.0
 # Edges: longer than two cutoffs, between one and two, shorter than one and than a half.
@@ -166,3 +167,36 @@ def test_positions_that_cannot_be_placed(bad: float) -> None:
     assert not near.holds(x_nc)
     with pytest.raises(InputError, match="particle 4"):
         near.build(x_nc)
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6, 1e12, 1e30, -1e18])
+def test_one_particle_far_away_along_an_open_axis_takes_no_cells(far: float) -> None:
+    """A drop that lost a particle: the others' pairs stay, and the lost one's group keeps its own."""
+    x_nc = np.array([[0.0, 0.0], [0.5, 0.2], [far, 0.1], [far * (1 + 2.0**-52) if abs(far) > 1e15 else far + 0.5, 0.1]])
+    box = Box((0.0, 0.0), (3.0, 2.0), (False, True))
+    near = Neighbours(box, CUT, 0.0)
+    near.build(x_nc)
+    i, j, _ = directed_pairs(x_nc, box, CUT)
+    together = abs(far) < 1e15
+    assert {(int(a), int(b)) for a, b in zip(i, j, strict=True)} == {(0, 1), (1, 0)} | (
+        {(2, 3), (3, 2)} if together else set()
+    )
+    rows = [near.j_p[near.start_n[k] : near.start_n[k + 1]].tolist() for k in range(4)]
+    assert 1 in rows[0]
+    assert (3 in rows[2]) or not together
+
+
+def test_compacting_keeps_every_distance_within_reach() -> None:
+    random = np.random.default_rng(3)
+    x_n = np.concatenate(
+        [random.uniform(0, 9, 40), random.uniform(1e5, 1e5 + 9, 40), random.uniform(-4e7, -4e7 + 5, 20)]
+    )
+    y_n = compacted(x_n, 1.0)
+    assert y_n.min() == 0
+    assert np.ptp(y_n) < 30
+    before, after = (np.abs(v[:, None] - v[None, :]) for v in (x_n, y_n))
+    near = before <= 2.0
+    assert np.allclose(before[near], after[near], rtol=0, atol=1e-8)
+    assert (after[~near] > 1.99).all()
+    one = random.uniform(5.0, 9.0, 50)
+    assert np.array_equal(compacted(one, 1.0), one - one.min())  # nothing empty: only moved

@@ -40,7 +40,7 @@ def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray,
     # Periodic images are counted from inside the box; vesin needs a third axis and some extent along open ones.
     low = np.array(box.low_c)
     wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
-    points, extent = np.zeros((n, 3)), np.full(3, 4 * cut)
+    points, extent = np.zeros((n, 3)), np.full(3, 4.0 * cut)
     points[:, :d] = x_nc + wrap_nc
     for a in (a for a in range(d) if not box.periodic[a] and n):
         points[:, a] = compacted(points[:, a], cut)

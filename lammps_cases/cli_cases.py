@@ -115,6 +115,7 @@ def _explanation(case: Any) -> dict[str, Any]:
         "methods": _methods(case, ready),
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
+        "stability": _stability(case, ready),
         "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
         "commands": _commands(ready.jobs[0]),
         "commands_of_twin": _commands(ready.jobs[1]) if case.scene.twin else None,
@@ -148,6 +149,19 @@ def _methods(case: Any, ready: Any) -> list[dict[str, str]]:
     ]
 
 
+def _stability(case: Any, ready: Any) -> list[str]:
+    """How far the scene lies from where it would fail."""
+    from lammps_cases import reference
+    from lammps_cases.stability.advice import advice
+
+    scene, atoms = case.scene, ready.atoms
+    if scene.expect or not scene.interacts:
+        return []
+    timestep = scene.evolve.timestep if scene.evolve and scene.evolve.steps else None
+    model, box = reference.model(scene, atoms, case.where), reference.box(scene, atoms)
+    return advice(model, box, reference.state(scene, atoms, case.where), timestep)
+
+
 def _commands(told: Any) -> list[str]:
     per_atom = f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}"
     ranks = [f"# on {told.ranks} ranks"] if told.ranks > 1 else []
@@ -169,6 +183,9 @@ def _show(explanation: dict[str, Any]) -> None:
     if explanation["methods"]:
         rows = [(method["of"], method["method"], method["why"]) for method in explanation["methods"]]
         _table("evaluated by", ("what", "method", "why"), rows)
+    if explanation["stability"]:
+        click.echo("stability:")
+        click.echo("\n".join(f"  {line}" for line in explanation["stability"]))
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         _table(

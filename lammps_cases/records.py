@@ -142,6 +142,7 @@ class CaseRecord(_Record):
     unseen: list[str] = Field([], description="ledger entries that this case would show if they were still there")
     lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
+    stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
 

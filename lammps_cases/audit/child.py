@@ -50,4 +50,6 @@ def audit(task: Task, connection: Connection) -> Ended:
         refused = str(error)
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.look_seconds, total=time.perf_counter() - begin)
-    return Ended(watch.done, watch.runs, seconds, watch.questions.lines(), arrays, last, refused)
+    return Ended(
+        watch.done, watch.runs, seconds, watch.questions.lines(), watch.questions.stability, arrays, last, refused
+    )

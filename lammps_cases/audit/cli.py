@@ -101,5 +101,6 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
         reasons.setdefault(reason, []).append(name)
     unchecked = [f"not checked: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     warnings = [f"warning: {line}" for line in case.warnings]
+    warnings += [f"stability: {line}" for line in case.stability]
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
     return [head, *table, *outside, *unchecked, *warnings, f"{end}: {case.message}" if case.message else end]

@@ -114,18 +114,8 @@ class Reader:
     def _view(self, n: int, x_nc: Array, setup: bool) -> View:
         atoms, model = self.lmp.numpy, self.model
         d, fix = model.dimension, model.fix
-        type_n = atoms.extract_atom("type")[:n].copy()
-        state = State(
-            x_nc=x_nc[:n, :d].copy(),
-            v_nc=atoms.extract_atom("v")[:n, :d].copy(),
-            rho_n=atoms.extract_atom("rho")[:n].copy(),
-            type_n=type_n,
-            solid_n=atoms.extract_atom("rheo_status")[:n] & SOLID != 0,
-            energy_n=atoms.extract_atom("esph")[:n].copy() if model.thermal is not None else None,
-        )
-        mass_n = atoms.extract_atom("rmass")[:n].copy() if self.mass_t is None else self.mass_t[type_n]
-        low, high, *_, periodic, _ = self.lmp.extract_box()
-        box = Box(tuple(low[:d]), tuple(high[:d]), tuple(bool(flag) for flag in periodic[:d]))
+        state, box = particles(self.lmp, model, n, x_nc)
+        mass_n = atoms.extract_atom("rmass")[:n].copy() if self.mass_t is None else self.mass_t[state.type_n]
         acts = {g: atoms.extract_variable(name, "all", ATOM_VARIABLE)[:n] != 0 for g, name in self.groups.items()}
         actions = [(action, acts[action.group]) for action in self.actions]
         summed = setup and fix.rho_sum and fix.interface_reconstruct
@@ -144,6 +134,21 @@ class Reader:
             for field, columns in self.columns.items():
                 shown[field] = table[:, columns].reshape(n, *(d,) * COLUMNS[field])
         return shown
+
+
+def particles(lmp: Any, model: Model, n: int, x_nc: Array) -> tuple[State, Box]:
+    """The particles and the box as they are now, copied."""
+    atoms, d = lmp.numpy, model.dimension
+    state = State(
+        x_nc=x_nc[:n, :d].copy(),
+        v_nc=atoms.extract_atom("v")[:n, :d].copy(),
+        rho_n=atoms.extract_atom("rho")[:n].copy(),
+        type_n=atoms.extract_atom("type")[:n].copy(),
+        solid_n=atoms.extract_atom("rheo_status")[:n] & SOLID != 0,
+        energy_n=atoms.extract_atom("esph")[:n].copy() if model.thermal is not None else None,
+    )
+    low, high, *_, periodic, _ = lmp.extract_box()
+    return state, Box(tuple(low[:d]), tuple(high[:d]), tuple(bool(flag) for flag in periodic[:d]))
 
 
 def drop(lmp: Any) -> None:

@@ -162,6 +162,7 @@ class Ended:
     runs: int
     seconds: Seconds
     warnings: list[str]
+    stability: list[str]
     arrays: dict[str, npt.NDArray[Any]]
     last: dict[int, FieldRecord]
     refused: str = ""

@@ -95,6 +95,7 @@ class Findings:
             message="; ".join(filter(None, (self.blame, message))),
             laws=facts.laws,
             warnings=self.ended.warnings if self.ended else [],
+            stability=self.ended.stability if self.ended else [],
             checks=self.checks,
             not_checked=self._unchecked(),
             explained_by=", ".join(dict.fromkeys(explained)) or None,

@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 from eos_ref import EOS
 from eos_ref.eos import FloatArray
+from eos_ref.model import Box, Model, State
+from lammps_cases.stability.advice import judge
 
 DEFAULT_RHO = 1.0  # what LAMMPS 22Jul2025 gives an atom whose density nobody sets
 SOLID = 1  # bit of rheo_status
@@ -65,6 +67,8 @@ class Questions:
     _seen: dict[tuple[int, EOS], _Seen] = field(default_factory=dict)
     _said: list[str] = field(default_factory=list)
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
+    stability: list[str] = field(default_factory=list)  # how far from failing, where that is no warning
+    _judged: tuple[Model, float] | None = None
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
@@ -93,6 +97,15 @@ class Questions:
         seen.looks += 1
         seen.rho.add(rho_n)
         seen.p.add(p_n)
+
+    def begin(self, run: int, model: Model, box: Box, state: State, timestep: float) -> None:
+        """Take the particles at the start of a run; said once for a model and a time step."""
+        if self._judged == (model, timestep):
+            return
+        self._judged = model, timestep
+        for advice in judge(model, box, state, timestep):
+            said = self._said if advice.warns else self.stability
+            said.append(advice.text if run == 1 else f"run {run}: {advice.text}")
 
     def lines(self) -> list[str]:
         """The warnings, in the order of systems and types; the same line is not said twice."""

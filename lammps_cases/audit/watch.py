@@ -227,6 +227,8 @@ class Watch:
         }
         if self.table.needs_energy:
             now["energy"] = atoms.extract_atom("esph")[:n].copy()
+        if step == self._first and n:
+            self._judge(n, x_nc)
         status_n = atoms.extract_atom("rheo_status")[:n]
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not self._continued and step in (self._first, self._before)
@@ -248,6 +250,14 @@ class Watch:
         order = {field: k for k, field in enumerate(fields.FIELDS)}
         rows = dict(sorted(rows.items(), key=lambda item: (order[item[0][0]], item[0][1])))
         self.send(Look(step, self.runs, self.done + step - self._first, rows))
+
+    def _judge(self, n: int, x_nc: Array) -> None:
+        """How far the particles lie from where the deck would fail."""
+        assert self.table is not None
+        model = self._model(self.table)
+        if isinstance(model, Model) and np.isfinite(x_nc[:n]).all():
+            state, box = look.particles(self.lmp, model, n, x_nc)
+            self.questions.begin(self.runs, model, box, state, float(self.lmp.extract_global("dt")))
 
     def _sums_walls(self) -> bool:
         words = self.deck.fix("rheo") or []

@@ -1,0 +1,26 @@
+"""The maps of the atlas, each made by a module of its own when it is first asked for."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from functools import cache
+
+from lammps_cases.stability.model import StabilityMap
+
+MODULES = ("timestep", "laws", "matrices", "precision", "tension", "surfaces", "phases", "walls", "whole")
+
+
+@cache
+def maps() -> dict[str, StabilityMap]:
+    """All maps by id, in the order of their modules."""
+    found: dict[str, StabilityMap] = {}
+    for name in MODULES:
+        full = f"{__name__}.{name}"
+        if importlib.util.find_spec(full) is None:
+            continue
+        for one in importlib.import_module(full).MAPS:
+            if one.id in found:
+                raise ValueError(f"two maps are called {one.id}")
+            found[one.id] = one
+    return found

@@ -1,0 +1,23 @@
+"""Single cells of maps, run in this process."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from lammps_cases.stability import kinds, probe
+from lammps_cases.stability.model import Cell, Engine, Outcome, StabilityMap
+from lammps_cases.stability.runs import Living, open_run
+
+
+@cache
+def living() -> Living:
+    """The LAMMPS of this process."""
+    return Living(None)
+
+
+def outcome(of: StabilityMap, x: float, y: float, layer: str = "", side: Engine = "reference") -> Outcome:
+    """How a cell ends."""
+    cell = Cell(of.id, x, y, layer)
+    start, watch = of.start(cell), of.watch(cell)
+    run = open_run(start, watch, side, living())
+    return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome

@@ -1,0 +1,124 @@
+"""The deck of a cell: LAMMPS alone makes the same bits of it as the engine does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from lammps_cases import engine
+from lammps_cases.commands import job
+from lammps_cases.flows import FLOWS
+from lammps_cases.flows.flow import Options, Start
+from lammps_cases.flows.layout import rows, start
+from lammps_cases.plan import plan
+from lammps_cases.stability.deck import deck
+
+ARRAYS = ("x", "v", "rho")
+
+
+@pytest.fixture(scope="module")
+def lmp() -> Any:
+    return engine.open_lammps()
+
+
+def flow(name: str, n: int, steps: int, **options: Any) -> Start:
+    """The first steps of a flow."""
+    made = FLOWS[name].start(n, replace(FLOWS[name].options, **options))
+    evolve = made.case.scene.evolve
+    assert evolve
+    evolve = evolve.model_copy(update={"steps": steps, "compare_at": (steps // 2, steps)})
+    scene = made.case.scene.model_copy(update={"evolve": evolve})
+    return replace(made, case=replace(made.case, scene=scene), steps=(steps // 2, steps))
+
+
+def disordered(**scene: Any) -> Start:
+    """Particles with positions, velocities and densities of every digit, one of them on the upper face of the box."""
+    rng = np.random.default_rng(5)
+    x_nc = rows(0, 9, 9) + rng.uniform(-0.2, 0.2, (81, 2))
+    x_nc[0] = [9.0, 0.5]
+    return start(
+        "disordered",
+        {
+            "types": [{"mass": 1.0, "rho0": 1.0, "cs": 3.0, "viscosity": 0.1}],
+            "pressure": [{"types": "*", "style": "tait/water"}],
+            **scene,
+        },
+        x_nc,
+        (9.0, 9.0),
+        options=Options(kernel="RK1"),
+        times=[0.1, 0.3],
+        timestep=0.01,
+        v_nc=rng.normal(size=(81, 2)),
+        rho_n=1 + 0.01 * rng.normal(size=81),
+    )
+
+
+def ours(lmp: Any, begun: Start) -> dict[str, Any]:
+    """The last arrays of the engine's own run."""
+    told = job(begun.case.scene, begun.atoms, plan(begun.case.scene))
+    engine.run(lmp, told)
+    return engine.read(lmp, told.outputs, ARRAYS)
+
+
+def of_deck(lmp: Any, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The last arrays of LAMMPS after it has read the deck from a file."""
+    monkeypatch.chdir(folder)
+    Path("in.cell").write_text(text)
+    lmp.command("clear")
+    lmp.file("in.cell")
+    return engine.read(lmp, {}, ARRAYS)
+
+
+STARTS: dict[str, Callable[[], Start]] = {
+    "walls, gravity, held types": lambda: flow("tank", 8, 40),
+    "energies": lambda: flow("sound-wave-ideal-gas", 12, 30),
+    "summed densities": lambda: flow("shear-wave", 12, 20, rho_sum=True),
+    "shifting, every digit": lambda: disordered(rheo={"shift": True}),
+    "a law alone": lambda: disordered(compare=("pressure",), evolve=None),
+}
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_deck_ends_in_the_same_bits_as_the_engine(
+    name: str, lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = STARTS[name]()
+    expected = ours(lmp, begun)
+    found = of_deck(lmp, deck(begun), tmp_path, monkeypatch)
+    assert found["id"].tolist() == expected["id"].tolist()
+    for array in ARRAYS:
+        assert found[array].tobytes() == expected[array].tobytes(), array
+
+
+def test_output_holds_every_digit(lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = disordered()
+    found = of_deck(lmp, deck(begun, every=5), tmp_path, monkeypatch)
+    lmp.command("undump frames")  # LAMMPS then closes the file
+    header, _, table = Path("frames.dump").read_text().rpartition("ITEM: ATOMS")[2].partition("\n")
+    assert header.split() == ["id", "type", "x", "y", "z", "vx", "vy", "vz", "rho", "pressure"]
+    values = np.array([line.split() for line in table.splitlines()], float)
+    assert np.array_equal(values[:, 2:5], found["x"])
+    assert np.array_equal(values[:, 8], found["rho"])
+
+
+def test_notes_are_comments_and_nothing_else(lmp: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = deck(disordered(), note=["ends in &", 'quotes """', "it's 'quoted'", "two\nquit", "${HOME} $(1/0)", "naïve"])
+    assert len(of_deck(lmp, text, tmp_path, monkeypatch)["id"]) == 81
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_lammps_cannot_read_is_refused(value: float) -> None:
+    begun = disordered()
+    assert begun.atoms.rho_n is not None
+    rho_n = begun.atoms.rho_n.copy()
+    rho_n[3] = value
+    with pytest.raises(InputError, match="rho: must be finite in a deck"):
+        deck(replace(begun, atoms=replace(begun.atoms, rho_n=rho_n)))
+    with pytest.raises(InputError, match="ids: must be 1 to N"):
+        deck(replace(begun, atoms=replace(begun.atoms, id_n=begun.atoms.id_n + 1)))

@@ -1,0 +1,135 @@
+"""Maps of the laws: on the reference every boundary is where theory has it, and on LAMMPS where LAMMPS has it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS
+from lammps_cases.stability import kinds, probe
+from lammps_cases.stability.maps import laws
+from lammps_cases.stability.model import Cell, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.stability.runs import Living, open_run
+from lammps_cases.workers import Workers
+
+
+def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> Outcome:
+    """A cell on the reference, in this process."""
+    cell = Cell(of.id, x, y, layer)
+    start, watch = of.start(cell), of.watch(cell)
+    return probe.follow(open_run(start, watch, "reference", Living(None)), kinds.subject(start), watch, 0).outcome
+
+
+def around(of: StabilityMap, layer: str, y: float) -> tuple[float, float, float]:
+    """A limit of theory, and a place on either side of it, a width away."""
+    limit = next(t for t in of.theory if t.layer in (None, layer)).x_of_y(y)
+    if of.x.log:
+        return limit, limit / 10**of.x.width, limit * 10**of.x.width
+    return limit, limit - of.x.width, limit + of.x.width
+
+
+# Kinds below and above the limit, on the reference.
+WANTED: dict[tuple[str, str], tuple[Kind, Kind]] = {
+    ("laws-tait-overflow", ""): ("stable", "overflow"),
+    ("laws-cubic", "compressed"): ("stable", "loss of hyperbolicity"),
+    ("laws-cubic", "stretched"): ("stable", "loss of hyperbolicity"),
+    ("laws-cubic", "sign"): ("stable", "negative pressure"),
+    ("laws-gas-energy", ""): ("negative pressure", "stable"),
+    ("laws-background", "linear"): ("negative pressure", "stable"),
+    ("laws-background", "tait/water"): ("negative pressure", "stable"),
+}
+LINES = [(of, layer, y) for of in laws.MAPS for layer in of.layers for y in of.lines if (of.id, layer) in WANTED]
+
+
+@pytest.mark.parametrize(("of", "layer", "y"), LINES, ids=lambda part: getattr(part, "id", str(part)))
+def test_boundary_is_where_theory_has_it(of: StabilityMap, layer: str, y: float) -> None:
+    limit, below, above = around(of, layer, y)
+    assert of.x.low < below < limit < above < of.x.high, "the axis does not reach the limit"
+    found = tuple(outcome(of, x, y, layer).kind for x in (below, above))
+    assert found == WANTED[of.id, layer]
+
+
+@pytest.mark.parametrize("gamma", [2.3, 7.0, 60.0, 4000.0])
+def test_overflow_at_the_largest_double(gamma: float) -> None:
+    """To 1e-12 of the exponent, not only to the width of the axis; the value is the infinite pressure."""
+    limit = laws.OVERFLOW.theory[0].x_of_y(gamma)
+    assert outcome(laws.OVERFLOW, limit * (1 - 1e-12), gamma).kind == "stable"
+    found = outcome(laws.OVERFLOW, limit * (1 + 1e-12), gamma)
+    assert (found.kind, found.atom, found.value) == ("overflow", 1, math.inf)
+    assert EOS("tait/general", laws.RHO0, laws.CS, gamma).pressure(laws.RHO0 * 10 ** (limit * (1 + 1e-12))) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("gamma", "below"),
+    [
+        (-1.5, "non-finite"),
+        (1.4, "non-finite"),
+        (2.3, "non-finite"),
+        (4.0, "loss of hyperbolicity"),
+        (7.0, "stable"),
+    ],
+)
+def test_negative_densities(gamma: float, below: Kind) -> None:
+    assert gamma in laws.NEGATIVE.lines
+    assert outcome(laws.NEGATIVE, -0.3, gamma).kind == below
+    assert outcome(laws.NEGATIVE, 0.3, gamma).kind == "stable"
+    limit = laws.NEGATIVE.theory[0].x_of_y(gamma)
+    assert math.isnan(limit) if below == "stable" else limit == 0
+
+
+def test_gamma_of_a_gas() -> None:
+    for e, above in ((-1.0, "negative pressure"), (0.5, "stable"), (2.0, "stable")):
+        low = outcome(laws.GAS, 1.0, e)
+        assert low.kind == "error" and "must exceed 1" in low.message
+        assert outcome(laws.GAS, 1.001, e).kind == above
+
+
+def test_the_reference_has_the_limit_of_a_vanishing_exponent() -> None:
+    """P -> c^2 rho0 ln(rho/rho0), to eight digits wherever the map goes."""
+    for ratio in laws.LIMIT.lines:
+        assert all(outcome(laws.LIMIT, x, ratio).kind == "stable" for x in (1e-18, 1e-9, 1.0))
+        tiny = EOS("tait/general", laws.RHO0, laws.CS, 1e-18).pressure(laws.RHO0 * ratio)
+        assert tiny == pytest.approx(laws.STIFFNESS * math.log(ratio), rel=1e-12)
+
+
+def test_lost_digits_are_seen() -> None:
+    """A pressure wrong in its ninth digit passes, one wrong in its seventh does not; the value is the digits left."""
+    cell = Cell("", 0.5, 1.3)
+    start = laws.LIMIT.start(cell)
+    run = open_run(start, Watch(), "reference", Living(None))
+    run.begin()
+    of, look = kinds.subject(start), run.look()
+    for error, wanted in ((1e-9, None), (1e-7, "lost digits")):
+        found = kinds.first(of, Watch(digits=8), replace(look, pressure_n=look.pressure_n * (1 + error)), None)
+        assert (found and found.kind) == wanted
+        if found:
+            assert found.value == pytest.approx(7, abs=0.01)
+
+
+def test_maps_are_complete() -> None:
+    assert len({of.id for of in laws.MAPS}) == len(laws.MAPS)
+    for of in laws.MAPS:
+        assert of.x.low < of.x.high
+        assert {t.layer for t in of.theory} <= {None, *of.layers}
+        for layer in of.layers:
+            start = of.start(Cell(of.id, of.x.high, of.lines[0], layer))
+            assert start.steps == (0,) and not start.case.scene.interacts
+            assert np.isfinite(start.atoms.rho_n).all()
+
+
+@pytest.mark.parametrize(
+    ("of", "x", "y", "wanted"),
+    [
+        (laws.OVERFLOW, 50.0, 7.0, "overflow"),
+        (laws.NEGATIVE, -0.3, 2.3, "non-finite"),
+        (laws.GAS, 0.9, 2.0, "negative pressure"),  # where the reference refuses
+        (laws.LIMIT, 1e-12, 1.3, "lost digits"),  # where the reference has sixteen
+    ],
+    ids=lambda part: getattr(part, "id", None),
+)
+def test_lammps(of: StabilityMap, x: float, y: float, wanted: Kind) -> None:
+    with Workers(None, 1) as workers:
+        assert probe.examine(of, Cell(of.id, x, y), "lammps", workers).outcome.kind == wanted

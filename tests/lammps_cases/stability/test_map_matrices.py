@@ -1,0 +1,94 @@
+"""Maps of moment matrices: they fail where neighbours are too few, or in a row."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from eos_ref import kernels
+from lammps_cases.flows.flow import Start
+from lammps_cases.stability import kinds, probe
+from lammps_cases.stability.maps import matrices
+from lammps_cases.stability.model import Cell, Kind, StabilityMap
+from lammps_cases.stability.runs import Living, open_run
+
+FAILED = ("failed matrix", "ill-conditioned matrix")
+
+
+def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
+    cell = Cell(of.id, x, y, layer)
+    start, watch = of.start(cell), of.watch(cell)
+    run = open_run(start, watch, "reference", Living(None))
+    return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
+
+
+def condition(start: Start, atom: int, order: int) -> float:
+    """Condition number of the matrix of a particle of an open box, from the definition; lengths over the cutoff."""
+    cut = start.case.scene.rheo.cut
+    assert cut is not None
+    r_nc = start.atoms.x_nc[atom - 1, :2] - start.atoms.x_nc[:, :2]
+    r_n = np.hypot(*r_nc.T)
+    near = (r_n > 0) & (r_n < cut)
+    h = np.stack([np.broadcast_to(b, near.sum()) for b in kernels.basis(order, list(r_nc[near].T / cut))])
+    w = kernels.normalisation(2, cut) * kernels.quintic(kernels.SUPPORT * r_n[near] / cut)
+    return float(np.linalg.cond((h * w) @ h.T))
+
+
+@pytest.mark.parametrize(("layer", "limit"), [("RK0", 1.0), ("RK1", 1.0), ("RK2", math.sqrt(2))])
+def test_lattice(layer: str, limit: float) -> None:
+    """On a lattice without disorder, a shell of neighbours decides."""
+    theory = next(t for t in matrices.LATTICE.theory if t.layer == layer)
+    assert theory.x_of_y(0.0) == limit
+    assert kind(matrices.LATTICE, limit - 0.005, 0.0, layer) == "failed matrix"
+    assert kind(matrices.LATTICE, limit + 0.05, 0.0, layer) == "stable"
+
+
+@pytest.mark.parametrize("cut", matrices.ZMIN.lines)
+@pytest.mark.parametrize("layer", ["RK1", "RK2"])
+def test_zmin(layer: str, cut: float) -> None:
+    """The least zmin that helps is one more than the most neighbours that are too few."""
+    needed = matrices.zmin_needed("RK1" if layer == "RK1" else "RK2", cut)
+    assert kind(matrices.ZMIN, needed, cut, layer) == "stable"
+    if needed:
+        assert kind(matrices.ZMIN, needed - 0.1, cut, layer) in FAILED
+
+
+def test_neighbours() -> None:
+    assert matrices.neighbours(1.2) == (2, 3, 4)
+    assert matrices.neighbours(1.6) == (3, 5, 8)
+    assert matrices.neighbours(3.0)[2] == 24
+
+
+@pytest.mark.parametrize(("layer", "order"), [("RK1", 1), ("RK2", 2)])
+def test_surface(layer: str, order: int) -> None:
+    """At corners; and the condition number is that of the definition."""
+    limit = next(t for t in matrices.SURFACE.theory if t.layer == layer).x_of_y(0.0)
+    assert kind(matrices.SURFACE, limit - 0.01, 0.0, layer) in FAILED
+    assert kind(matrices.SURFACE, limit + 0.1, 0.0, layer) == "stable"
+    start = matrices.SURFACE.start(Cell("matrices-surface", limit + 0.2, 0.1, layer))
+    of, run = kinds.subject(start), open_run(start, matrices._watch(Cell("", 0, 0, layer)), "reference", Living(None))
+    run.begin()
+    m_nbb, definite_n, _ = kinds.moment_matrices(of, run.look())
+    assert definite_n.all()
+    for atom in (1, 4, 25):
+        assert np.linalg.cond(m_nbb[atom - 1]) == pytest.approx(condition(start, atom, order), rel=1e-6)
+
+
+@pytest.mark.parametrize("cut", matrices.ROW.lines)
+def test_row(cut: float) -> None:
+    """The offset that theory names has the condition number it is named for."""
+    limit = matrices.ROW.theory[0].x_of_y(cut)
+    assert kind(matrices.ROW, limit / 1.05, cut, "RK1") in FAILED
+    assert kind(matrices.ROW, limit * 1.05, cut, "RK1") == "stable"
+    assert kind(matrices.ROW, 1e-12, cut, "RK1") in FAILED
+
+
+def test_layers_that_ask_for_the_matrix_do_not_move() -> None:
+    for of in matrices.MAPS:
+        for layer in of.layers:
+            start, watch = of.start(Cell(of.id, of.x.high, of.lines[0], layer)), of.watch(Cell(of.id, 1, 1, layer))
+            moves = layer.endswith("run")
+            assert (start.steps == (0,)) != moves
+            assert (watch.condition is None) == moves

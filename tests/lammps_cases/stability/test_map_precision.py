@@ -1,0 +1,77 @@
+"""Float32 beside float64: a layer of the reference alone, in that type from end to end, which fails earlier."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.steps import Simulation
+from lammps_cases import reference
+from lammps_cases.stability import kinds, probe, single
+from lammps_cases.stability.maps import precision
+from lammps_cases.stability.model import ENGINES, Cell, Kind, StabilityMap
+from lammps_cases.stability.runs import Living, ReferenceRun, open_run
+
+
+def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
+    cell = Cell(of.id, x, y, layer)
+    start, watch = of.start(cell), of.watch(cell)
+    run = open_run(start, watch, "reference", Living(None))
+    return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
+
+
+def test_all_of_it_is_float32() -> None:
+    """After some steps no array of the state or the fields is longer; else the layer would be float64 in disguise."""
+    cell = Cell("", 1.0, 0.03, "float32")
+    start = precision.STEP.start(cell)
+    run = open_run(start, precision.STEP.watch(cell), "reference", Living(None))
+    assert isinstance(run, ReferenceRun)
+    run.begin()
+    run.advance(3)
+    simulation = run.simulation
+    arrays: dict[str, Any] = {**vars(simulation.state), **simulation.fields, "p": simulation.output("pressure")}
+    floats = {name: array.dtype for name, array in arrays.items() if getattr(array, "dtype", None) in (float, "f4")}
+    assert len(floats) >= 7
+    assert set(floats.values()) == {np.dtype(np.float32)}, floats
+
+
+def test_it_is_the_same_model() -> None:
+    """Forces of both types agree to a few float32 roundings of their terms."""
+    start = precision.STEP.start(Cell("", 1.0, 0.3, "float64"))
+    scene, atoms = start.case.scene, start.atoms
+    model, box, state = reference.model(scene, atoms, ""), reference.box(scene, atoms), reference.state(scene, atoms)
+    state.x_nc += np.random.default_rng(1).uniform(-0.1, 0.1, state.x_nc.shape)
+    short = state.copy()
+    for name in ("x_nc", "v_nc", "rho_n"):
+        setattr(short, name, getattr(short, name).astype(np.float32))
+        setattr(state, name, getattr(short, name).astype(float))
+    long, half = Simulation(model, box, state), single.simulation(model, box, short)
+    found = long.evaluate()["f"], half.evaluate()["f"]
+    scale = np.abs(found[0]).max()
+    error = np.abs(found[0] - found[1]).max() / scale
+    assert 0 < error < 1e-5
+
+
+def test_float32_is_of_the_reference_alone() -> None:
+    for of in precision.MAPS:
+        assert of.engines("float64") == ENGINES
+        assert of.engines("float32") == ("reference",)
+
+
+@pytest.mark.parametrize("layer", ["float64", "float32"])
+def test_origin(layer: str) -> None:
+    """Particles fall on one another where whole numbers are the densest."""
+    limit = next(t for t in precision.ORIGIN.theory if t.layer == layer).x_of_y(0.3)
+    assert kind(precision.ORIGIN, limit / 2, 0.3, layer) == "stable"
+    assert kind(precision.ORIGIN, limit, 0.3, layer) == "error"
+    assert precision.ORIGIN.x.low < limit < precision.ORIGIN.x.high
+
+
+def test_compression() -> None:
+    """Float32 makes noise of a wave that float64 carries, and has none below a rounding of the density."""
+    assert kind(precision.COMPRESSION, 3e-7, 1.0, "float64") == "stable"
+    assert kind(precision.COMPRESSION, 3e-7, 1.0, "float32") == "energy growth"
+    start = precision.COMPRESSION.start(Cell("", 2.0**-26, 1.0, "float32"))
+    assert start.atoms.rho_n is not None and set(start.atoms.rho_n.tolist()) == {1.0}

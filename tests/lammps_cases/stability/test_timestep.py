@@ -1,0 +1,80 @@
+"""Maps of the time step: the linear theory that is drawn over them is that of the scheme."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lammps_cases.stability import kinds
+from lammps_cases.stability.maps import timestep
+from lammps_cases.stability.maps.timestep import LIMITS, box, growth, growth_limit, sound_limit, viscous_limit, watch
+from lammps_cases.stability.model import ENGINES, Cell, Engine
+from lammps_cases.stability.probe import follow
+from lammps_cases.stability.runs import Living, open_run
+
+TINY = 1e-9  # Mach number at which the scheme is linear
+
+
+@pytest.fixture(scope="module")
+def living() -> Living:
+    return Living(None)
+
+
+@pytest.mark.parametrize("side", ENGINES)
+@pytest.mark.parametrize(
+    ("fraction", "ratio", "cut"), [(1.5, 0.1, 3.0), (4.3, 1.0, 3.0), (4.5, 3.0, 2.5), (0.5, 1.0, 4.0)]
+)
+def test_energy_is_that_of_the_linearised_scheme(
+    side: Engine, fraction: float, ratio: float, cut: float, living: Living
+) -> None:
+    start = box(fraction, ratio, cut, TINY)
+    of, run = kinds.subject(start), open_run(start, watch(TINY), side, living)
+    run.begin()
+    first = kinds.kinetic_energy(of.mass_n, run.look().v_nc)
+    measured = []
+    for _ in range(5):
+        run.advance(4)
+        measured.append(kinds.kinetic_energy(of.mass_n, run.look().v_nc) / first)
+    # Particles move by 1e-8 of the spacing, and the energy is a square.
+    assert measured == pytest.approx(growth(fraction, ratio, cut, 4, 5), rel=1e-5)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("side", ENGINES)
+def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Living) -> None:
+    limit = growth_limit(ratio, 3.0)
+    for fraction, kind in ((0.97 * limit, "stable"), (1.01 * limit, "energy growth")):
+        start = box(fraction, ratio, 3.0, 1e-4)
+        watched = watch(1e-4)
+        found = follow(open_run(start, watched, side, living), kinds.subject(start), watched, start.steps[-1])
+        assert found.outcome.kind == kind
+
+
+def test_limits_are_where_waves_begin_to_grow() -> None:
+    """The largest eigenvalue of a step crosses 1 at the lower of the two limits."""
+    of = timestep.waves(3.0)
+    for ratio, limit in ((0.1, sound_limit), (10.0, viscous_limit)):
+        at = limit(ratio, 3.0)
+        sizes = []
+        for fraction in (0.95 * at, 1.2 * at):
+            dt, nu = timestep.step_of(fraction, ratio, 3.0), timestep.viscosity(ratio, 3.0)
+            s_k, q_k = of.d_k * dt, nu * of.l_k * dt
+            # Eigenvalues of [[1 - s^2/2 - q, -i s], [-i s, 1]]: z^2 - trace z + det
+            trace_k, det_k = 2 - s_k**2 / 2 - q_k, 1 + s_k**2 / 2 - q_k
+            root_k = np.sqrt(trace_k**2 / 4 - det_k + 0j)
+            sizes.append(float(np.abs([trace_k / 2 + root_k, trace_k / 2 - root_k]).max()))
+        assert sizes[0] <= 1 + 1e-12 < sizes[1]
+
+
+def test_criteria_meet_where_viscosity_and_sound_limit_alike() -> None:
+    criteria = dict(LIMITS)
+    for cut in (2.0, 3.0, 4.0):
+        assert criteria["h/4c"](1.0, cut) == pytest.approx(1.0) == criteria["h^2/8nu"](1.0, cut)
+        assert criteria["h/4c"](3.0, cut) == pytest.approx(3.0)
+        assert criteria["h^2/8nu"](0.2, cut) == pytest.approx(5.0)
+
+
+def test_steps_are_as_many_as_said() -> None:
+    for of in timestep.MAPS:
+        for y in of.lines:
+            assert of.start(Cell(of.id, 1.0, y)).steps == (timestep.STEPS,)

@@ -178,7 +178,7 @@ def _difference(line: Agreement, record: MapRecord) -> Difference:
         f"{record.y.name} = {line.y:.5g}",
         along(line.lammps, theirs, record),
         along(line.reference, ours, record),
-        f"{found.finding}: {found.why}" if found else "",
+        f"{found.finding or 'no finding'}: {found.why}" if found else "",
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from functools import cache
 
 from lammps_cases.stability.model import StabilityMap
@@ -16,10 +15,7 @@ def maps() -> dict[str, StabilityMap]:
     """All maps by id, in the order of their modules."""
     found: dict[str, StabilityMap] = {}
     for name in MODULES:
-        full = f"{__name__}.{name}"
-        if importlib.util.find_spec(full) is None:
-            continue
-        for one in importlib.import_module(full).MAPS:
+        for one in importlib.import_module(f"{__name__}.{name}").MAPS:
             if one.id in found:
                 raise ValueError(f"two maps are called {one.id}")
             found[one.id] = one

@@ -138,7 +138,12 @@ def _step_by_step(
 ) -> Examined:
     """The failing stretch again, one step at a time."""
     end = last.step + stretch
-    run.back()
+    try:
+        run.back()
+    except Stopped as stop:
+        # What nobody wrote (a finding) makes LAMMPS end otherwise the second time.
+        failure, message = known
+        return _failed(of, failure, end, last, f"{message} (run again, it ended earlier: {stop.message})".strip())
     while last.step < end:
         look, failure, message = _advance(run, of, watch, 1, energy)
         if failure is not None:

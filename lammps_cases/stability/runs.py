@@ -28,6 +28,9 @@ class Stopped(RuntimeError):
         self.kind, self.message, self.atom = kind, " ".join(message.split()), atom
         super().__init__(f"{kind}: {self.message}")
 
+    def __reduce__(self) -> tuple[type[Stopped], tuple[Kind, str, int | None]]:
+        return Stopped, (self.kind, self.message, self.atom)
+
 
 class Run(Protocol):
     """A run that stops to be looked at.

@@ -278,3 +278,14 @@ def test_an_error_is_one_at_its_step(faulty: Workers) -> None:
 def test_others_are_not_touched(faulty: Workers) -> None:
     assert ended(100.0, faulty).outcome.kind == "stable"
     assert ended(101.0, faulty, side="reference").outcome.kind == "stable"
+
+
+def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first() -> None:
+    """LAMMPS may read memory that nobody wrote: the way back then fails itself, and its error must not get lost."""
+    import pickle
+
+    from lammps_cases.stability.runs import Stopped
+
+    stop = Stopped("lost particles", "Lost atoms:  2", 7)
+    again = pickle.loads(pickle.dumps(stop))
+    assert (again.kind, again.message, again.atom) == ("lost particles", "Lost atoms: 2", 7)

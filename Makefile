@@ -38,4 +38,4 @@ bench: $(READY) ## speed against peers, in one run, as ratios
 clean: ## remove the environment, caches and reports (not the accepted baselines)
 	rm -rf $(VENV) *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
-	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name example.png -exec rm -rf {} +
+	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name example.png ! -name chart.png -exec rm -rf {} +

@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from eos_ref import EOS
-from lammps_cases.chart.laws import LAWS, QUICK_STATES, REGIMES, timings
+from lammps_cases.chart.laws import LAWS, QUICK_STATES, timings
 from lammps_cases.measure import in_turns, machine
 from lammps_cases.methods.choice import COSTS
 from lammps_cases.methods.laws import methods_of
+from lammps_cases.methods.worst import Regime
 from lammps_cases.records import write_atomically
 
 EDGE = 40  # particles along the edge of the scene in which the stages of the particle model are timed
+FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared
 Progress = Callable[[int, int, str], None]
 
 
@@ -27,7 +29,7 @@ def save(progress: Progress = lambda done, total, what: None, path: Path = COSTS
     for k, law in enumerate(laws):
         progress(k, len(laws) + 1, f"costs of {law.style}")
         usable = [method for method in methods_of(law) if method.store is None]
-        took, _ = timings(law, usable, REGIMES, QUICK_STATES, None)
+        took, _ = timings(law, usable, (FLUID,), QUICK_STATES, None)
         for method in usable:
             ns = took[method.name].seconds.median / QUICK_STATES * 1e9
             seconds = _started(law, method.name)

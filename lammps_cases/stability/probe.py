@@ -137,13 +137,12 @@ def _step_by_step(
     note: Note,
 ) -> Examined:
     """The failing stretch again, one step at a time."""
-    end = last.step + stretch
+    end, (first, said) = last.step + stretch, known
     try:
         run.back()
     except Stopped as stop:
         # What nobody wrote (a finding) makes LAMMPS end otherwise the second time.
-        failure, message = known
-        return _failed(of, failure, end, last, f"{message} (run again, it ended earlier: {stop.message})".strip())
+        return _failed(of, first, end, last, f"{said} (run again, it ended earlier: {stop.message})".strip())
     while last.step < end:
         look, failure, message = _advance(run, of, watch, 1, energy)
         if failure is not None:
@@ -151,8 +150,7 @@ def _step_by_step(
         assert look is not None
         last = look
         note(last)
-    failure, message = known
-    return _failed(of, failure, end, last, f"{message} (not seen when every step was looked at)".strip())
+    return _failed(of, first, end, last, f"{said} (not seen when every step was looked at)".strip())
 
 
 def _failed(of: Subject, found: Found, step: int, before: Look, message: str = "") -> Examined:

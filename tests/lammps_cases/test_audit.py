@@ -67,6 +67,9 @@ FIXES = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\n
 
 # --- healthy decks ---
 
+# Their densities lie on both sides of rho0 at random: the audit says rightly that such a tension would clump in time.
+CLUMPING = "of the tension at which particles clump"
+
 
 @pytest.mark.parametrize("name", HEALTHY)
 def test_healthy_deck_is_clean(name: str, kept: Callable[[str], Path]) -> None:
@@ -75,7 +78,7 @@ def test_healthy_deck_is_clean(name: str, kept: Callable[[str], Path]) -> None:
     assert case.verdict in ("exact", "pass"), case.message
     assert result.record.exit_code == 0
     assert case.tags == ["audit"] and case.case == f"in.{name}"
-    assert case.warnings == []
+    assert [warning for warning in case.warnings if CLUMPING not in warning] == []
     assert [field.atom_type for field in case.fields] == [1, 2]
     assert all(field.worst_step is not None and (field.max_over_bound or 0) < 1 for field in case.fields)
 
@@ -434,7 +437,7 @@ def test_errors_of_the_flow_are_refused(command: str, tmp_path: Path) -> None:
 
 
 def test_density_never_set() -> None:
-    (line,) = case_of(audit_deck(DECKS / "in.never_set")).warnings
+    (line,) = [w for w in case_of(audit_deck(DECKS / "in.never_set")).warnings if w.startswith("type 1")]
     assert line.startswith("type 1: rho was never set: all 32 fluid atoms") and "rho0 = 1000" in line
 
 

@@ -14,7 +14,7 @@ from eos_ref.eos import FloatArray
 from lammps_cases import order
 from lammps_cases.methods import choice
 from lammps_cases.methods.choice import Choice
-from lammps_cases.records import DigitsLost, FieldRecord, Verdict
+from lammps_cases.records import DigitsLost, FieldRecord, Verdict, digest
 
 IntArray = npt.NDArray[np.integer]
 CERTIFIED = 24  # atoms per field whose error is certified with Arb: the worst by an extended-precision screening
@@ -145,6 +145,7 @@ def compare_field(
         worst_id=None if at is None else int(id_n[at]),
         outside=int(outside.sum()),
         first_id=int(id_n[outside].min()) if outside.any() else None,
+        digest=digest(lammps_n),
     )
     return Comparison(record, lammps_n, reference_n, bound_n)
 

@@ -20,7 +20,7 @@ from lammps_cases.atoms import seed
 from lammps_cases.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.ledger import Entry, shown_by
 from lammps_cases.predictions import Predictor
-from lammps_cases.records import StepRecord, Verdict, worst
+from lammps_cases.records import StepRecord, Verdict, digest, worst
 from lammps_cases.trajectory import Fields, Particles, Prediction
 from lammps_cases.variants import Snapshot, Variant, combined
 
@@ -198,11 +198,13 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
             max_abs=r.max_abs or 0.0,
             max_over_bound=r.max_over_bound or 0.0,
             worst_id=r.worst_id,
+            digest=r.digest,
         )
         for step, r in zip(steps, records, strict=True)
     ]
     verdict: Verdict = worst([r.verdict for r in records])
     update = {"steps": rows, "worst_step": steps[at], "verdict": verdict}
+    update["digest"] = digest(*(r.digest for r in records))
     picked = comparisons[at]
     if verdict == "explained":
         update["explained_by"] = next(r.explained_by for r in records if r.explained_by)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import tempfile
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import EOS, InputError
@@ -45,6 +47,7 @@ class StepRecord(_Record):
     max_abs: float
     max_over_bound: float
     worst_id: int | None = None
+    digest: str = Field("", description="of the bits of the engine's array at this step; see `digest`")
 
 
 class FieldRecord(_Record):
@@ -64,6 +67,7 @@ class FieldRecord(_Record):
     atom_type: int | None = Field(None, description="only atoms of this type (audit)")
     digits_lost: DigitsLost = Field(default_factory=DigitsLost)  # pydantic would copy a default for every record
     explained_by: str | None = Field(None, description="ids of the ledger entries whose variants are inside the bound")
+    digest: str = Field("", description="of the bits of the engine's array, of all steps compared; see `digest`")
     steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
 
 
@@ -209,6 +213,14 @@ class RunRecord(_Record):
 def worst(verdicts: list[Verdict]) -> Verdict:
     """The worst of some verdicts; `skipped` if there is none."""
     return max(verdicts, key=_SEVERITY.index, default="skipped")
+
+
+def digest(*parts: npt.NDArray[Any] | str) -> str:
+    """The first 64 bits of the SHA-256 of arrays of doubles, bit by bit, or of other digests, in hexadecimal."""
+    found = hashlib.sha256()
+    for part in parts:
+        found.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part, float).tobytes())
+    return found.hexdigest()[:16]
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:

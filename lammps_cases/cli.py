@@ -18,6 +18,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "ledger": ("lammps_cases.cli_cases", "List the findings: where LAMMPS differs from its manual."),
     "report": ("lammps_cases.cli_run", "Render the report of a finished run again."),
     "merge": ("lammps_cases.cli_run", "Join the shards of a run."),
+        "lammps_cases.regression.cli",
+        "Compare two engines, two runs, or a run and a baseline, field by field.",
+    ),
     "chart": ("lammps_cases.cli_chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
     "stability": ("lammps_cases.cli_stability", "Map where methods fail, on LAMMPS and on the reference."),
     "bench": ("lammps_cases.cli_bench", "Measure speed against peers, as ratios."),
@@ -58,9 +61,10 @@ class LazyGroup(click.Group):
         return super().resolve_command(context, args)
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="eos-ref")
-def group() -> None:
+@click.pass_context
+def group(context: click.Context) -> None:
     """Validate fluids of LAMMPS' RHEO package against an independent reference.
 
     \b
@@ -69,6 +73,8 @@ def group() -> None:
 
     Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing.
     """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def main() -> None:
@@ -76,9 +82,9 @@ def main() -> None:
     # A cancelled CI job ends like Ctrl-C: workers stopped, nothing half-written left behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        code = group.main(standalone_mode=False)
+        code = group.main(prog_name="eos-ref", standalone_mode=False)
     except click.ClickException as error:
-        error.show()
+        click.echo(f"eos-ref: {_one_line(error)}", err=True)
         code = 2
     except (click.Abort, KeyboardInterrupt):
         click.echo("eos-ref: interrupted; nothing half-written", err=True)
@@ -86,6 +92,13 @@ def main() -> None:
     except Exception as error:
         code = _exit_code(error)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _one_line(error: click.ClickException) -> str:
+    """Wrong usage in one line, with the place of the right one."""
+    text = " ".join(error.format_message().split()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    return f"{text} ({context.command_path} --help shows the usage)" if context else text
 
 
 def _exit_code(error: Exception) -> int:

@@ -335,6 +335,13 @@ def test_wrong_usage(arguments: tuple[str, ...], part: str, eos_ref_command: Run
     code, _, err = eos_ref_command(*arguments)
     assert code == 2
     assert part in err
+    assert err.startswith("eos-ref: ") and err.count("\n") == 1
+
+
+def test_no_arguments_show_the_help(eos_ref_command: Run) -> None:
+    code, out, _ = eos_ref_command()
+    assert code == 0
+    assert "Usage: eos-ref" in out and "run" in out
 
 
 def test_output_folder_that_cannot_be_written(eos_ref_command: Run, case_file: Write, tmp_path: Path) -> None:

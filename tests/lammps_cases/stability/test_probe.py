@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -280,12 +281,24 @@ def test_others_are_not_touched(faulty: Workers) -> None:
     assert ended(101.0, faulty, side="reference").outcome.kind == "stable"
 
 
-def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first() -> None:
-    """LAMMPS may read memory that nobody wrote: the way back then fails itself, and its error must not get lost."""
-    import pickle
+def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
+    monkeypatch: pytest.MonkeyPatch, living: Living
+) -> None:
+    """LAMMPS may read memory that nobody wrote: the way back then fails itself."""
+    start = unstable()
+    seen = followed(start, WATCH, "reference", living)
 
-    from lammps_cases.stability.runs import Stopped
+    def back(self: ReferenceRun) -> None:
+        raise Stopped("lost particles", "Lost atoms:  2", 7)
 
-    stop = Stopped("lost particles", "Lost atoms:  2", 7)
-    again = pickle.loads(pickle.dumps(stop))
+    monkeypatch.setattr(ReferenceRun, "back", back)
+    examined = followed(start, WATCH, "reference", living)
+    assert examined.outcome.kind == seen.outcome.kind
+    assert examined.outcome.message == "(run again, it ended earlier: Lost atoms: 2)"
+    assert examined.outcome.step is not None and examined.outcome.step % WATCH.every == 0  # the end of the stretch
+    assert examined.before is not None and examined.before.step == examined.outcome.step - WATCH.every
+
+
+def test_what_stopped_a_run_comes_back_from_a_worker() -> None:
+    again = pickle.loads(pickle.dumps(Stopped("lost particles", "Lost atoms:  2", 7)))
     assert (again.kind, again.message, again.atom) == ("lost particles", "Lost atoms: 2", 7)

@@ -176,6 +176,7 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
     command = [sys.executable, "-m", "lammps_cases.cli", "run", "--out", str(out), "--jobs", "1"]
     subprocess.run([*command, "near-rho0.linear"], check=True, capture_output=True)
     before = {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's children inherit that it is ignored
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )

@@ -229,7 +229,8 @@ def run(lmp: Any, job: Job) -> Answer:
         if lmp.get_natoms() != n:
             raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
         here = lmp.extract_global("nlocal")
-        place_n = np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here])
+        order_n = np.argsort(job.id_n)  # ids may be given in any order: that in which LAMMPS creates the atoms
+        place_n = order_n[np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here], sorter=order_n)]
         for name, values_n in job.per_atom.items():
             lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
         _commands(lmp, job.commands)

@@ -110,10 +110,12 @@ def solve(site: str | None, job: Job) -> Answer:
 def _last_words(file: Path, code: int) -> str:
     """What mpiexec says of the end, and the last lines that the ranks printed before its banner."""
     text = file.read_text(errors="replace")
-    end = re.search("EXIT STRING: (.*)", text)
+    end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)
     lines = [line.strip() for line in text.split(20 * "=")[0].splitlines() if line.strip()]
-    said = [end[1] if end else f"code {code}", *lines[-3:]]
-    return f"LAMMPS on several ranks ended with {' / '.join(said)[:300]}"
+    how = f"ended by {end[1].strip() if end else f'code {code}'}"
+    if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
+        how = f"killed by {signal.Signals(int(end[2])).name}"
+    return f"LAMMPS on several ranks was {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
 
 
 def _joined(answers: list[Answer]) -> Answer:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from eos_ref import EOSTable, InputError
-from lammps_cases import reference, twins
+from lammps_cases import history, reference, twins
 from lammps_cases.atoms import Atoms, build
 from lammps_cases.casefile import Case
 from lammps_cases.commands import job
@@ -34,6 +34,7 @@ from lammps_cases.workers import Failure, Workers, solve
 
 if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner without
     from lammps_cases.evaluate import Arrays
+    from lammps_cases.history.reported import Past
     from lammps_cases.predictions import Predictor
     from lammps_cases.report.drawn import Drawn
 
@@ -136,7 +137,8 @@ def run_cases(
         run.cases = sorted(records, key=lambda record: record.case)
         run.notes = gone(run.cases)
         run.seconds = round(time.perf_counter() - begin, 3)
-        write_run(run.counted(), folder, known)
+        write_run(run.counted(), folder, known, history.past(run))
+    history.collect(run, directory)
     if store and run.predictions.computed:
         store.trim()
     return run
@@ -236,12 +238,12 @@ def provenance(engine: EngineRecord, command: str) -> RunRecord:
     )
 
 
-def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = None) -> None:
-    """Write run.json and the reports made from it; ``known`` as in `lammps_cases.report.write_report`."""
+def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = None, past: Past | None = None) -> None:
+    """Write run.json and the reports made from it; ``known`` and ``past`` as in `lammps_cases.report.write_report`."""
     from lammps_cases.report import write_report
 
     write_atomically(folder / "run.json", run.to_json())
-    write_report(run, folder, known=known)
+    write_report(run, folder, known=known, history=past)
 
 
 @contextmanager
@@ -356,7 +358,8 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         for source in directories:
             for file in sorted((source / "fields").glob("*.npz")):
                 write_atomically(folder / "fields" / file.name, file.read_bytes())
-        write_run(merged.counted(), folder)
+        write_run(merged.counted(), folder, past=history.past(merged))
+    history.collect(merged, directory)
     return merged
 
 

@@ -13,6 +13,7 @@ import yaml
 from tests_support import Outcome
 
 from lammps_cases import cli, store
+from lammps_cases.history import store as history
 
 BASE: dict[str, Any] = {
     "dimension": 2,
@@ -27,6 +28,19 @@ BASE: dict[str, Any] = {
 def own_store(tmp_path_factory: pytest.TempPathFactory) -> None:
     """No test finds what an earlier run of the tests predicted."""
     os.environ[store.VARIABLE] = str(tmp_path_factory.mktemp("predictions"))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_service() -> None:
+    """Runs of the tests are not announced to the CI service that runs the tests."""
+    for service in ("GITHUB_ACTIONS", "GITLAB_CI"):
+        os.environ.pop(service, None)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def own_history(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No run of the tests is kept in the user's history."""
+    os.environ[history.VARIABLE] = str(tmp_path_factory.mktemp("history") / "history.sqlite")
 
 
 @pytest.fixture

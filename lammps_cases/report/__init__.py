@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from lammps_cases.records import RunRecord, write_atomically
 
 if TYPE_CHECKING:
+    from lammps_cases.history.reported import Past
     from lammps_cases.ledger import Entry
     from lammps_cases.report.drawn import Drawn
 
@@ -22,6 +23,7 @@ def write_report(
     directory: Path,
     ledger: Sequence[Entry] | None = None,
     known: Mapping[str, Drawn] | None = None,
+    history: Past | None = None,
 ) -> Path:
     """Write ``summary.md``, ``junit.xml`` and ``report.html`` into a report folder.
 
@@ -35,6 +37,8 @@ def write_report(
         The findings to look for in the run; the project's own unless given.
     known : mapping, optional
         What is shown of cases whose arrays were at hand; those of the others are read.
+    history : Past, optional
+        The runs before this one, as `lammps_cases.history.past` gives them; without them the page has no such part.
 
     Returns
     -------
@@ -53,5 +57,5 @@ def write_report(
     write_atomically(directory / "summary.md", markdown.summary(run, ledger))
     write_atomically(directory / "junit.xml", junit.document(run))
     path = directory / "report.html"
-    write_atomically(path, page.render(run, directory / "fields", ledger, known))
+    write_atomically(path, page.render(run, directory / "fields", ledger, known, history))
     return path

@@ -1,0 +1,70 @@
+"""Runs kept over time: how verdicts, errors and times went from one engine, and one day, to the next.
+
+`collect` keeps a run and `past` says what was before it; neither ever fails a run.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lammps_cases.history.reported import Past
+    from lammps_cases.records import RunRecord
+
+
+def collect(run: RunRecord, directory: Path | None = None) -> None:
+    """Keep a run in the user's history; what goes wrong is one line on standard error and nothing else.
+
+    ``directory`` is its report folder, if it has one: making its run.json again takes half of the time.
+    """
+    from lammps_cases.history import store
+
+    try:
+        place = store.history_file()
+        if place is not None:
+            content = (directory / "run.json").read_bytes() if directory else None
+            with store.History(place) as history:
+                history.add(run, content, _revision())
+    except Exception as error:
+        print(f"eos-ref: this run is not in the history: {_line(error)}", file=sys.stderr)
+
+
+def past(run: RunRecord) -> Past | None:
+    """What a report shows of the runs before this one; None if there is no history, or none that can be read."""
+    from lammps_cases.history import store
+    from lammps_cases.history.reported import before
+
+    try:
+        place = store.history_file()
+        if place is None:
+            return None
+        with store.History(place) as history:
+            return before(history, run)
+    except Exception as error:
+        print(f"eos-ref: the report shows no history: {_line(error)}", file=sys.stderr)
+        return None
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _revision() -> str:
+    """The git revision of the sources that run, with ``-dirty`` if files were changed; empty if they are installed."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return ""
+    try:
+        said = subprocess.run(
+            ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return said.stdout.strip() if said.returncode == 0 else ""

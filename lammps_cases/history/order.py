@@ -1,0 +1,70 @@
+"""Engines in the order of their versions, and what they are called."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lammps_cases.history.model import Run
+
+_BEFORE = ("dev", "a", "alpha", "b", "beta", "c", "pre", "rc")  # what leads to a version
+_HASH = 8  # digits shown of a library's hash
+
+
+@dataclass(frozen=True)
+class Line:
+    """An engine and its runs, by date; ``label`` tells it from all others."""
+
+    key: str
+    label: str
+    runs: tuple[Run, ...]
+
+
+def natural(version: str) -> tuple[tuple[int, int, str], ...]:
+    """Key by which versions sort as people count: 1.2 < 1.10rc1 < 1.10 < 1.10.post1."""
+    parts: list[tuple[int, int, str]] = []
+    for part in re.findall(r"\d+|[a-z]+", version.lower()):
+        if part.isdigit():
+            parts.append((2, int(part), ""))
+        else:
+            parts.append((0, _BEFORE.index(part), part) if part in _BEFORE else (2, -1, part))
+    return (*parts, (1, 0, ""))
+
+
+def engines(runs: Sequence[Run]) -> list[Line]:
+    """The engines of some runs: releases by version, then what was built here by the date of its first run."""
+    of: dict[str, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: (run.date, run.id)):
+        of.setdefault(run.engine.key, []).append(run)
+    groups = sorted(of.values(), key=_place)
+    names = [_name(group) for group in groups]
+    return [
+        Line(group[0].engine.key, _unique(name, names.count(name), group[0]), tuple(group))
+        for name, group in zip(names, groups, strict=True)
+    ]
+
+
+def _release(group: Sequence[Run]) -> str:
+    """The version of a distribution; empty for a build of one's own."""
+    return next((run.engine.distribution for run in group if not run.engine.name.startswith("path:")), "")
+
+
+def _place(group: Sequence[Run]) -> tuple[object, ...]:
+    release = _release(group)
+    return (0, natural(release), group[0].date) if release else (1, group[0].date, group[0].engine.key)
+
+
+def _name(group: Sequence[Run]) -> str:
+    engine = group[-1].engine
+    if release := _release(group):
+        return release
+    if engine.name.startswith("path:"):
+        return f"{Path(engine.name.removeprefix('path:')).name or engine.name} {engine.library_sha256[:_HASH]}".rstrip()
+    return " ".join(part for part in (engine.name, engine.version_string) if part)
+
+
+def _unique(name: str, count: int, run: Run) -> str:
+    told = f" {run.engine.library_sha256[:_HASH]}"
+    return name if count == 1 or name.endswith(told) else name + told

@@ -1,0 +1,94 @@
+"""``history.html``: the runs, what changed, and how cases went, in one page that opens offline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+from lammps_cases.history import draw
+from lammps_cases.history.model import KINDS, Kind
+from lammps_cases.history.views import CaseView, Change, RunLine
+from lammps_cases.records import write_atomically
+
+ASSETS = Path(__file__).parent / "assets"
+SHARED = Path(__file__).parent.parent / "report" / "assets"
+
+
+@dataclass(frozen=True)
+class Step:
+    """What changed from one engine to the next: the cases of every kind of change, and all changes of every case."""
+
+    engine: str
+    before: str
+    counts: dict[Kind, int]
+    cases: dict[str, list[Change]]
+
+    @property
+    def ordered_counts(self) -> dict[Kind, int]:
+        """The counts, verdicts first."""
+        return {kind: self.counts[kind] for kind in KINDS if kind in self.counts}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A case with its pictures."""
+
+    view: CaseView
+    errors: Markup
+    times: Markup
+
+
+def steps(views: Sequence[CaseView]) -> list[Step]:
+    """The changes of some cases, by the pair of engines."""
+    found: dict[tuple[str, str], Step] = {}
+    for view in views:
+        for change in view.changes:
+            step = found.setdefault((change.engine, change.before), Step(change.engine, change.before, {}, {}))
+            of_case = step.cases.setdefault(change.case, [])
+            if all(change.kind != other.kind for other in of_case):
+                step.counts[change.kind] = step.counts.get(change.kind, 0) + 1
+            of_case.append(change)
+    return list(found.values())
+
+
+def write(
+    folder: Path, lines: Sequence[RunLine], views: Sequence[CaseView], labels: Sequence[str], pictured: bool
+) -> Path:
+    """Write the page of some runs and cases; with a picture of every case, or the changes alone."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([ASSETS, SHARED]), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["findings"] = findings
+    html = environment.get_template("page.html.j2").render(
+        lines=lines,
+        labels=labels,
+        steps=[step for label in labels for step in steps(views) if step.engine == label],
+        changed=[view for view in views if pictured or view.changes],
+        total=len(views),
+        pictures=[_picture(view) for view in views] if pictured else [],
+        ratio=ratio,
+        css=Markup((SHARED / "report.css").read_text(encoding="utf-8")),
+        own_css=Markup((ASSETS / "history.css").read_text(encoding="utf-8")),
+    )
+    path = folder / "history.html"
+    write_atomically(path, html)
+    return path
+
+
+def ratio(value: float | None) -> str:
+    """Difference/bound for a narrow cell."""
+    return "" if value is None else "=" if value == 0 else "∞" if value == math.inf else f"{value:.2g}"
+
+
+def findings(changes: Sequence[Change]) -> list[tuple[str, str]]:
+    """Every pair of findings before and after, once."""
+    return list(dict.fromkeys((change.was, change.now) for change in changes if change.kind == "finding"))
+
+
+def _picture(view: CaseView) -> Picture:
+    return Picture(view, Markup(draw.errors(draw.points(view))), Markup(draw.times(view.times)))

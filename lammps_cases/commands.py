@@ -229,6 +229,9 @@ def _fixes(scene: Scene, cut: float, plan: Plan) -> Iterable[str]:
         yield "group some id 1"
     rheo_fix = f"fix rheo {'some' if violate == 'rheo-group' else 'all'} {rheo}"
     pressure_fix = f"fix pressure {'some' if violate == 'pressure-group' else 'all'} {pressure}"
+    if scene.example is not None:
+        rheo_fix = scene.example.line("rheo") or rheo_fix
+        pressure_fix = scene.example.line("pressure") or pressure_fix
     if violate == "pressure-before-rheo":
         yield pressure_fix
     if violate != "no-fix-rheo":

@@ -15,12 +15,16 @@ from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
 from eos_ref.errors import InputError
+from lammps_cases.claims import verdicts
+from lammps_cases.history.draw import errors
+from lammps_cases.history.reported import Past
 from lammps_cases.ledger import LEDGER, Entry
 from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, findings, plots, wording
 from lammps_cases.report.drawn import Drawn, Worst, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
+HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
 ROWS = 200  # checks of an audit listed per case
 
 
@@ -57,7 +61,11 @@ class Shown:
 
 
 def render(
-    run: RunRecord, fields: Path, ledger: Sequence[Entry] = LEDGER, known: Mapping[str, Drawn] | None = None
+    run: RunRecord,
+    fields: Path,
+    ledger: Sequence[Entry] = LEDGER,
+    known: Mapping[str, Drawn] | None = None,
+    history: Past | None = None,
 ) -> str:
     """The page of a run; per-atom arrays of cases that are not among the known are read from the folder ``fields``."""
     known = known or {}
@@ -86,12 +94,22 @@ def render(
         tags=_tags(run),
         matrices=agreement.matrices(run),
         findings=findings.of_run(run, ledger),
+        claims=verdicts.summary(run),
         known={entry.id for entry in ledger},
         provenance=dict(_provenance(run)),
         seeds={case.case: case.seed for case in run.cases if case.seed is not None},
+        history=history,
+        marks=_marks(history),
         css=Markup((ASSETS / "report.css").read_text(encoding="utf-8")),
+        history_css=Markup(HISTORY_CSS.read_text(encoding="utf-8")) if history else "",
         scripts=[_script(path) for path in (_plotly(), ASSETS / "plots.js", ASSETS / "report.js")],
     )
+
+
+def _marks(history: Past | None) -> dict[str, Markup]:
+    """Pictures of the cases that some run before had too."""
+    known = history.marks if history else {}
+    return {case: Markup(errors(marks, height=64)) for case, marks in known.items() if len(marks) > 1}
 
 
 def shade(ratio: float | None, verdict: str) -> int:

@@ -9,8 +9,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from eos_ref import EOSTable, InputError, resolve
+from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.ranges import type_range
+from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, Law, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings, Violation
@@ -95,6 +96,7 @@ class Scene(Model):
     engine: EngineSettings = EngineSettings()
     twin: TwinSettings | None = Field(None, description="compare LAMMPS with a second run of its own")
     violate: Violation | None = None
+    example: ExampleSettings | None = Field(None, description="an example line of the manual, given to LAMMPS as it is")
     expect: Expect | None = None
 
     @model_validator(mode="after")
@@ -122,7 +124,26 @@ class Scene(Model):
         self._check_method()
         if self.twin:
             self._check_twin(self.twin)
+        if self.example:
+            self._check_example(self.example)
         return self
+
+    def _check_example(self, example: ExampleSettings) -> None:
+        if self.twin or self.violate:
+            raise ValueError("example goes with neither twin nor violate, which change the line")
+        try:
+            same = self._says(example)
+        except InputError:
+            return  # the line is against the manual's own syntax: nothing can say the same
+        if not same:
+            raise ValueError("the keys of the scene must say what the manual's line says")
+
+    def _says(self, example: ExampleSettings) -> bool:
+        if line := example.line("pressure"):
+            return parse_fix_rheo_pressure(line) == tuple(law.entry for law in self.pressure)
+        fix = parse_fix_rheo(example.line("rheo") or "", len(self.types))
+        plain = RheoSettings(cut=fix.cut, kernel=fix.kernel, zmin=fix.zmin)
+        return self.rheo == plain and (self.thermal, self.rho0, self.cs) == (fix.thermal, fix.rho0, fix.cs)
 
     def _check_twin(self, twin: TwinSettings) -> None:
         if self.expect or not self.whole_model:

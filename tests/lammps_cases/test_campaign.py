@@ -57,6 +57,7 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
     means, floor = "arithmetic for harmonic mean, or the reverse", "no lower limit to the density of walls"
     blind = {case.case: set(case.lint) - {means} for case in run.cases if "model" in case.tags}
     assert {name: lint for name, lint in blind.items() if lint} == {
+        "claims-walls.pressed": {floor},
         "fluids.defaults": {"speed of sound ignored in artificial viscosity"},
         "fluids.unit": {
             "masses ignored",
@@ -65,6 +66,7 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
             "no volume in the force",
             "speed of sound ignored in artificial viscosity",
         },
+        "power-walls.background": {floor},
         "walls-summed.quintic": {floor},
         "walls-summed.shift": {floor},
     }

@@ -1,0 +1,151 @@
+"""What a claim is, and where the claims are kept: one file for each manual page."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import yaml
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
+
+from eos_ref import InputError
+
+PROBE = "probes."  # the names of probes begin so, and those of no case
+FOLDER = Path(__file__).parent
+Page = Literal["fix rheo", "fix rheo/pressure"]
+PAGES: tuple[Page, ...] = get_args(Page)
+Kind = Literal[
+    "syntax",
+    "style",
+    "keyword",
+    "argument",
+    "types",
+    "unit",
+    "formula",
+    "behaviour",
+    "default",
+    "restriction",
+    "example",
+    "output",
+    "reference",
+    "wording",
+]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+_FILES: dict[Page, str] = {"fix rheo": "rheo.yaml", "fix rheo/pressure": "pressure.yaml"}
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class Claim(BaseModel):
+    """One testable statement of a manual page.
+
+    Attributes
+    ----------
+    id : a stable name
+    page, section : where the manual makes it
+    kind : what it is about
+    text : the statement, in words of our own
+    cases : patterns of the cases, and of the probes (``probes.ID``), that would show it to be false
+    fields : the fields of these cases that carry it; all by default
+    refuted_by : ids of the findings that contradict it
+    untestable : why no LAMMPS can show it; then without cases
+    remark : what a reader of the verdict should know
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: str
+    page: Page
+    section: str
+    kind: Kind
+    text: str
+    cases: tuple[str, ...] = ()
+    fields: tuple[str, ...] = ()
+    refuted_by: tuple[str, ...] = ()
+    untestable: str = ""
+    remark: str = ""
+
+    @model_validator(mode="after")
+    def _judged(self) -> Claim:
+        if bool(self.cases) == bool(self.untestable):
+            raise ValueError(f"claim {self.id} needs either cases or untestable")
+        return self
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    page: Page
+    sections: dict[str, tuple[dict[str, Any], ...]]
+
+
+@functools.cache
+def claims() -> tuple[Claim, ...]:
+    """All claims, in the order of the pages.
+
+    Raises
+    ------
+    InputError
+        A file with an unknown key, or a claim twice.
+    """
+    found: list[Claim] = []
+    for page, name in _FILES.items():
+        file = _read(name, _File)
+        rows = [{**row, "page": page, "section": section} for section, of in file.sections.items() for row in of]
+        found += _checked(rows, tuple[Claim, ...], name)
+    seen: set[str] = set()
+    for claim in found:
+        if claim.id in seen:
+            raise InputError("claim", "must have an id of its own", claim.id)
+        seen.add(claim.id)
+    return tuple(found)
+
+
+@functools.cache
+def without_claim() -> dict[str, str]:
+    """Patterns of cases that no claim names, and why."""
+    return dict(_read("unclaimed.yaml", dict[str, str]))
+
+
+def _read(name: str, kind: Any) -> Any:
+    return _checked(yaml.load((FOLDER / name).read_text(encoding="utf-8"), _Loader), kind, name)
+
+
+def _checked(data: Any, kind: Any, name: str) -> Any:
+    try:
+        return TypeAdapter(kind).validate_python(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise InputError("claims", f"{where}: {first['msg']}", where=name) from None
+
+
+def select(names: Sequence[str]) -> list[Claim]:
+    """Claims by id or wild-card pattern, by page, by kind, or by a case; all without names.
+
+    Raises
+    ------
+    InputError
+        A name that fits none; the nearest is suggested.
+    """
+    import difflib
+    import fnmatch
+
+    every = claims()
+    if not names:
+        return list(every)
+    wanted: set[str] = set()
+    for name in names:
+        hits = [
+            c.id
+            for c in every
+            if fnmatch.fnmatchcase(c.id, name)
+            or name in (c.page, c.kind)
+            or any(fnmatch.fnmatchcase(name, pattern) for pattern in c.cases)
+        ]
+        if not hits:
+            close = difflib.get_close_matches(name, [c.id for c in every], 1, 0.4)
+            raise InputError("claim", "does not exist" + (f" (did you mean {close[0]}?)" if close else ""), name)
+        wanted.update(hits)
+    return [claim for claim in every if claim.id in wanted]

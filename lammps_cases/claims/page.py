@@ -1,0 +1,126 @@
+"""``claims.html``: every claim by page and section, with its verdict on every engine."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+from lammps_cases.claims.model import KINDS, PROBE, Claim
+from lammps_cases.claims.trace import Trace
+from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
+from lammps_cases.ledger import LEDGER
+
+ASSETS = Path(__file__).with_name("assets")
+STYLE = Path(__file__).parents[1] / "report" / "assets" / "report.css"
+SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
+
+
+@dataclass(frozen=True)
+class Column:
+    """An engine: its name, the folder of its report, and its verdicts, one per claim."""
+
+    engine: str
+    report: Path | None
+    judged: Sequence[Judged]
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A piece of evidence with the engines that gave it."""
+
+    engines: tuple[str, ...]
+    evidence: Evidence
+    link: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A claim as the page shows it."""
+
+    claim: Claim
+    verdict: ClaimVerdict
+    verdicts: tuple[ClaimVerdict, ...]
+    proofs: tuple[Proof, ...]
+    more: int
+    cases: tuple[tuple[str, str], ...]
+    remarks: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a manual page with its claims."""
+
+    page: str
+    title: str
+    rows: tuple[Row, ...]
+
+
+def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
+    """The page; links are relative to the folder of ``path``, where it will lie."""
+    claims = [judged.claim for judged in columns[0].judged]
+    rows = [_row(i, columns, path.parent) for i in range(len(claims))]
+    grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
+    sections = [Section(page, title, tuple(found)) for (page, title), found in grouped]
+    refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template("claims.html.j2").render(
+        engines=[column.engine for column in columns],
+        totals=[counts(column.judged) for column in columns],
+        verdicts=[v for v in VERDICTS if any(row.verdict == v for row in rows)],
+        kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
+        number=len(rows),
+        counted={v: sum(row.verdict == v for row in rows) for v in VERDICTS},
+        sections=sections,
+        findings=[
+            (entry, [r for r in rows if any(entry.id in p.evidence.finding.split(", ") for p in r.proofs)])
+            for entry in LEDGER
+            if entry.id in refuting
+        ],
+        trace=trace,
+        unexplained=any(judged.unexplained for column in columns for judged in column.judged),
+        css=Markup(STYLE.read_text(encoding="utf-8")),
+        own_css=Markup((ASSETS / "claims.css").read_text(encoding="utf-8")),
+        script=Markup((ASSETS / "claims.js").read_text(encoding="utf-8")),
+    )
+
+
+def _findings(judged: Judged) -> set[str]:
+    return {entry for evidence in judged.evidence for entry in evidence.finding.split(", ") if entry}
+
+
+def _row(at: int, columns: Sequence[Column], folder: Path) -> Row:
+    of = [column.judged[at] for column in columns]
+    claim = of[0].claim
+    proofs: dict[Evidence, list[str]] = {}
+    for column, judged in zip(columns, of, strict=True):
+        for evidence in judged.evidence[:SHOWN]:
+            proofs.setdefault(evidence, []).append(column.engine)
+    made = [
+        Proof(tuple(engines), evidence, _link(evidence.case, columns, folder, engines[0]))
+        for evidence, engines in proofs.items()
+    ]
+    cases = tuple((name, _link(name, columns, folder)) for name in of[0].cases)
+    remarks = tuple(dict.fromkeys(remark for judged in of for remark in judged.remarks))
+    words = (claim.id, claim.page, claim.section, claim.kind, claim.text, *claim.refuted_by, *of[0].cases)
+    verdicts = tuple(judged.verdict for judged in of)
+    more = max(len(judged.evidence) - SHOWN for judged in of)
+    return Row(claim, worst(verdicts), verdicts, tuple(made), max(0, more), cases, remarks, " ".join(words).lower())
+
+
+def _link(case: str, columns: Sequence[Column], folder: Path, engine: str = "") -> str:
+    """Where the report of a run shows a case; nothing for a probe."""
+    if case.startswith(PROBE):
+        return ""
+    for column in columns:
+        if column.report is not None and engine in ("", column.engine):
+            return f"{Path(os.path.relpath(column.report, folder)).as_posix()}#case={case}"
+    return ""

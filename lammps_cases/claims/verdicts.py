@@ -1,0 +1,282 @@
+"""Whether a claim holds on an engine, from the records of its cases and probes.
+
+A claim is refuted by a finding that its data name as contradicting it, or by a difference that no finding explains. A
+finding that explains a case otherwise is a remark: LAMMPS then agrees, on every atom, with the reference that has that
+fault alone, so the case still shows what the claim says.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from lammps_cases.claims.model import PROBE, Claim, claims
+from lammps_cases.ledger import LEDGER
+from lammps_cases.records import CaseRecord, FieldRecord, RunRecord
+
+ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested"]
+VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
+_WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested")  # over several engines
+_GOOD = ("exact", "pass")
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a case says of a claim; ``finding`` is empty where no finding explains it."""
+
+    case: str
+    field: str
+    text: str
+    finding: str = ""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim on an engine.
+
+    Attributes
+    ----------
+    verdict : whether it holds
+    cases : the cases and probes of the claim, run or not
+    evidence : what refutes it; or the case that comes nearest to refuting it
+    unexplained : whether it fails without a finding
+    remarks : findings that do not contradict it; cases that said nothing
+    """
+
+    claim: Claim
+    verdict: ClaimVerdict
+    cases: tuple[str, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    unexplained: bool = False
+    remarks: tuple[str, ...] = ()
+
+
+class Names:
+    """Names of cases, by their first word: patterns are then matched with few of them."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.by_head: dict[str, list[str]] = {}
+        self._found: dict[str, list[str]] = {}
+        for name in sorted(names):
+            self.by_head.setdefault(name.partition(".")[0], []).append(name)
+
+    def matching(self, pattern: str) -> list[str]:
+        """The names that fit a pattern, the first word of which is no wild card."""
+        if pattern not in self._found:
+            near = self.by_head.get(pattern.partition(".")[0], [])
+            start = pattern.removesuffix("*")
+            if "*" not in start:  # the usual case, and ten times as quick as a regular expression
+                hits = [name for name in near if name.startswith(start)] if start != pattern else []
+                self._found[pattern] = [pattern] if pattern in near else hits
+            else:
+                self._found[pattern] = fnmatch.filter(near, pattern)
+        return self._found[pattern]
+
+    def of(self, claim: Claim) -> tuple[str, ...]:
+        """The cases of a claim."""
+        return tuple(sorted({name for pattern in claim.cases for name in self.matching(pattern)}))
+
+
+@dataclass
+class _Heard:
+    """What the cases of a claim say, collected."""
+
+    against: list[Evidence] = field(default_factory=list)
+    others: Counter[str] = field(default_factory=Counter)
+    silent: list[str] = field(default_factory=list)
+    shown: list[tuple[CaseRecord, FieldRecord | None]] = field(default_factory=list)
+
+
+def judge(
+    chosen: Sequence[Claim],
+    records: Mapping[str, CaseRecord],
+    engine: str,
+    known: Collection[str] | None = None,
+) -> list[Judged]:
+    """The verdict on every claim.
+
+    Parameters
+    ----------
+    records : mapping
+        Of cases and probes by name.
+    engine : str
+        The version of LAMMPS' distribution, for findings without a variant.
+    known : collection of str, optional
+        All cases and probes that there are: a claim holds only if every one of its own has been run. Without it, one
+        for each of its patterns must have been.
+    """
+    ran = Names(records)
+    every = ran if known is None else Names(known)
+    return [_judged(claim, ran, every, records, engine, known is not None) for claim in chosen]
+
+
+def _judged(
+    claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRecord], engine: str, complete: bool
+) -> Judged:
+    if claim.untestable:
+        return Judged(claim, "cannot be tested", remarks=(claim.untestable,))
+    names, here = every.of(claim), ran.of(claim)
+    heard = _Heard()
+    for name in here:
+        _listen(claim, records[name], engine, heard)
+    missing = [name for name in names if name not in records] if complete else []
+    missing += [pattern for pattern in claim.cases if not every.matching(pattern)]
+    remarks = tuple(_remarks(claim, heard))
+    if heard.against:
+        unexplained = any(not evidence.finding for evidence in heard.against)
+        return Judged(claim, "does not hold", names, tuple(heard.against), unexplained, remarks)
+    if missing or heard.silent or not here:
+        return Judged(claim, "not run", names, remarks=remarks)
+    return Judged(claim, "holds", names, (_nearest(heard),), remarks=remarks)
+
+
+def _listen(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> None:
+    """Add what a case says of a claim."""
+    if record.verdict in ("skipped", "error"):
+        heard.silent.append(f"{record.case}: {record.message or record.verdict}")
+        return
+    if not record.fields:
+        _listen_to_end(claim, record, engine, heard)
+        return
+    chosen = [f for f in record.fields if not claim.fields or f.field in claim.fields]
+    if not chosen:
+        heard.silent.append(f"{record.case} compares none of {', '.join(claim.fields)}")
+        return
+    for of in chosen:
+        if of.verdict in _GOOD:
+            heard.shown.append((record, of))
+            continue
+        found = _ids(of.explained_by) or _open(record.case, engine)
+        _weigh(claim, record, found, of, heard)
+
+
+def _listen_to_end(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> None:
+    """A case without numbers: a refusal, a crash, or a probe."""
+    if record.verdict in _GOOD or (record.verdict == "refused" and record.as_expected):
+        heard.shown.append((record, None))
+        return
+    found = _ids(record.explained_by) or _open(record.case, engine)
+    _weigh(claim, record, found, None, heard)
+
+
+def _weigh(claim: Claim, record: CaseRecord, found: Sequence[str], of: FieldRecord | None, heard: _Heard) -> None:
+    """Take a difference for what it is: against the claim, or explained by something else."""
+    against = [entry for entry in found if entry in claim.refuted_by]
+    if against or not found:
+        text = own_words(record.message) if of is None else _numbers(of, record)
+        heard.against.append(Evidence(record.case, of.field if of else "", text, ", ".join(against)))
+        return
+    heard.others.update(found)
+    if of is None and claim.fields:
+        heard.silent.append(f"{record.case} gave no numbers ({', '.join(found)})")
+    else:
+        heard.shown.append((record, of))
+
+
+def own_words(text: str) -> str:
+    """An error in LAMMPS' own words: without what a finding says of it, the place in its source, and the command."""
+    own = re.sub(r"^(\w+), as ledger entry \S+ predicts: ", r"\1: ", text)
+    return " ".join(re.sub(r"\(src/[^)]*\)", "", own.partition("Last input line")[0]).split())
+
+
+def _ids(explained_by: str | None) -> list[str]:
+    return explained_by.split(", ") if explained_by else []
+
+
+def _open(case: str, engine: str) -> list[str]:
+    """Findings that no variant reproduces yet, which speak of a case by its name."""
+    return [entry.id for entry in LEDGER if not entry.named_variant and entry.covers(case, engine)]
+
+
+def _numbers(of: FieldRecord, record: CaseRecord) -> str:
+    where = f" at step {of.worst_step}" if of.worst_step is not None else ""
+    who = f", atom {of.worst_id}" if of.worst_id is not None else ""
+    atoms = f", {of.outside} of {record.natoms} atoms" if of.outside else ""
+    if of.max_abs is None or of.max_over_bound is None:
+        return f"{of.field} is outside its bound{where}{who}{atoms}"
+    times = "where its bound is 0" if math.isinf(of.max_over_bound) else f"{of.max_over_bound:.3g} times its bound"
+    return f"{of.field} is off by {of.max_abs:.3g}, {times}{where}{who}{atoms}"
+
+
+def _nearest(heard: _Heard) -> Evidence:
+    """The comparison that comes nearest to its bound, of all that show the claim."""
+    cases = len({case.case for case, _ in heard.shown})
+    compared = [
+        (at.max_over_bound or 0.0, case.case, of.field, at.verdict)
+        for case, of in heard.shown
+        if of is not None
+        for at in (of.steps or (of,))  # where later steps are explained by a finding, earlier ones agree
+        if at.verdict in _GOOD
+    ]
+    if compared:
+        ratio, name, field, _ = max(compared)
+        close = len({case for _, case, _, _ in compared})
+        same = all(verdict == "exact" for *_, verdict in compared)
+        text = "the same bits" if same else f"{field} within {ratio:.2g} of its bound at worst"
+        more = f"; {cases - close} more explained by other findings" if heard.others and cases > close else ""
+        return Evidence(name, field, f"{_cases(close)}: {text}{more}")
+    case = heard.shown[0][0]
+    if heard.others:
+        return Evidence(case.case, "", f"{_cases(cases)}, explained by a finding that does not contradict the claim")
+    return Evidence(case.case, "", f"{_cases(cases)} {'refused as promised' if case.expects else 'as documented'}")
+
+
+def _cases(number: int) -> str:
+    return f"{number} case{'s' * (number != 1)}"
+
+
+def _remarks(claim: Claim, heard: _Heard) -> Iterable[str]:
+    if claim.remark:
+        yield claim.remark
+    for entry, times in sorted(heard.others.items()):
+        yield f"{entry} explains {times} comparison{'s' * (times != 1)} and does not contradict it"
+    yield from heard.silent
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The claims as the report of a run shows them: those that do not hold, the others counted.
+
+    Attributes
+    ----------
+    probes : how many of those not run need probes, which are no cases
+    """
+
+    refuted: tuple[Judged, ...]
+    holds: int
+    not_run: int
+    probes: int
+    untestable: int
+
+
+def summary(run: RunRecord) -> Summary | None:
+    """The claims by the cases of a run; None if it has no case of any claim, as that of an audit."""
+    judged = of_run(claims(), run)
+    found = counts(judged)
+    refuted = tuple(one for one in judged if one.verdict == "does not hold")
+    if not refuted and not found.get("holds"):
+        return None
+    waiting = [one for one in judged if one.verdict == "not run"]
+    probes = sum(any(pattern.startswith(PROBE) for pattern in one.claim.cases) for one in waiting)
+    return Summary(refuted, found.get("holds", 0), len(waiting), probes, found.get("cannot be tested", 0))
+
+
+def of_run(chosen: Sequence[Claim], run: RunRecord, known: Collection[str] | None = None) -> list[Judged]:
+    """The verdicts of a run."""
+    return judge(chosen, {case.case: case for case in run.cases}, run.engine.distribution, known)
+
+
+def worst(verdicts: Iterable[ClaimVerdict]) -> ClaimVerdict:
+    """The verdict over several engines: that of the one that refutes it, else of one that did not run it."""
+    return min(verdicts, key=_WORST.index)
+
+
+def counts(judged: Iterable[Judged]) -> dict[ClaimVerdict, int]:
+    """How many claims have each verdict."""
+    found = Counter(one.verdict for one in judged)
+    return {verdict: found[verdict] for verdict in VERDICTS if found[verdict]}

@@ -1,0 +1,65 @@
+"""Records of cases as a run would leave them, made by hand."""
+
+from __future__ import annotations
+
+from lammps_cases import casefile
+from lammps_cases.casefile import Case
+from lammps_cases.claims import probes
+from lammps_cases.ledger import LEDGER
+from lammps_cases.records import CaseRecord, FieldRecord
+
+CASES: dict[str, Case] = {case.name: case for case in casefile.load()}
+PROBES = {probe.name: probe for probe in probes.probes()}
+KNOWN = (*CASES, *PROBES)
+# Cases that LAMMPS refuses, or does not survive, although nothing in the scene says so.
+WITHOUT_NUMBERS = {
+    name for name in CASES for entry in LEDGER if entry.outcome is not None and entry.covers(name, entry.engines[-1])
+}
+
+
+def fields_of(case: Case) -> tuple[str, ...]:
+    """The fields that the record of a case has."""
+    given = ("esph",) if case.scene.energy is not None or hasattr(case.scene.positions, "extxyz") else ()
+    return case.scene.compare if case.scene.whole_model else ("type", "rho", *given, "pressure_used", "pressure")
+
+
+def field(name: str, verdict: str = "pass", explained_by: str | None = None) -> FieldRecord:
+    """A field, well within its bound or a thousand times outside."""
+    ratio = 0.1 if verdict in ("exact", "pass") else 1e3
+    return FieldRecord.model_validate(
+        {
+            "field": name,
+            "stage": "made",
+            "verdict": verdict,
+            "max_abs": ratio,
+            "max_over_bound": ratio,
+            "worst_id": 1,
+            "explained_by": explained_by,
+        }
+    )
+
+
+def good(name: str) -> CaseRecord:
+    """The record of a case or probe that is as the manual says."""
+    if name in PROBES:
+        return CaseRecord(case=name, verdict="pass", expects=PROBES[name].refused)
+    case = CASES[name]
+    if case.scene.expect:
+        return CaseRecord(case=name, verdict="refused", expects=case.scene.expect.refused)
+    return CaseRecord(case=name, verdict="pass", natoms=9, fields=[field(f) for f in fields_of(case)])
+
+
+def all_good() -> dict[str, CaseRecord]:
+    """A run of a LAMMPS that does all that its manual says."""
+    return {name: good(name) for name in KNOWN}
+
+
+def wrong(name: str, fields: tuple[str, ...] = (), finding: str | None = None) -> CaseRecord:
+    """The record of a case that differs in some fields, or in how it ends; with a finding it is explained."""
+    record = good(name)
+    verdict = "explained" if finding else "differs"
+    if not record.fields:
+        return record.model_copy(update={"verdict": verdict, "explained_by": finding, "message": "otherwise"})
+    chosen = fields or tuple(f.field for f in record.fields)
+    made = [field(f.field, verdict, finding) if f.field in chosen else f for f in record.fields]
+    return record.model_copy(update={"verdict": verdict, "fields": made})

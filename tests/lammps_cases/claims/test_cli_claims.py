@@ -1,0 +1,96 @@
+"""The command eos-ref claims: verdicts, page, document, exit codes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests_support import Outcome
+
+Command = Callable[..., Outcome]
+CHOSEN = ("pressure-linear", "pressure-background-unit", "pressure-a3-unit", "rheo-exclude-list", "rheo-versionadded")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the module's claims are judged, once."""
+    return tmp_path_factory.mktemp("claims")
+
+
+def document(outcome: Outcome) -> dict[str, dict[str, Any]]:
+    return {row["id"]: row for row in json.loads(outcome.out)["claims"]}
+
+
+def test_run(eos_ref_command: Command, folder: Path) -> None:
+    done = eos_ref_command("claims", *CHOSEN, "--out", folder, "--json")
+    assert done.code == 0, done.err
+    rows = document(done)
+    assert {id: row["verdict"] for id, row in rows.items()} == {
+        "pressure-linear": "holds",
+        "pressure-background-unit": "holds",
+        "pressure-a3-unit": "does not hold",
+        "rheo-exclude-list": "does not hold",
+        "rheo-versionadded": "cannot be tested",
+    }
+    assert set(rows["pressure-linear"]) >= {"id", "page", "text", "cases", "verdict", "evidence"}
+    assert rows["pressure-a3-unit"]["evidence"][0]["finding"] == "cubic-unit"
+    assert rows["pressure-linear"]["cases"][0] == "compression.linear.2d"
+    assert json.loads((folder / "claims.json").read_text()) == json.loads(done.out)
+    page = (folder / "claims.html").read_text()
+    assert 'href="env/report.html#case=compression.linear.2d"' in page
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def test_finished_run_is_judged_alike(eos_ref_command: Command, folder: Path) -> None:
+    """The probes that were put to the same LAMMPS count; nothing is run."""
+    again = eos_ref_command("claims", *CHOSEN, "--run", folder / "env", "--out", folder / "again", "--json")
+    assert again.code == 0, again.err
+    assert {id: row["verdict"] for id, row in document(again).items()} == {
+        row["id"]: row["verdict"] for row in json.loads((folder / "claims.json").read_text())["claims"]
+    }
+    first = (folder / "again" / "claims.html").read_bytes()
+    eos_ref_command("claims", *CHOSEN, "--run", folder / "env", "--out", folder / "again")
+    assert (folder / "again" / "claims.html").read_bytes() == first
+
+
+def test_failure_without_a_finding_is_red(eos_ref_command: Command, folder: Path, tmp_path: Path) -> None:
+    run = json.loads((folder / "env" / "run.json").read_text())
+    case = next(case for case in run["cases"] if case["case"] == "near-rho0.linear.2d")
+    for field in case["fields"]:
+        field |= {"verdict": "differs", "max_abs": 1.0, "max_over_bound": 1e9}
+    case["verdict"] = "differs"
+    (tmp_path / "env").mkdir()
+    (tmp_path / "env" / "run.json").write_text(json.dumps(run))
+    done = eos_ref_command("claims", "pressure-linear", "--run", tmp_path / "env", "--out", tmp_path / "out")
+    assert done.code == 1
+    assert "no finding explains it: near-rho0.linear.2d" in done.out
+    both = eos_ref_command(
+        "claims", "pressure-linear", "--run", folder / "env", "--run", tmp_path / "env", "--out", tmp_path, "--json"
+    )
+    assert both.code == 1 and document(both)["pressure-linear"]["verdict"] == "does not hold"
+
+
+def test_cases_not_in_the_run_are_not_run(eos_ref_command: Command, folder: Path, tmp_path: Path) -> None:
+    done = eos_ref_command("claims", "pressure-cubic", "--run", folder / "env", "--out", tmp_path, "--json")
+    assert done.code == 0 and document(done)["pressure-cubic"]["verdict"] == "not run"
+
+
+def test_traceability(eos_ref_command: Command) -> None:
+    done = eos_ref_command("claims", "--traceability")
+    assert done.code == 0 and "claims without a case" in done.out
+    as_json = json.loads(eos_ref_command("claims", "--traceability", "--json").out)
+    assert as_json["dangling"] == {} and "rheo-howto" in as_json["untestable"]
+
+
+def test_bad_input(eos_ref_command: Command, tmp_path: Path) -> None:
+    done = eos_ref_command("claims", "pressure-liner")
+    assert done.code == 2 and "did you mean pressure-linear" in done.err and done.err.count("\n") == 1
+    done = eos_ref_command("claims", "--run", tmp_path / "gone")
+    assert done.code == 2 and "cannot be read" in done.err
+
+
+def test_help_has_an_example(eos_ref_command: Command) -> None:
+    assert "Example:  eos-ref claims" in eos_ref_command("claims", "--help").out

@@ -1,0 +1,140 @@
+"""Decks for what no scene can say: put to LAMMPS, and shown to see what they look for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.claims import probes
+from lammps_cases.claims.model import PROBE
+from lammps_cases.claims.probes import Probe, Ran, deck, judge, put, record
+from lammps_cases.claims.verdicts import own_words
+from lammps_cases.ledger import LEDGER
+from lammps_cases.records import CaseRecord
+from lammps_cases.workers import Failure, Workers
+
+NEW = "2025.7.22.4.0"
+BY_ID = {probe.id: probe for probe in probes.probes()}
+# Probes of statements that the manual makes and that are wrong.
+REFUTED = {
+    "rheo-sound-cs0-to-csn": "speed-sound-count",
+    "rheo-unit-wmin": "support-unit",
+    "pressure-taitwater": "style-taitwater",
+    "pressure-unit-a3": "cubic-unit",
+    "specific-heat-zero": "specific-heat-zero",
+}
+
+
+# Probes gone wrong on purpose: the other expectation, or the control in the place of the deck.
+def planted() -> list[Probe]:
+    found = []
+    for probe in probes.probes():
+        if probe.refused:
+            changes: dict[str, Any] = {"id": f"{probe.id}-planted", "change": None}
+        elif probe.accepted:
+            changes = {"id": f"{probe.id}-planted", "change": {"more": "fix 9 all nosuchstyle"}}
+        else:
+            changes = {"id": f"{probe.id}-planted", "change": probe.control}
+        found.append(probe.model_copy(update=changes))
+    return found
+
+
+@pytest.fixture(scope="module")
+def records() -> dict[str, CaseRecord]:
+    """All probes and their planted faults, on LAMMPS."""
+    seen: list[tuple[int, int]] = []
+    chosen = [*probes.probes(), *planted()]
+    with Workers(None, 2) as workers:
+        found = put(chosen, workers, NEW, lambda done, total: seen.append((done, total)))
+    assert seen == [(k + 1, len(chosen)) for k in range(len(chosen))]
+    return {one.case.removeprefix(PROBE): one for one in found}
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_probe(id: str, records: dict[str, CaseRecord]) -> None:
+    expected = "explained" if id in REFUTED else "pass"
+    assert records[id].verdict == expected, records[id].message
+    assert records[id].explained_by == REFUTED.get(id)
+    assert records[id].as_expected
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_probe_sees_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
+    assert not records[f"{id}-planted"].as_expected, id
+
+
+def test_no_finding_of_a_probe_is_stale() -> None:
+    named = {p.removeprefix(PROBE) for e in LEDGER for p in e.cases if p.startswith(PROBE)}
+    assert named == set(REFUTED)
+
+
+def test_error_is_lammps_words_alone() -> None:
+    text = "ERROR: Illegal fix rheo command: 1 (src/src/RHEO/fix_rheo.cpp:181)\nLast input line: fix 1 all rheo density"
+    assert own_words(text) == "ERROR: Illegal fix rheo command: 1"
+
+
+def test_deck_refuses_parts_that_the_base_has_not() -> None:
+    with pytest.raises(ValueError, match="viscous"):
+        deck("two", {"viscous": "fix 2 all rheo/viscosity * constant 0.1"})
+    assert "fix 2 all rheo/viscosity" not in deck("two", {"viscosity": None})
+
+
+def test_probe_needs_one_expectation_and_a_control() -> None:
+    with pytest.raises(ValueError, match="exactly one"):
+        Probe(id="x", about="X.")
+    with pytest.raises(ValueError, match="exactly one"):
+        Probe(id="x", about="X.", accepted=True, refused="no")
+    with pytest.raises(ValueError, match="control"):
+        Probe(id="x", about="X.", same={})
+
+
+def ran(**arrays: list[float]) -> Ran:
+    return Ran({name: np.array(values) for name, values in arrays.items()})
+
+
+SAME = Probe(id="x", about="X.", same={}, control={}, times={"p": 2.0})
+
+
+def test_comparison() -> None:
+    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[3.0])) == ""
+    assert judge(SAME, ran(p=[1.0, 2.0]), ran(p=[2.0, 4.5]), ran(p=[3.0])) == (
+        "p differs at 1 of 2 numbers, most 4.0 and 4.5"
+    )
+    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0, 1.0]), ran(p=[3.0])) == "p differs: 1 and 2 atoms"
+    assert "most nan and 2.0" in judge(SAME, ran(p=[np.nan]), ran(p=[2.0]), ran(p=[3.0]))
+
+
+def test_blind_control() -> None:
+    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[1.0])).startswith("the probe is blind")
+    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0]), Ran({}, error="ERROR: no")).startswith("the probe is blind")
+
+
+def test_numbers_must_be_finite() -> None:
+    accepted = Probe(id="x", about="X.", accepted=True)
+    assert judge(accepted, ran(p=[1.0]), None, None) == ""
+    assert judge(accepted, ran(p=[np.inf]), None, None) == "p come out as NaN or infinite"
+
+
+def test_refusal_must_be_the_one_promised() -> None:
+    refused = Probe(id="x", about="X.", refused="out of bounds")
+    assert judge(refused, Ran({}, error="ERROR: Numeric index 3 is out of bounds"), None, None) == ""
+    assert judge(refused, Ran({}, error="ERROR: Illegal fix command"), None, None).endswith("Illegal fix command")
+    assert judge(refused, ran(p=[np.nan]), None, None).startswith("LAMMPS accepts what the manual refuses, and p")
+
+
+def test_style_that_is_missing_is_seen() -> None:
+    probe = BY_ID["rheo-oxidation"]
+    missing = {"more": (probe.change or {})["more"].replace("rheo/oxidation", "rheo/nonsense")}  # type: ignore[union-attr]
+    with Workers(None, 1) as workers:
+        (found,) = put([probe.model_copy(update={"change": missing})], workers, NEW)
+    assert not found.as_expected and "is_available" in found.message
+
+
+def test_record_of_a_death() -> None:
+    probe = Probe(id="x", about="X.", refused="not a range")
+    died = Failure("crashed", "killed by SIGABRT")
+    wrong = judge(probe, died, None, None)
+    found = record(probe, wrong, "crashed", NEW)
+    assert (found.case, found.verdict, found.message) == ("probes.x", "crashed", "killed by SIGABRT")

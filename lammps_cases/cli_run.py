@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from lammps_cases.cli_shared import Bar, engine_option, finish, json_option, out_option, paths_option, strict_option
-from lammps_cases.records import CaseRecord
+from lammps_cases.records import CaseRecord, RunRecord
 
 
 @click.command("run", short_help="Run cases against LAMMPS.")
@@ -19,6 +19,11 @@ from lammps_cases.records import CaseRecord
 @engine_option
 @click.option("--fresh", is_flag=True, help="Compute every prediction of the reference anew, and store it again.")
 @click.option("--shard", help="i/n: only every n-th case, from the i-th.")
+@click.option(
+    "--baseline",
+    type=click.Path(path_type=Path),
+    help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if the run does anything otherwise.",
+)
 @out_option
 @strict_option
 @json_option
@@ -30,6 +35,7 @@ def run_command(
     engine: str,
     fresh: bool,
     shard: str | None,
+    baseline: Path | None,
     out: Path,
     strict: bool,
     as_json: bool,
@@ -47,7 +53,8 @@ def run_command(
     prefork.context("lammps_cases.evaluate", "lammps_cases.report.drawn")
     from lammps_cases import campaign, casefile, engines, keys
 
-    chosen = casefile.select(casefile.load(paths), names, tag)
+    every = casefile.load(paths)
+    chosen = casefile.select(every, names, tag)
     if shard:
         chosen = campaign.shard(chosen, shard)
     with Bar(quiet=as_json) as bar:
@@ -66,7 +73,24 @@ def run_command(
             progress,
             keys.open_store(fresh),
         )
-    return finish(run, out, as_json)
+    code = finish(run, out, as_json)
+    if baseline is None:
+        return code
+    return max(code, _against(baseline, run, out, {case.name for case in every}, as_json))
+
+
+def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> int:
+    """Say what a run does otherwise than accepted."""
+    from lammps_cases.regression import pairs
+    from lammps_cases.regression.baseline import check
+    from lammps_cases.report.annotations import announce_changes
+
+    changes = check(run, out, baseline, cases)
+    for line in pairs.checked(changes, str(out)):
+        click.echo(line, err=as_json)
+    if not as_json:
+        announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
+    return int(bool(changes.faults))
 
 
 @click.command("report", short_help="Render a report again.")
@@ -78,11 +102,12 @@ def report_command(run: Path, as_json: bool) -> int:
     \b
     Example:  eos-ref report reports/latest
     """
+    from lammps_cases import history
     from lammps_cases.records import read_run
     from lammps_cases.report import write_report
 
     record = read_run(run)
-    write_report(record, run)
+    write_report(record, run, history=history.past(record))
     return finish(record, run, as_json)
 
 

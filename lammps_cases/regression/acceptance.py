@@ -1,0 +1,245 @@
+"""A run taken as the accepted baseline of its engine, with a reason that is kept."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from lammps_cases.records import RunRecord, read_run, write_atomically
+from lammps_cases.regression import baseline, seen
+from lammps_cases.regression.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Baseline, Identity
+from lammps_cases.regression.changes import Changes, compare
+from lammps_cases.regression.kinds import Policy
+from lammps_cases.regression.seen import CaseSeen, Side
+
+QUICK = "quick"  # cases with this tag keep their arrays
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """What became of a baseline; ``changes`` is None if it is the first, ``written`` False if nothing changed."""
+
+    folder: Path
+    changes: Changes | None
+    cases: int
+    dropped: tuple[str, ...]
+    written: bool
+
+
+def accept(
+    folder: Path,
+    reason: str,
+    baselines: Path,
+    command: str = "",
+    with_failures: bool = False,
+    prune: bool = False,
+) -> Accepted:
+    """Take the run of a report folder as the baseline of its engine.
+
+    Cases that the run does not hold are kept as they were, or dropped if pruned. A kill at any moment leaves the
+    old baseline or the new one.
+
+    Raises
+    ------
+    InputError
+        No reason, no run, a part of a run or an audit, unexpected failures unless these are to be accepted, a damaged
+        baseline, or one of another engine or machine of which cases would be left.
+    """
+    if not reason.strip():
+        raise InputError("reason", "must say why", reason)
+    run = read_run(folder)
+    _acceptable(run, folder, with_failures)
+    side = seen.of_run(run, folder)
+    target = baselines / baseline.engine_name(run.engine)
+    with _replacing(target) as partial:
+        old = baseline.read(target) if (target / IDENTITY).exists() else None
+        kept = {} if old is None or prune else {n: c for n, c in old.cases.items() if n not in side.cases}
+        if old is not None and kept:
+            _compatible(run, old, target)
+        changes = None if old is None else _changes(old, side, set(kept))
+        dropped = () if old is None else tuple(sorted(old.cases.keys() - side.cases.keys() - kept.keys()))
+        cases = {**kept, **side.cases}
+        _write(partial, run, cases)
+        _arrays(partial, run, side, old, set(kept))
+        written = old is None or not _same(partial, target)
+        if written:
+            _reason(partial, target, " ".join(reason.split()), run, command, changes, dropped)
+            _swap(target, partial)
+    return Accepted(target, changes, len(cases), dropped, written)
+
+
+def _acceptable(run: RunRecord, folder: Path, with_failures: bool) -> None:
+    if run.shard:
+        raise InputError("run", "must be whole (eos-ref merge joins its parts)", f"part {run.shard}", str(folder))
+    if any(case.checks for case in run.cases):
+        raise InputError("run", "must be one of cases, not the audit of a deck", where=str(folder))
+    if not run.cases:
+        raise InputError("run", "must hold a case", where=str(folder))
+    bad = [case.case for case in run.cases if not case.as_expected]
+    if bad and not with_failures:
+        some = ", ".join(bad[:3]) + (", ..." if len(bad) > 3 else "")
+        rule = "must be as expected throughout, unless --with-failures"
+        raise InputError("run", rule, f"{len(bad)} unexpected failures: {some}", str(folder))
+
+
+def _compatible(run: RunRecord, old: Baseline, target: Path) -> None:
+    """Cases of two machines or two libraries do not stand in one baseline."""
+    rule = "must be that of the baseline, unless the run holds all its cases or --prune drops the others"
+    if run.engine.library_sha256 != old.engine.library_sha256:
+        raise InputError("library", rule, run.engine.library_sha256[:16], str(target))
+    if baseline.machine_of(run) != old.machine:
+        raise InputError("machine", rule, baseline.machine_of(run), str(target))
+
+
+def _changes(old: Baseline, side: Side, kept: set[str]) -> Changes:
+    a = old.side()
+    held = {name: case for name, case in a.cases.items() if name not in kept}
+    return compare(replace(a, cases=held), side, Policy(bits=True, findings=True))
+
+
+def _write(folder: Path, run: RunRecord, cases: dict[str, CaseSeen]) -> None:
+    identity = Identity(
+        engine=run.engine,
+        machine=baseline.machine_of(run),
+        reference=run.reference,
+        cases=len(cases),
+        fields=sum(len(case.fields) for case in cases.values()),
+    )
+    # What the engine was called, and where it lay, is not the baseline's.
+    told = identity.model_dump_json(by_alias=True, indent=1, exclude={"engine": {"name", "library"}})
+    write_atomically(folder / IDENTITY, told + "\n")
+    write_atomically(folder / VERDICT_LINES, baseline.lines(cases))
+
+
+def _arrays(folder: Path, run: RunRecord, side: Side, old: Baseline | None, kept: set[str]) -> None:
+    """Arrays of the quick cases of the run; those of kept cases as they were."""
+    for record in run.cases:
+        samples, arrays = side.samples(record.case), {}
+        for found in record.fields if QUICK in record.tags else ():
+            sample = samples.of(found.field)
+            if sample is not None:
+                bound_n = sample.bound_n.astype(np.float32)  # rounded up: half the size, and never too strict
+                bound_n = np.where(bound_n < sample.bound_n, np.nextafter(bound_n, np.float32(np.inf)), bound_n)
+                arrays[found.field] = sample.values_n
+                arrays[f"{found.field}.bound"] = bound_n
+                arrays[f"{found.field}.step"] = np.array(-1 if sample.step is None else sample.step)
+        if arrays:
+            write_atomically(folder / ARRAYS / f"{record.case}.npz", _packed(arrays))
+    for path in sorted((old.folder / ARRAYS).glob("*.npz")) if old else ():
+        if path.stem in kept:
+            write_atomically(folder / ARRAYS / path.name, path.read_bytes())
+
+
+def _packed(arrays: dict[str, Any]) -> bytes:
+    """An npz file, compressed; its members bear the same date always."""
+    buffer = io.BytesIO()
+    named: dict[str, Any] = {name: arrays[name] for name in sorted(arrays)}
+    np.savez_compressed(buffer, **named)
+    return buffer.getvalue()
+
+
+def _reason(
+    partial: Path,
+    target: Path,
+    reason: str,
+    run: RunRecord,
+    command: str,
+    changes: Changes | None,
+    dropped: tuple[str, ...],
+) -> None:
+    """The earlier reasons and this one."""
+    earlier = (target / REASONS).read_text(encoding="utf-8") if (target / REASONS).exists() else ""
+    entry = {
+        "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "reason": reason,
+        "who": _who(),
+        "command": command,
+        "run": run.command,
+        "run_date": run.date,
+        "cases": len(run.cases),
+        "changes": None if changes is None else dict(changes.counts),
+        "dropped": list(dropped),
+    }
+    write_atomically(partial / REASONS, earlier + json.dumps(entry, ensure_ascii=False) + "\n")
+
+
+def _who() -> str:
+    """Name and address as git would write them into a commit; empty without."""
+    said = []
+    for key in ("user.name", "user.email"):
+        try:
+            done = subprocess.run(["git", "config", key], capture_output=True, text=True, check=False)
+        except OSError:
+            return ""
+        said.append(done.stdout.strip())
+    name, address = said
+    return f"{name} <{address}>".strip() if name and address else name or address
+
+
+# --- one folder for another
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    """A hidden folder beside a baseline, made to become it; one program at a time.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written, or another program is about to replace it.
+    """
+    partial, old, lock = (target.with_name(f".{target.name}.{part}") for part in ("partial", "old", "lock"))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle = lock.open("w")
+    except OSError as error:
+        raise InputError("baselines", f"cannot be written: {error.strerror}", str(target.parent)) from None
+    with handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not os.path.samestat(os.fstat(handle.fileno()), lock.stat()):
+                raise BlockingIOError  # the program before removed this file between our opening and locking it
+        except OSError:
+            raise InputError("baseline", "is being replaced by another program", str(target)) from None
+        try:
+            if old.exists() and not target.exists():  # killed between the two renames of `_swap`
+                old.rename(target)
+            for leftover in (partial, old):
+                shutil.rmtree(leftover, ignore_errors=True)
+            partial.mkdir()
+            yield partial
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+            lock.unlink(missing_ok=True)
+
+
+def _swap(target: Path, partial: Path) -> None:
+    """Between the renames the old baseline lies aside, where `baseline.read` finds it."""
+    old = target.with_name(f".{target.name}.old")
+    if target.exists():
+        target.rename(old)
+    partial.rename(target)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _same(partial: Path, target: Path) -> bool:
+    """Whether a baseline is what there is already, its reasons aside."""
+
+    def content(folder: Path) -> dict[str, bytes]:
+        files = (path for path in folder.rglob("*") if path.is_file() and path.name != REASONS)
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+    return content(partial) == content(target)

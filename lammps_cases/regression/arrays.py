@@ -1,0 +1,106 @@
+"""A field of a case on both sides: the bits of LAMMPS' arrays first, then what the bounds say of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lammps_cases.compare import excess
+from lammps_cases.records import Verdict
+from lammps_cases.regression.kinds import Change, Closer, Kind, Policy, judged
+from lammps_cases.regression.seen import INSIDE, At, FieldSeen, Sample, Samples
+
+
+def field_change(case: str, one: FieldSeen, other: FieldSeen, kept: tuple[Samples, Samples], policy: Policy) -> Change:
+    change = Change(
+        case,
+        one.field,
+        "same bits",
+        closer(one, other),
+        other.stage,
+        (one.verdict, other.verdict),
+        (one.findings, other.findings),
+        (one.over_bound, other.over_bound),
+    )
+    if _same(one, other):
+        return change if policy.alike(one, other) else replace(change, kind="judged otherwise")
+    samples = _samples(kept[0].of(one.field), kept[1].of(other.field))
+    difference = None if samples is None else _difference(*samples)
+    kind, step, note = _parted(one, other, samples, difference)
+    if kind == "same bits" and not policy.alike(one, other):
+        kind = "judged otherwise"
+    return replace(change, kind=kind, step=step, difference=difference, note=note)
+
+
+def _same(one: FieldSeen, other: FieldSeen) -> bool:
+    return bool(one.digest) and one.digest == other.digest
+
+
+def closer(one: FieldSeen, other: FieldSeen) -> Closer:
+    """Which side agrees with the reference; where none does, the one whose worst atom is fewer bounds away."""
+    if one.verdict in INSIDE or other.verdict in INSIDE:
+        if one.verdict in INSIDE and other.verdict in INSIDE:
+            return "both"
+        return "A" if one.verdict in INSIDE else "B"
+    ours, theirs = one.over_bound, other.over_bound
+    # A baseline keeps three digits of them; more would say nothing of which side is better.
+    if ours is None or theirs is None or f"{ours:.2e}" == f"{theirs:.2e}":
+        return "neither"
+    return "A" if ours < theirs else "B"
+
+
+def _parted(
+    one: FieldSeen, other: FieldSeen, samples: tuple[Sample, Sample] | None, difference: float | None
+) -> tuple[Kind, int | None, str]:
+    """The kind of change of a field, the first step at which its bits part, and a remark."""
+    ours, theirs = ({at.step: at for at in field.at} for field in (one, other))
+    if ours.keys() != theirs.keys():
+        return "changed", None, "compared at other steps"
+    parted: list[tuple[At, At, bool]] = []  # with whether the bits are known
+    for step, mine in ours.items():
+        at = theirs[step]
+        known = bool(mine.digest and at.digest)
+        same = mine.digest == at.digest
+        if not known and samples is not None and samples[0].step == step:
+            known, same = True, samples[0].values_n.tobytes() == samples[1].values_n.tobytes()
+        if not (known and same):
+            parted.append((mine, at, known))
+    if not parted:
+        return "same bits", None, ""
+    first = next((mine.step for mine, _, known in parted if known), None)
+    note = "" if any(known for *_, known in parted) else "bits not known: a run of before there were digests"
+    alike = judged(one) == judged(other)
+    # Two arrays that the same findings explain lie within the bound of the same variant at every step.
+    explained = one.verdict == "explained"
+    at_sample = samples is not None and difference is not None and difference <= 1
+    outside = [
+        known
+        for mine, at, known in parted
+        if not (
+            _inside(mine.verdict, at.verdict, explained) or (at_sample and samples and samples[0].step == mine.step)
+        )
+    ]
+    if alike and not outside:
+        return "within bounds", first, note
+    unknown = alike and not any(outside) and one.over_bound == other.over_bound
+    return "cannot tell" if unknown else "changed", first, note
+
+
+def _inside(one: Verdict, other: Verdict, explained: bool) -> bool:
+    good = (*INSIDE, "explained") if explained else INSIDE
+    return one in good and other in good
+
+
+def _samples(one: Sample | None, other: Sample | None) -> tuple[Sample, Sample] | None:
+    """Two arrays that can be held against each other."""
+    if one is None or other is None or one.step != other.step or one.values_n.shape != other.values_n.shape:
+        return None
+    return one, other
+
+
+def _difference(one: Sample, other: Sample) -> float:
+    """Largest difference over the smaller of the two bounds."""
+    bound_n = np.minimum(one.bound_n, other.bound_n).astype(float)
+    ratio_n = excess(one.values_n.astype(float), other.values_n.astype(float), bound_n)[1]
+    return float(ratio_n.max(initial=0.0))

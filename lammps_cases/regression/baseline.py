@@ -1,0 +1,294 @@
+"""Accepted baselines: what LAMMPS gave, one folder per engine, made to be read in the diffs of a repository.
+
+``baseline.json`` says which engine and machine, ``verdicts.tsv`` has a line per case and field, ``arrays/CASE.npz``
+holds LAMMPS' arrays of the quick cases at their worst steps, ``reasons.jsonl`` every acceptance with its reason.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from eos_ref import InputError
+from lammps_cases import casefile, keys
+from lammps_cases.records import VERDICTS, EngineRecord, RunRecord, Verdict
+from lammps_cases.regression import seen
+from lammps_cases.regression.changes import Changes, compare
+from lammps_cases.regression.kinds import Policy
+from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Samples, Side
+
+SCHEMA = "eos-ref/baseline/1"
+IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
+NOTHING = "-"
+CASE = "(case)"  # in the column of fields: the line of the case itself
+COLUMNS = ("case", "field", "stage", "verdict", "explained_by", "over_bound", "digest", "detail")
+HEAD = (
+    "# One line per field: stage, verdict, largest difference over bound, digest of LAMMPS' array over all steps, and",
+    "# in detail the verdict and digest of every step. One line per case: how it ended as its stage, the refusal that",
+    "# it is for as its detail.",
+)
+
+
+class Identity(BaseModel):
+    """``baseline.json``."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    schema_: str = Field(SCHEMA, alias="schema")
+    engine: EngineRecord
+    machine: str = Field(
+        description="what decides how LAMMPS rounds: the processor, as far as it does, and the C library"
+    )
+    reference: dict[str, str] = Field(description="versions of what judged last")
+    cases: int
+    fields: int
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """What was accepted of an engine; see `Identity` for ``machine`` and ``versions``."""
+
+    engine: EngineRecord
+    machine: str
+    versions: Mapping[str, str]
+    cases: Mapping[str, CaseSeen]
+    folder: Path
+
+    def side(self, name: str = "") -> Side:
+        """The baseline as a side of a comparison."""
+
+        def samples(case: str) -> Samples:
+            return Samples(self.folder / ARRAYS / f"{case}.npz")
+
+        return Side(name or str(self.folder), self.engine, self.versions, self.cases, samples)
+
+
+def machine_kind() -> str:
+    """What decides which instructions and which C library round on this machine.
+
+    The model of the processor is part of it, although processors of one family mostly round alike: to take two
+    machines for different costs a warning, to take them for the same a false alarm.
+    """
+    return keys._processor()  # the keys of the store of predictions rest on the same
+
+
+def engine_name(engine: EngineRecord) -> str:
+    """The folder of an engine's baseline.
+
+    Raises
+    ------
+    InputError
+        Nothing is known of the engine.
+    """
+    if engine.distribution:
+        return _safe(f"lammps-{engine.distribution}")
+    if engine.git:
+        return _safe(f"git-{engine.git}")
+    if engine.library_sha256:
+        return f"library-{engine.library_sha256[:16]}"
+    raise InputError("engine", "is not known: the run holds no version, git revision or hash", engine.name)
+
+
+def _safe(text: str) -> str:
+    """Text as a name of a folder on any system."""
+    return re.sub(r"[^A-Za-z0-9.]+", "-", text).strip("-.")[:100]
+
+
+def find(engine: EngineRecord, baselines: Path) -> Path:
+    """The baseline of an engine in a folder of baselines, or that folder if it is a baseline itself.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if (baselines / IDENTITY).exists():
+        return baselines
+    folder = baselines / engine_name(engine)
+    if _whole(folder) is None:
+        there = ", ".join(sorted(path.parent.name for path in baselines.glob(f"[!.]*/{IDENTITY}"))) or "none"
+        rule = f"none is accepted for this engine (eos-ref accept RUN --reason TEXT; accepted are: {there})"
+        raise InputError("baseline", rule, where=str(folder))
+    return folder
+
+
+def _whole(folder: Path) -> Path | None:
+    """Where a baseline lies: beside its place, if it was about to be replaced when the program was killed."""
+    aside = folder.with_name(f".{folder.name}.old")
+    return next((path for path in (folder, aside) if (path / IDENTITY).exists()), None)
+
+
+def read(folder: Path) -> Baseline:
+    """Read a baseline.
+
+    Raises
+    ------
+    InputError
+        None there, one of another schema, or a damaged one: file, line and rule.
+    """
+    whole = _whole(folder)
+    if whole is None:
+        raise InputError("baseline", f"must be a folder with {IDENTITY}", str(folder))
+    path = whole / IDENTITY
+    try:
+        identity = Identity.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError("baseline", f"cannot be read: {error.strerror}", where=str(path)) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or "document"
+        raise InputError(key, first["msg"], where=str(path)) from None
+    if identity.schema_ != SCHEMA:
+        raise InputError("schema", f"must be {SCHEMA}", identity.schema_, str(path))
+    cases = _cases(whole / VERDICT_LINES)
+    counted = (len(cases), sum(len(case.fields) for case in cases.values()))
+    if counted != (identity.cases, identity.fields):
+        rule = f"must hold {identity.cases} cases with {identity.fields} fields, as {IDENTITY} says"
+        raise InputError("baseline", rule, "{} and {}".format(*counted), str(whole / VERDICT_LINES))
+    return Baseline(identity.engine, identity.machine, identity.reference, cases, whole)
+
+
+# --- verdicts.tsv
+
+
+def lines(cases: Mapping[str, CaseSeen]) -> str:
+    """The content of ``verdicts.tsv``."""
+    text = io.StringIO()
+    text.writelines(f"{line}\n" for line in HEAD)
+    table = csv.writer(text, delimiter="\t", lineterminator="\n")
+    table.writerow(COLUMNS)
+    for name in sorted(cases):
+        case = cases[name]
+        known = ", ".join(case.findings)
+        table.writerow(_filled(name, CASE, case.ended, case.verdict, known, "", "", case.expects))
+        for found in sorted(case.fields.values(), key=lambda f: f.field):
+            detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in found.steps)
+            ratio = "" if found.over_bound is None else f"{found.over_bound:.3g}"
+            known = ", ".join(found.findings)
+            table.writerow(_filled(name, found.field, found.stage, found.verdict, known, ratio, found.digest, detail))
+    return text.getvalue()
+
+
+def _filled(*cells: str) -> Iterator[str]:
+    return (cell or NOTHING for cell in cells)  # no line ends with white space
+
+
+def _cases(path: Path) -> dict[str, CaseSeen]:
+    try:
+        rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("baseline", f"cannot be read: {error}", where=str(path)) from None
+    skipped = sum(1 for _ in _head(rows))
+    table = csv.reader(rows[skipped:], delimiter="\t")
+    cases: dict[str, CaseSeen] = {}
+    fields: dict[str, dict[str, FieldSeen]] = {}
+    for number, row in enumerate(table, skipped + 1):
+        where = f"{path}, line {number}"
+        if number == skipped + 1:
+            if tuple(row) != COLUMNS:
+                raise InputError("columns", f"must be {', '.join(COLUMNS)}", ", ".join(row), where)
+            continue
+        try:
+            case = _row(row)
+        except ValueError as error:
+            raise InputError("line", f"is damaged: {error}", where=where) from None
+        if isinstance(case, CaseSeen):
+            cases[case.case] = case
+            fields[case.case] = {}
+        elif row[0] in fields:
+            fields[row[0]][case.field] = case
+        else:
+            raise InputError("line", "must follow the line of its case", row[0], where)
+    return {name: replace(case, fields=fields[name]) for name, case in cases.items()}
+
+
+def _head(rows: Iterable[str]) -> Iterator[str]:
+    return itertools.takewhile(lambda row: row.startswith("#"), rows)
+
+
+def _row(row: list[str]) -> CaseSeen | FieldSeen:
+    """A line of the table.
+
+    Raises
+    ------
+    ValueError
+        Not one.
+    """
+    if len(row) != len(COLUMNS):
+        raise ValueError(f"{len(row)} columns instead of {len(COLUMNS)}")
+    name, of, stage, verdict, known, ratio, digest, detail = ("" if cell == NOTHING else cell for cell in row)
+    if of == CASE:
+        if stage not in get_args(Ended):
+            raise ValueError(f"unknown end {stage!r}")
+        how: Ended = stage  # type: ignore[assignment]
+        return CaseSeen(name, how, _verdict(verdict), seen.findings(known), detail)
+    steps = []
+    for text in detail.split():
+        step, of_step, bits = text.split(":")
+        steps.append(At(int(step), _verdict(of_step), None, bits))
+    over_bound = float(ratio) if ratio else None
+    return FieldSeen(of, stage, _verdict(verdict), seen.findings(known), over_bound, digest, tuple(steps))
+
+
+def _verdict(text: str) -> Verdict:
+    if text not in VERDICTS:
+        raise ValueError(f"unknown verdict {text!r}")
+    return text
+
+
+# --- a run held against it
+
+
+def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] | None = None) -> Changes:
+    """What a run does otherwise than the baseline accepted for its engine; `Changes.faults` is empty if nothing.
+
+    Any change of a verdict, a finding, or how a case ends is a fault, and so is a field that is no longer compared.
+    Other bits are one on the machine kind that the baseline was made on. On another one they are told only, as long
+    as they are within bounds: functions of the C library and fused operations round in the last place as the
+    processor and the library have it, with the same LAMMPS. Cases and fields that the baseline does not hold are
+    told, and so are those of it that no case file makes any more; cases that the run did not choose are not.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The run; ``folder`` is its report folder, with the arrays.
+    baselines : Path
+        Folder of baselines, one per engine, or the baseline to hold it against.
+    known : collection of str, optional
+        All cases of the case files; those shipped unless given.
+
+    Raises
+    ------
+    InputError
+        No baseline for the engine, or a damaged one.
+    """
+    base = read(find(run.engine, baselines))
+    here = machine_of(run)
+    chosen = {case.case for case in run.cases}
+    a = base.side()
+    a = replace(a, cases={name: case for name, case in a.cases.items() if name in chosen})
+    same = base.machine == here
+    changes = compare(a, seen.of_run(run, folder, "this run"), Policy(bits=same, findings=True, news=False))
+    notes = list(changes.notes)
+    if not same:
+        kinds = f"{base.machine}; this is {here}"
+        notes.append(f"another kind of machine made the baseline ({kinds}): other bits within bounds are told only")
+    exist = known if known is not None else {case.name for case in casefile.load()}
+    gone = sorted(base.cases.keys() - set(exist) - chosen)
+    if gone:
+        rule = "no case file makes these cases of the baseline any more (eos-ref accept --prune drops them)"
+        notes.append(f"{rule}: {', '.join(gone)}")
+    return replace(changes, notes=tuple(notes))
+
+
+def machine_of(run: RunRecord) -> str:
+    """The machine kind of a run: its own note of it, or this machine's where it holds none."""
+    return run.machine.get("kind") or machine_kind()

@@ -1,0 +1,118 @@
+"""Hundreds of changed fields as a few lines: by the findings that came or went, then by field."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from lammps_cases.regression.kinds import KINDS, Change, Closer, Kind
+from lammps_cases.regression.seen import INSIDE
+
+UNEXPLAINED = "unexplained"  # outside the bound, and no finding says why
+LISTED = 6  # fields, or cases, named in a line
+
+
+@dataclass(frozen=True)
+class Group:
+    """Changes of one kind that share what came or went.
+
+    Attributes
+    ----------
+    trait : a finding, or `UNEXPLAINED`; empty where what is said of both sides is the same
+    side : the only one that shows it
+    fields : how many cases each field is of, most first; empty for cases as a whole
+    agree : how many fields of A, and of B, agree with the reference
+    """
+
+    kind: Kind
+    trait: str
+    side: Literal["A", "B", ""]
+    cases: tuple[str, ...]
+    fields: tuple[tuple[str, int], ...]
+    closer: tuple[tuple[Closer, int], ...]
+    agree: tuple[int, int]
+    fault: bool
+
+    @property
+    def count(self) -> int:
+        """Number of fields (of cases, where they have no fields)."""
+        return sum(count for _, count in self.closer)
+
+    def sentence(self, a: str = "A", b: str = "B") -> str:
+        """The group in one line, with what the sides are called."""
+        named = {"A": a, "B": b}
+        shown = f"{self.trait} in {named[self.side]} only: " if self.side else ""
+        return f"{self.kind}: {shown}{self._extent}{self._against(named)}"
+
+    @property
+    def _extent(self) -> str:
+        cases = f"{len(self.cases)} case{'s' * (len(self.cases) != 1)}"
+        if not self.fields:
+            return f"{cases} ({_some(self.cases)})"
+        if len(self.fields) == 1:
+            return f"{self.fields[0][0]} in {cases}"
+        return f"{self.count} fields of {cases} ({_some([f'{name} {count}' for name, count in self.fields])})"
+
+    def _against(self, named: Mapping[str, str]) -> str:
+        """Which side is right."""
+        tally = dict(self.closer)
+        for side, agreeing in zip("AB", self.agree, strict=True):
+            if agreeing == self.count and set(tally) == {side}:
+                return f"; {named[side]} agrees with the reference"
+        said = [f"{named.get(side, side)} {tally[side]}" for side in ("A", "B", "both", "neither") if tally.get(side)]
+        return f"; closer to the reference: {', '.join(said)}" if set(tally) != {"neither"} else ""
+
+
+def groups(changes: Iterable[Change]) -> list[Group]:
+    """Groups of all changes but those that are none; the largest first within a kind.
+
+    A field that gained one finding and lost another is in the groups of both.
+    """
+    found: dict[tuple[Kind, str, Literal["A", "B", ""], bool], list[Change]] = {}
+    for change in changes:
+        if change.kind in ("same bits", "same outcome"):
+            continue
+        for trait, side in _moved(change):
+            found.setdefault((change.kind, trait, side, bool(change.field)), []).append(change)
+    made = [_group(kind, trait, side, members) for (kind, trait, side, _), members in found.items()]
+    return sorted(made, key=lambda g: (-KINDS.index(g.kind), -g.count, g.trait, g.side))
+
+
+def _moved(change: Change) -> list[tuple[str, Literal["A", "B", ""]]]:
+    """What only one of the sides shows."""
+    one, other = (_traits(change, at) for at in (0, 1))
+    if change.kind in ("within bounds", "new case", "missing case", "new field", "missing field"):
+        return [("", "")]
+    gone: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "A") for trait in sorted(one - other)]
+    came: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "B") for trait in sorted(other - one)]
+    return [*gone, *came] or [("", "")]
+
+
+def _traits(change: Change, at: int) -> set[str]:
+    if change.field and change.verdicts[at] == "differs":
+        return {UNEXPLAINED}
+    return set(change.findings[at])
+
+
+def _group(kind: Kind, trait: str, side: Literal["A", "B", ""], members: Sequence[Change]) -> Group:
+    fields = Counter(change.field for change in members if change.field)
+    closer = Counter(change.closer for change in members)
+    one, other = (sum(change.verdicts[at] in INSIDE for change in members) for at in (0, 1))
+    return Group(
+        kind,
+        trait,
+        side,
+        tuple(sorted({change.case for change in members})),
+        tuple(sorted(fields.items(), key=lambda item: (-item[1], item[0]))),
+        tuple(sorted(closer.items())),
+        (one, other),
+        any(change.fault for change in members),
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
+    rest = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f", {rest} more" if rest > 0 else "")

@@ -1,0 +1,162 @@
+"""``compare.html``: one page that opens offline; what changed in a few lines, a matrix, then every change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+from eos_ref.quantities import PART_OF
+from lammps_cases.particles import ORDER
+from lammps_cases.regression import pairs
+from lammps_cases.regression.groups import Group
+from lammps_cases.regression.kinds import ABOUT, KINDS, Change, Kind
+from lammps_cases.regression.pairs import Compared, Pair
+from lammps_cases.report import page as report_page
+from lammps_cases.report import wording
+
+ASSETS = Path(__file__).parent / "assets"
+# One character for a cell: nothing to see, other bits, or which side is closer to the reference.
+MARKS: dict[Kind, str] = {
+    "same bits": "·",
+    "same outcome": "·",
+    "within bounds": "≈",
+    "judged otherwise": "J",
+    "cannot tell": "?",
+}
+CLOSER = {"both": "=", "neither": "×"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A field of a case; ``anchor`` of its line in the list of changes, if it is in it."""
+
+    kind: Kind
+    mark: str
+    anchor: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A case with a cell per column, None where the case does not compare that field."""
+
+    case: str
+    cells: list[Cell | None]
+    kinds: list[Kind]
+    quiet: bool
+
+
+@dataclass(frozen=True)
+class Line:
+    """A change in the list, as text."""
+
+    anchor: str
+    change: Change
+    a: str
+    b: str
+    difference: str
+
+
+@dataclass(frozen=True)
+class View:
+    """A pair as the page shows it."""
+
+    pair: Pair
+    columns: list[str]
+    rows: list[Row]
+    lines: list[Line]
+    kinds: dict[Kind, int]
+    groups: list[Group]
+    closer: dict[str, str]
+
+    @property
+    def marks(self) -> list[tuple[str, str]]:
+        """What the characters of the matrix say."""
+        said = {
+            "A": f"closer: {self.pair.a}",
+            "B": f"closer: {self.pair.b}",
+            "both": "both inside",
+            "neither": "neither",
+        }
+        return [("·", "same"), ("≈", "within bounds"), *((self.closer[who], f"changed, {said[who]}") for who in said)]
+
+
+def render(found: Compared) -> str:
+    """The page of a comparison."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    status = {0: ("good", "PASS"), 1: ("bad", "CHANGED"), 3: ("bad", "FAIL")}[found.exit_code]
+    shown = [found.alone] if found.alone else pairs.shown(found)
+    return environment.get_template("compare.html.j2").render(
+        found=found,
+        status=status,
+        css=Markup((report_page.ASSETS / "report.css").read_text(encoding="utf-8")),
+        own_css=Markup((ASSETS / "compare.css").read_text(encoding="utf-8")),
+        script=Markup((ASSETS / "compare.js").read_text(encoding="utf-8")),
+        table=[_in_table(pair) for pair in found.pairs],
+        views=[_view(pair) for pair in shown],
+        about=ABOUT,
+    )
+
+
+def _in_table(pair: Pair) -> tuple[Pair, int, int, int, str]:
+    counts = pair.changes.counts
+    same = counts.get("same bits", 0) + counts.get("same outcome", 0)
+    return pair, same, counts.get("within bounds", 0), len(pairs.other(pair)), pairs.ratio(pair)
+
+
+def _view(pair: Pair) -> View:
+    changes = pair.changes.fields
+    columns = _columns(changes)
+    by_case: dict[str, dict[str, Change]] = {}
+    for change in changes:
+        by_case.setdefault(change.case, {})[change.field] = change
+    told = [change for change in changes if change.kind not in ("same bits", "same outcome")]
+    anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(told)}
+    closer = {"A": pair.a, "B": pair.b, **CLOSER}
+    rows = [_row(case, columns, found, anchors, closer) for case, found in sorted(by_case.items())]
+    lines = [Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), wording.number(c.difference)) for c in told]
+    lines.sort(key=lambda line: (not line.change.fault, -KINDS.index(line.change.kind), line.change.case))
+    return View(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
+
+
+def _columns(changes: Sequence[Change]) -> list[str]:
+    """Cases as a whole first, then fields in the order of a step."""
+
+    def place(field: str) -> tuple[int, int, str]:
+        given = field.endswith(" (given)") or field in ("type", "esph")
+        main = field if field in ORDER else PART_OF.get(field, field)
+        at = ORDER.index(main) if main in ORDER else len(ORDER)
+        return (0 if not field else 1 if given else 2, at, field)
+
+    return sorted({change.field for change in changes}, key=place)
+
+
+def _row(
+    case: str,
+    columns: Sequence[str],
+    found: dict[str, Change],
+    anchors: dict[tuple[str, str], str],
+    closer: dict[str, str],
+) -> Row:
+    cells = [None if field not in found else _cell(found[field], anchors, closer) for field in columns]
+    kinds = sorted({change.kind for change in found.values()}, key=KINDS.index)
+    return Row(case, cells, kinds, not any(change.fault for change in found.values()))
+
+
+def _cell(change: Change, anchors: dict[tuple[str, str], str], closer: dict[str, str]) -> Cell:
+    anchor = anchors.get((change.case, change.field), "")
+    words = pairs.fault(change) if anchor else ""
+    return Cell(change.kind, MARKS.get(change.kind, closer[change.closer]), anchor, words)
+
+
+def _side(change: Change, side: int) -> str:
+    """Verdict of a side, findings, and how far it is from the reference."""
+    ratio = change.over_bound[side]
+    parts = [change.verdicts[side], ", ".join(change.findings[side])]
+    return "; ".join(part for part in (*parts, "" if ratio is None else f"{wording.brief(ratio)} bounds") if part)

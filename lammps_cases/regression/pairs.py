@@ -1,0 +1,277 @@
+"""Two sides or more, every pair of them compared; as one document, a summary, and lines for a terminal."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from lammps_cases.regression.changes import Changes, compare
+from lammps_cases.regression.groups import Group, groups
+from lammps_cases.regression.kinds import Change, Policy
+from lammps_cases.regression.seen import Side
+from lammps_cases.regression.sources import LABELS
+from lammps_cases.regression.timing import Speed, Turns, of_saved
+from lammps_cases.report import markdown
+
+SCHEMA = "eos-ref/compare/1"
+LISTED = 100  # rows of the table of changed fields in the summary
+SAID = 10  # faults listed on a terminal
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two sides by their labels, what changed from the first to the second, and their times."""
+
+    a: str
+    b: str
+    changes: Changes
+    speeds: tuple[Speed, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """As it is called in tables."""
+        return f"{self.a}-{self.b}"
+
+    @property
+    def groups(self) -> list[Group]:
+        """What changed, in a few lines."""
+        return groups(self.changes.fields)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """All sides, A first, and all pairs of them."""
+
+    sides: dict[str, Side]
+    pairs: tuple[Pair, ...]
+    command: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def alone(self) -> Pair | None:
+        """The pair, if there is but one."""
+        return self.pairs[0] if len(self.pairs) == 1 else None
+
+    @property
+    def exit_code(self) -> int:
+        """0 nothing changed beyond the bounds, 1 something did, 3 an engine failed as a whole."""
+        if not all(side.answered for side in self.sides.values()):
+            return 3
+        return int(any(pair.changes.faults for pair in self.pairs))
+
+
+def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing: bool, command: str) -> Compared:
+    """Compare every pair of sides; times are those taken in turns, or else those that the sides hold."""
+    labelled = dict(zip(LABELS, sides, strict=False))
+    made = []
+    for a, b in itertools.combinations(labelled, 2):
+        speeds: list[Speed] = []
+        if timing and turns is not None:
+            speeds = turns.against(a, b)
+        elif timing and (saved := of_saved(labelled[a], labelled[b])):
+            speeds = [saved]
+        made.append(Pair(a, b, compare(labelled[a], labelled[b], policy), tuple(speeds)))
+    failed = tuple(f"{side.title} failed as a whole" for side in sides if not side.answered)
+    return Compared(labelled, tuple(made), command, failed)
+
+
+# --- one document
+
+
+def document(found: Compared) -> dict[str, Any]:
+    """What compare.json holds.
+
+    Of a single pair ``fields`` lists everything compared, of more pairs what is not the same, with the pair's name.
+    """
+    alone = found.alone
+    return {
+        "schema": SCHEMA,
+        "command": found.command,
+        "sides": [
+            {"label": label, "name": side.name, "engine": side.engine.model_dump(exclude={"library"})}
+            for label, side in found.sides.items()
+        ],
+        "notes": list(found.notes),
+        "pairs": [_pair(pair) for pair in found.pairs],
+        "fields": [
+            ({} if alone else {"pair": pair.name}) | row(change, pair.a, pair.b)
+            for pair in found.pairs
+            for change in pair.changes.fields
+            if alone or change.kind not in ("same bits", "same outcome")
+        ],
+    }
+
+
+def _pair(pair: Pair) -> dict[str, Any]:
+    return {
+        "pair": pair.name,
+        "counts": pair.changes.counts,
+        "faults": len(pair.changes.faults),
+        "groups": [_group(group, pair) for group in pair.groups],
+        "time": [plain(asdict(speed)) for speed in pair.speeds],
+        "notes": list(pair.changes.notes),
+    }
+
+
+def _group(group: Group, pair: Pair) -> dict[str, Any]:
+    side = {"A": pair.a, "B": pair.b, "": ""}[group.side]
+    return {
+        "change": group.kind,
+        "trait": group.trait,
+        "side": side,
+        "count": group.count,
+        "cases": list(group.cases),
+        "fields": dict(group.fields),
+        "sentence": group.sentence(pair.a, pair.b),
+    }
+
+
+def row(change: Change, a: str = "A", b: str = "B") -> dict[str, Any]:
+    """A change as JSON: case, field, change and closer_to_reference always, the rest where it says something."""
+
+    def both(values: tuple[Any, Any]) -> dict[str, Any] | None:
+        return dict(zip((a, b), values, strict=True)) if any(values) else None
+
+    said: dict[str, Any] = {
+        "stage": change.stage,
+        "verdicts": both(change.verdicts),
+        "findings": both(change.findings),
+        "over_bound": both(change.over_bound),
+        "first_step": change.step,
+        "difference_over_bound": change.difference,
+        "note": change.note,
+        "fault": change.fault or None,
+    }
+    closer = {"A": a, "B": b}.get(change.closer, change.closer)
+    head = {"case": change.case, "field": change.field, "change": change.kind, "closer_to_reference": closer}
+    found: dict[str, Any] = plain(head | {key: value for key, value in said.items() if value not in (None, "")})
+    return found
+
+
+def plain(item: Any) -> Any:
+    """Infinities and NaN as text, for which JSON has no number; tuples as lists."""
+    if isinstance(item, dict):
+        return {name: plain(value) for name, value in item.items()}
+    if isinstance(item, list | tuple):
+        return [plain(value) for value in item]
+    return str(item) if isinstance(item, float) and not math.isfinite(item) else item
+
+
+# --- for a terminal
+
+
+def lines(changes: Changes, a: str = "A", b: str = "B") -> Iterator[str]:
+    """What changed, and what of it, in lines, with what the sides are called."""
+    yield ", ".join(f"{count} {kind}" for kind, count in changes.counts.items()) or "nothing to compare"
+    yield from (f"  {group.sentence(a, b)}" for group in groups(changes.fields))
+    yield from (f"  note: {note}" for note in changes.notes)
+
+
+def faults(changes: Changes) -> Iterator[str]:
+    """The first of the changes that count, each in a line."""
+    found = changes.faults
+    for change in found[:SAID]:
+        yield f"  {fault(change)}"
+    if len(found) > SAID:
+        yield f"  ... and {len(found) - SAID} more"
+
+
+def checked(changes: Changes, report: str) -> Iterator[str]:
+    """What ``eos-ref run --baseline`` says of what `baseline.check` found; ``report`` is the run's folder."""
+    first, *rest = lines(changes, "the baseline", "this run")
+    yield f"baseline {changes.a.name}: {first}"
+    yield from rest
+    yield from faults(changes)
+    if changes.faults:
+        yield f"  if this is meant: eos-ref accept {report} --reason TEXT"
+
+
+def fault(change: Change) -> str:
+    """A change in one line."""
+    where = " ".join(part for part in (change.case, change.field) if part)
+    at = "" if change.step is None else f" from step {change.step}"
+    was, now = (_said(change, side) for side in (0, 1))
+    verdicts = (
+        "" if not (was or now) else f" ({was or 'nothing'}, now {now or 'nothing'})" if was != now else f" ({was})"
+    )
+    note = f": {change.note}" if change.note else ""
+    return f"{change.kind}: {where}{at}{verdicts}{note}"
+
+
+def _said(change: Change, side: int) -> str:
+    known = ", ".join(change.findings[side])
+    return f"{change.verdicts[side]} by {known}" if known else change.verdicts[side]
+
+
+# --- for a pull request
+
+
+def summary(found: Compared) -> str:
+    """``summary.md``."""
+    stamp = {0: "PASS", 1: "CHANGED", 3: "FAIL"}[found.exit_code]
+    named = [f"{label} is {markdown._text(side.title)}" for label, side in found.sides.items()]
+    blocks = [f"## eos-ref compare: {stamp}", "; ".join(named) + "."]
+    blocks += [f"> **Note:** {markdown._text(note)}" for note in found.notes]
+    if not found.alone:
+        blocks.append(_table_of_pairs(found))
+    for pair in found.pairs if found.alone else shown(found):
+        blocks += list(_of_pair(pair, found.alone is None))
+    return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def shown(found: Compared) -> list[Pair]:
+    """The pairs that are shown in full: each side with the one before it."""
+    return [pair for pair in found.pairs if ord(pair.b) == ord(pair.a) + 1]
+
+
+def _table_of_pairs(found: Compared) -> str:
+    rows = []
+    for pair in found.pairs:
+        counts = pair.changes.counts
+        same = counts.get("same bits", 0) + counts.get("same outcome", 0)
+        within, time = counts.get("within bounds", 0), ratio(pair)
+        rows.append((pair.name, same, within, len(other(pair)), time))
+    return markdown._table(("pair", "same", "within bounds", "changed", "time of second over first"), rows)
+
+
+def other(pair: Pair) -> list[Change]:
+    """The changes of a pair beyond its bounds."""
+    return [c for c in pair.changes.fields if c.kind not in ("same bits", "same outcome", "within bounds")]
+
+
+def ratio(pair: Pair) -> str:
+    """The ratio of times of a pair, in words; empty if none was taken."""
+    if not pair.speeds:
+        return ""
+    speed = pair.speeds[0]
+    r = speed.ratio
+    return f"{r.median:.3f} [{r.low:.3f}, {r.high:.3f}], {speed.how}: {speed.answer}"
+
+
+def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
+    if titled:
+        yield f"### {pair.name}"
+    yield ", ".join(f"{count} {kind}" for kind, count in pair.changes.counts.items()) + "."
+    yield "\n".join(f"- {markdown._text(group.sentence(pair.a, pair.b))}" for group in pair.groups)
+    yield "\n".join(f"- {speed.sentence(pair.a, pair.b)}" for speed in pair.speeds)
+    yield "\n".join(f"> **Note:** {markdown._text(note)}" for note in pair.changes.notes)
+    found = pair.changes.faults
+    if found:
+        head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference")
+        rows = [
+            (
+                markdown._code(c.case),
+                markdown._text(c.field),
+                c.kind,
+                "" if c.step is None else c.step,
+                markdown._text(_said(c, 0)),
+                markdown._text(_said(c, 1)),
+                {"A": pair.a, "B": pair.b}.get(c.closer, c.closer),
+            )
+            for c in found[:LISTED]
+        ]
+        rest = f"\n\n… and {len(found) - LISTED} more, see compare.html." if len(found) > LISTED else ""
+        yield f"<details><summary>{len(found)} changes</summary>\n\n{markdown._table(head, rows)}{rest}\n\n</details>"

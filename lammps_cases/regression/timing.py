@@ -1,0 +1,135 @@
+"""Whether one engine is slower than another: in turns, or by the single calls of saved runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Literal
+
+from lammps_cases.atoms import build
+from lammps_cases.bench_model import OPTIONS, scene
+from lammps_cases.casefile import Case
+from lammps_cases.commands import job
+from lammps_cases.engine import Job
+from lammps_cases.engines import Engine
+from lammps_cases.measure import ROUNDS, Answer, Interval, Timing, interval, verdict
+from lammps_cases.plan import plan
+from lammps_cases.regression.seen import Side
+from lammps_cases.workers import Failure, Workers, solve
+
+EDGE, STEPS = 40, 10  # 1600 particles: a run of 50 to 150 ms, of which the set-up is a few per cent
+LIMIT = 120.0  # seconds that a single run may take
+TOTAL = "all together"
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Time of B over that of A.
+
+    Attributes
+    ----------
+    how : measured in turns, or each case called once on each side
+    count : rounds, or cases
+    answer : what that says of B; of a single scene only if all rounds say it, as one of so many intervals of 95 %
+        misses 1 now and then by chance (all of nine rounds on one side of the median: 0.4 %)
+    """
+
+    scene: str
+    how: Literal["in turns", "single calls"]
+    count: int
+    ratio: Interval
+    answer: Answer
+
+    def sentence(self, a: str = "A", b: str = "B") -> str:
+        """In one line, with what the sides are called."""
+        r = self.ratio
+        said = self.answer if self.answer == "cannot tell" else f"{b} is {self.answer}"
+        each = f"{self.count} rounds in turns"
+        if self.how == "single calls":
+            each = f"single calls of {self.count} cases, with whatever the machine did meanwhile"
+        return f"time of {b} over {a}, {self.scene}: {r.median:.3f} [{r.low:.3f}, {r.high:.3f}] ({each}): {said}"
+
+
+def of_saved(a: Side, b: Side) -> Speed | None:
+    """The paired seconds of LAMMPS over the cases that both sides answered; None without such cases.
+
+    Each case was called once on each side, at another time. The interval (the same for the ratios and for their
+    logarithms) holds how cases scatter, not what the machine did meanwhile, so it tells nobody faster or slower.
+    """
+    names = sorted(name for name in a.cases.keys() & b.cases.keys() if _timed(a, name) and _timed(b, name))
+    if not names:
+        return None
+    ratio = interval(tuple(b.cases[name].seconds / a.cases[name].seconds for name in names))
+    return Speed("LAMMPS", "single calls", len(names), ratio, "cannot tell")
+
+
+def _timed(side: Side, name: str) -> bool:
+    return side.cases[name].ended == "answered" and side.cases[name].seconds > 0
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Wall times of LAMMPS' run commands, of every engine on every scene, in the same rounds."""
+
+    names: tuple[str, ...]
+    seconds: Mapping[tuple[str, str], tuple[float, ...]]  # by scene and engine
+
+    def against(self, one: str, other: str) -> list[Speed]:
+        """Time of the second engine over that of the first, on all scenes together and on each; none if one failed."""
+        scenes = list(dict.fromkeys(scene for scene, _ in self.seconds))
+        found = []
+        for name in scenes:
+            a, b = self.seconds[name, one], self.seconds[name, other]
+            ratio = Timing(b, 1, 0.0).against(Timing(a, 1, 0.0))
+            ratios = [after / before for after, before in zip(b, a, strict=True)]
+            decides = ratio if name == TOTAL else Interval(ratio.median, min(ratios), max(ratios))
+            found.append(Speed(name, "in turns", len(a), ratio, verdict(decides)))
+        return found
+
+
+def scenes() -> list[Case]:
+    """What is timed: fluids with every option that changes what LAMMPS does."""
+    made = []
+    for option in OPTIONS:
+        case = scene(option, 2, EDGE)
+        evolve = case.scene.evolve
+        assert evolve is not None
+        longer = evolve.model_copy(update={"steps": STEPS, "compare_at": None})
+        made.append(Case(option, "", (), case.scene.model_copy(update={"evolve": longer}), case.source))
+    return made
+
+
+def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Progress | None = None) -> Turns | None:
+    """Time engines, one living LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
+
+    The wall time is that of the run commands alone, taken inside LAMMPS' process.
+    """
+    jobs = {case.name: job(case.scene, build(case, case.scene.eos()), plan(case.scene)) for case in scenes()}
+    names, total = list(engines), (rounds + 1) * len(jobs)
+    found: dict[tuple[str, str], list[float]] = {}
+    with ExitStack() as stack:
+        living = {name: stack.enter_context(Workers(engine.site, 1)) for name, engine in engines.items()}
+        for turn in range(rounds + 1):  # the first warms up
+            start = turn % len(names)
+            order = (names[start:] + names[:start])[:: 1 if turn % 2 == 0 else -1]
+            for at, (scene_name, told) in enumerate(jobs.items()):
+                for name in order:
+                    took = living[name].outcome(living[name].call(spent, told, time_limit=LIMIT))
+                    if isinstance(took, Failure):
+                        return None
+                    if turn:
+                        found.setdefault((scene_name, name), []).append(took)
+                if progress:
+                    progress(turn * len(jobs) + at + 1, total, f"timing {scene_name}")
+    each = {key: tuple(values) for key, values in found.items()}
+    sums = {
+        (TOTAL, name): tuple(sum(row) for row in zip(*(each[s, name] for s in jobs), strict=True)) for name in names
+    }
+    return Turns(tuple(names), sums | each)
+
+
+def spent(site: str | None, told: Job) -> float:
+    """Task: seconds that LAMMPS' run commands take."""
+    return sum(solve(site, told).run_seconds)

@@ -1,0 +1,43 @@
+"""One small run on the LAMMPS of this environment, for all tests here, and copies of it that are changed by hand."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from edited_runs import NAMES, Edit
+
+from lammps_cases import campaign, casefile
+from lammps_cases.engines import Engine
+
+
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two quick cases without steps, one of the particle model that a finding explains, one that is refused."""
+    folder = tmp_path_factory.mktemp("regression") / "run"
+    cases = casefile.select(casefile.load(), NAMES)
+    campaign.run_cases(cases, Engine(), 2, folder, "eos-ref run")
+    return folder
+
+
+@pytest.fixture
+def changed_run(small_run: Path, tmp_path: Path) -> Callable[..., Path]:
+    """A copy of the run whose document was edited; ``edit`` is given the record of a case, by default the first."""
+
+    def change(
+        edit: Edit | None = None, case: str = NAMES[0], whole: Edit | None = None, name: str = "changed"
+    ) -> Path:
+        folder = tmp_path / name
+        shutil.copytree(small_run, folder)
+        document = json.loads((folder / "run.json").read_text())
+        if edit:
+            edit(next(record for record in document["cases"] if record["case"] == case))
+        if whole:
+            whole(document)
+        (folder / "run.json").write_text(json.dumps(document))
+        return folder
+
+    return change

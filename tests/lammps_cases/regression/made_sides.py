@@ -1,0 +1,69 @@
+"""Sides of comparisons made by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from lammps_cases.records import EngineRecord, Verdict
+from lammps_cases.regression.changes import compare
+from lammps_cases.regression.kinds import Change, Policy
+from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Sample, Samples, Side
+
+
+def field(
+    name: str = "f",
+    verdict: Verdict = "pass",
+    bits: str = "aa",
+    over: float | None = 0.5,
+    findings: Sequence[str] = (),
+    steps: Sequence[tuple[int, Verdict, str]] = (),
+) -> FieldSeen:
+    at = tuple(At(step, of_step, None, bits_of_step) for step, of_step, bits_of_step in steps)
+    return FieldSeen(name, "pair", verdict, tuple(findings), over, bits, at)
+
+
+def case(name: str, *fields: FieldSeen, seconds: float = 0.0) -> CaseSeen:
+    return CaseSeen(name, "answered", "pass", seconds=seconds, fields={f.field: f for f in fields})
+
+
+def ended(
+    how: Ended,
+    verdict: Verdict,
+    expects: str = "",
+    message: str = "",
+    findings: Sequence[str] = (),
+    name: str = "one",
+) -> CaseSeen:
+    return CaseSeen(name, how, verdict, tuple(findings), expects, message)
+
+
+class Kept(Samples):
+    """Arrays at hand."""
+
+    def __init__(self, **arrays: Sample) -> None:
+        super().__init__()
+        self.arrays = arrays
+
+    def of(self, field: str) -> Sample | None:
+        return self.arrays.get(field)
+
+
+def sample(*values: float, bound: float = 1.0, step: int | None = None) -> Sample:
+    return Sample(step, np.array(values), np.full(len(values), bound))
+
+
+def side(*cases: CaseSeen, name: str = "side", **more: Any) -> Side:
+    kept: Kept = more.pop("kept", Kept())
+    engine = EngineRecord(version_string="20250722", distribution=more.pop("version", "1"))
+    return Side(name, engine, {"eos-ref": "0.1.0"}, {c.case: c for c in cases}, lambda case: kept)
+
+
+def one_field(a: FieldSeen, b: FieldSeen, policy: Policy = Policy(), **kept: tuple[Sample, Sample]) -> Change:  # noqa: B008
+    """The change of a single field of a single case."""
+    ours, theirs = (Kept(**{name: both[at] for name, both in kept.items()}) for at in (0, 1))
+    found = compare(side(case("one", a), kept=ours), side(case("one", b), kept=theirs), policy)
+    (change,) = found.fields
+    return change

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -42,6 +43,9 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     for note in run.notes:
         click.secho(f"  {note}", fg="yellow")
     click.echo(f"report: {directory / 'report.html'}")
+    from lammps_cases.report.annotations import announce
+
+    announce(run, directory, os.environ)
     return run.exit_code
 
 

@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Runs the cases and audits the decks that the inputs of the action name, and leaves the worst exit code as an output:
+# the job fails later, when the reports are kept. Inputs are EOS_REF_... in the environment; lists have a line each.
+set -uo pipefail
+shopt -s globstar nullglob
+
+reports="${EOS_REF_REPORTS:-reports}"
+worst=0
+
+lines() { # the non-empty lines of a text
+    grep -v '^[[:space:]]*$' <<< "$1"
+}
+
+keep() { # the worst exit code so far
+    if (($1 > worst)); then worst=$1; fi
+}
+
+shared=(--engine "${EOS_REF_ENGINE:-env}")
+if [[ "${EOS_REF_STRICT:-}" == true ]]; then shared+=(--strict); fi
+
+if [[ -z "${EOS_REF_DECKS:-}" || -n "${EOS_REF_CASES:-}${EOS_REF_NAMES:-}${EOS_REF_TAG:-}" ]]; then
+    options=("${shared[@]}" --out "$reports/cases")
+    while IFS= read -r path; do options+=(--cases "$path"); done < <(lines "${EOS_REF_CASES:-}")
+    if [[ -n "${EOS_REF_TAG:-}" ]]; then options+=(--tag "$EOS_REF_TAG"); fi
+    if [[ -n "${EOS_REF_BASELINE:-}" ]]; then options+=(--baseline "$EOS_REF_BASELINE"); fi
+    mapfile -t names < <(lines "${EOS_REF_NAMES:-}")
+    if ((${#names[@]})); then options+=(-- "${names[@]}"); fi
+    eos-ref run "${options[@]}"
+    keep $?
+fi
+
+read -ra audit_options <<< "${EOS_REF_AUDIT_OPTIONS:-}"
+while IFS= read -r pattern; do
+    found=0
+    IFS='' # a pattern may hold spaces
+    for deck in $pattern; do
+        [[ -f "$deck" ]] || continue
+        found=1
+        name="${deck//\//-}"
+        echo "::group::audit of $deck"
+        eos-ref audit "$deck" "${shared[@]}" "${audit_options[@]}" --out "$reports/audit-${name// /-}"
+        keep $?
+        echo "::endgroup::"
+    done
+    if ((!found)); then
+        echo "::error title=eos-ref::no deck matches: $pattern"
+        keep 2
+    fi
+done < <(lines "${EOS_REF_DECKS:-}")
+
+{
+    echo "exit-code=$worst"
+    echo "report=$reports"
+} >> "$GITHUB_OUTPUT"

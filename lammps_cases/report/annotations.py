@@ -1,0 +1,201 @@
+"""What CI services show beside the code: GitHub's workflow commands and job summary, GitLab's code quality.
+
+The functions are pure but for `announce`, which writes where the service that runs this job says.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import yaml
+
+from lammps_cases.casefile import SHIPPED
+from lammps_cases.records import CaseRecord, RunRecord, write_atomically
+from lammps_cases.report import wording
+
+MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest without a word
+SUMMARY_LIMIT = 1_048_576  # bytes of a job summary; GitHub refuses a longer one altogether
+CODE_QUALITY = "gl-code-quality-report.json"
+
+Level = Literal["error", "warning", "notice"]
+Severity = Literal["info", "minor", "major", "critical", "blocker"]
+SEVERITY: dict[str, Severity] = {"explained": "minor", "differs": "major", "refused": "major"}  # others: critical
+
+
+# --- where a case stands
+
+
+def case_lines(path: Path) -> dict[str, int]:
+    """Line, from 1, at which each case of a case file stands; empty if the file cannot be read.
+
+    A case of a matrix stands at its label, in the axis that has most labels: the others tell less.
+    """
+    try:
+        root = yaml.compose(path.read_text(encoding="utf-8"), yaml.SafeLoader)
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    keys = _children(root)
+    if "name" not in keys:
+        return {}
+    name, line = str(keys["name"][1].value), keys["name"][0].start_mark.line + 1
+    axes = []
+    for _, axis in _children(keys["matrix"][1]).values() if "matrix" in keys else ():
+        axes.append({label: key.start_mark.line + 1 for label, (key, _) in _children(axis).items()})
+    telling = max(range(len(axes)), key=lambda at: len(axes[at]), default=None)
+    found = {}
+    for labels in itertools.product(*axes):
+        found[".".join((name, *labels))] = line if telling is None else axes[telling][labels[telling]]
+    return found
+
+
+def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
+    """Key and value nodes of a mapping, by the key's text."""
+    pairs = node.value if isinstance(node, yaml.MappingNode) else []
+    return {str(key.value): (key, value) for key, value in pairs}
+
+
+def source_of(case: CaseRecord) -> Path | None:
+    """The case file, or the audited deck, that a record is of; None if it does not say."""
+    words = shlex.split(case.reproduce)
+    if words[1:2] == ["audit"] and len(words) > 2:
+        return Path(words[2])
+    if not case.source:
+        return None
+    return Path(case.source) if "--cases" in words else SHIPPED / case.source
+
+
+def place(case: CaseRecord, root: Path) -> tuple[str, int] | None:
+    """File of a case, relative to the repository at ``root``, and line; None if it lies elsewhere."""
+    source = source_of(case)
+    if source is None:
+        return None
+    try:
+        inside = source.resolve().relative_to(root.resolve())
+    except ValueError:
+        return None
+    return inside.as_posix(), case_lines(source).get(case.case, 1)
+
+
+# --- GitHub
+
+
+def workflow_commands(run: RunRecord, root: Path) -> list[str]:
+    """GitHub's annotations of a run: an error for each case not as expected, worst first, and a notice for each note.
+
+    Where there are more than GitHub shows, the last says how many.
+    """
+    cases = wording.unaccepted(run)
+    errors = []
+    for case in cases[: MOST if len(cases) <= MOST else MOST - 1]:
+        at = place(case, root)
+        where = {"file": at[0], "line": str(at[1])} if at else {}
+        errors.append(command("error", _message(case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
+    if len(cases) > MOST:
+        rest = f"{len(cases) - MOST + 1} more cases are not as expected: see the job summary"
+        errors.append(command("error", rest, {"title": "eos-ref"}))
+    return [*errors, *(command("notice", note, {"title": "eos-ref"}) for note in run.notes[:MOST])]
+
+
+def command(level: Level, message: str, properties: Mapping[str, str]) -> str:
+    """One workflow command, escaped as GitHub's runner reads it."""
+    given = ",".join(f"{name}={_escaped(value, of_property=True)}" for name, value in properties.items())
+    return f"::{level} {given}::{_escaped(message)}"
+
+
+def _escaped(text: str, of_property: bool = False) -> str:
+    characters = {"%": "%25", "\r": "%0D", "\n": "%0A"} | ({":": "%3A", ",": "%2C"} if of_property else {})
+    return "".join(characters.get(c, c) for c in text)
+
+
+def _message(case: CaseRecord) -> str:
+    """Why a case is not as expected, and how to see it."""
+    return "\n".join(filter(None, (case.message or wording.kind(case), case.reproduce)))
+
+
+def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
+    """As many whole lines of a summary as fit beside ``taken`` bytes, and a word on what was left out."""
+    room = limit - taken
+    if len(summary.encode()) <= room:
+        return summary
+    last = "\n… cut here: a job summary must stay below 1 MiB; all of it is in summary.md of the report.\n"
+    lines, used = [], len(last.encode())
+    for line in summary.splitlines(keepends=True):
+        used += len(line.encode())
+        if used > room:
+            break
+        lines.append(line)
+    return "".join([*lines, last]) if len(last.encode()) <= room else ""
+
+
+# --- GitLab
+
+
+def code_quality(run: RunRecord, root: Path) -> str:
+    """GitLab's code quality report: an entry for each case not as expected, worst first."""
+    return json.dumps([_entry(case, root) for case in wording.unaccepted(run)], indent=1) + "\n"
+
+
+def _entry(case: CaseRecord, root: Path) -> dict[str, object]:
+    path, line = place(case, root) or (case.source or case.case, 1)
+    identity = "\n".join((path, case.case, case.verdict))  # GitLab tells old from new by it: no numbers in it
+    return {
+        "description": f"{case.case}: {case.message or wording.kind(case)}",
+        "check_name": f"eos-ref/{case.verdict}",
+        "fingerprint": hashlib.sha256(identity.encode()).hexdigest(),
+        "severity": SEVERITY.get(case.verdict, "critical"),
+        "location": {"path": path, "lines": {"begin": line}},
+    }
+
+
+# --- where the service wants them
+
+
+def announce(run: RunRecord, directory: Path, environ: Mapping[str, str]) -> None:
+    """Tell the CI service that runs this job, if any, of a run whose report lies in ``directory``.
+
+    On GitHub the annotations are printed and the summary joins the job's; on GitLab `CODE_QUALITY` is written into the
+    project's folder.
+    """
+    if environ.get("GITHUB_ACTIONS") == "true":
+        root = Path(environ.get("GITHUB_WORKSPACE") or ".")
+        _say(workflow_commands(run, root))
+        if environ.get("GITHUB_STEP_SUMMARY"):
+            _append(Path(environ["GITHUB_STEP_SUMMARY"]), _summary(run, directory))
+    if environ.get("GITLAB_CI") == "true":
+        root = Path(environ.get("CI_PROJECT_DIR") or ".")
+        write_atomically(root / CODE_QUALITY, code_quality(run, root))
+
+
+def announce_changes(changes: Sequence[str], environ: Mapping[str, str]) -> None:
+    """Tell GitHub what a run does otherwise than its accepted baseline, a line each."""
+    if not changes or environ.get("GITHUB_ACTIONS") != "true":
+        return
+    title = {"title": "eos-ref: changed against the baseline"}
+    _say(command("error", change, title) for change in changes[:MOST])
+    if environ.get("GITHUB_STEP_SUMMARY"):
+        listed = "\n".join(f"- {change}" for change in changes)
+        _append(Path(environ["GITHUB_STEP_SUMMARY"]), f"### Changed against the baseline\n\n{listed}\n")
+
+
+def _say(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line, flush=True)
+
+
+def _summary(run: RunRecord, directory: Path) -> str:
+    from lammps_cases.report.markdown import summary
+
+    written = directory / "summary.md"
+    return written.read_text(encoding="utf-8") if written.is_file() else summary(run)
+
+
+def _append(file: Path, summary: str) -> None:
+    taken = file.stat().st_size if file.exists() else 0
+    with file.open("a", encoding="utf-8") as end:
+        end.write(fitted(summary, taken))

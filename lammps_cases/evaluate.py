@@ -113,7 +113,7 @@ def _judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
     record.verdict = "differs"
     record.message = (
         f"id (stage input): LAMMPS returned {len(got)} of {len(atoms)} atoms; first missing, foreign or doubled id: "
-        f"{wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) == 0)[0]]}"
+        f"{wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) <= 0)[0]]}"
     )
 
 

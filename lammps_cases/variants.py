@@ -243,8 +243,10 @@ def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict
     moves_n = np.any(snapshot["shift/v"] != 0, axis=1, keepdims=True)
     change_nc = np.where(moves_n, unscaled_nc - snapshot["shift/v"], 0.0)
     n_c = change_nc[np.argmax((change_nc**2).sum(axis=1))]
-    if not plain.i.size or not n_c.any():
+    if not plain.i.size:
         return None
+    if not n_c.any():  # nothing was taken out of any shift, so that no direction has to be known
+        return {}
     x_pc = np.stack(plain.x, axis=1)
     along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)
     p = int(np.argmax(along_p))

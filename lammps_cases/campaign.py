@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from eos_ref import EOSTable, InputError
-from lammps_cases import history, reference, twins
+from lammps_cases import history, keys, reference, twins
 from lammps_cases.atoms import Atoms, build
 from lammps_cases.casefile import Case
 from lammps_cases.commands import job
@@ -232,6 +232,7 @@ def provenance(engine: EngineRecord, command: str) -> RunRecord:
             "system": f"{platform.system()} {platform.release()}",
             "processor": platform.processor() or platform.machine(),
             "cores": str(os.cpu_count()),
+            "kind": keys.processor(),
         },
         date=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         command=command,

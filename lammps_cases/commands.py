@@ -23,13 +23,15 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False) -> Job:
+def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists: bool = False) -> Job:
     """Everything LAMMPS is told for a scene.
 
     Parameters
     ----------
     every_step : bool
         Read all arrays after the set-up and after every single step, not only at the steps compared.
+    lists : bool
+        Read the list of neighbours with them.
     """
     per_atom = {}
     if atoms.rho_n is not None:
@@ -51,6 +53,7 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False) -> Job
         outputs={field: (scene.dimension,) * _RANK.get(field, 0) for field in columns},
         atom_arrays=("type", "x", "rho", "pressure", *_more_arrays(scene), *(["esph"] if "esph" in per_atom else [])),
         ranks=scene.engine.ranks,
+        lists=lists,
     )
 
 

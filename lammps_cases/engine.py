@@ -62,6 +62,7 @@ class Job:
     outputs : names of compute ``q`` (rheo/property/atom), in order, with the shape that each has for one atom
     atom_arrays : properties read back through extract_atom
     ranks : processes that LAMMPS runs on
+    lists : whether the list of neighbours is read with the arrays; see `read_list`
     """
 
     setup: tuple[str, ...]
@@ -75,6 +76,7 @@ class Job:
     outputs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     atom_arrays: tuple[str, ...] = ()
     ranks: int = 1
+    lists: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ class Answer:
     snapshots : those of every reading
     steps : LAMMPS' own count of steps at every reading
     run_seconds : wall time of every run command alone
+    lists : lists of neighbours at every reading, if the job asks for them
     """
 
     arrays: dict[str, Array]
@@ -94,6 +97,7 @@ class Answer:
     snapshots: tuple[dict[str, Array], ...] = ()
     steps: tuple[int, ...] = ()
     run_seconds: tuple[float, ...] = ()
+    lists: tuple[dict[str, Array], ...] = ()
 
 
 def package_directory(site: str | None = None) -> Path:
@@ -234,7 +238,7 @@ def run(lmp: Any, job: Job) -> Answer:
         for name, values_n in job.per_atom.items():
             lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
         _commands(lmp, job.commands)
-        snapshots, steps, run_seconds = [], [], []
+        snapshots, steps, run_seconds, lists = [], [], [], []
         for stretch in job.runs:
             started = time.perf_counter()
             lmp.command(stretch.command)
@@ -242,6 +246,8 @@ def run(lmp: Any, job: Job) -> Answer:
             if stretch.read:
                 snapshots.append(read(lmp, job.outputs, job.atom_arrays))
                 steps.append(int(lmp.extract_global("ntimestep")))
+                if job.lists:
+                    lists.append(read_list(lmp, snapshots[-1]["id"]))
     except Exception as error:
         if type(error) is Exception:  # LAMMPS' own message
             raise EngineRefused(str(error).strip()) from None
@@ -249,7 +255,7 @@ def run(lmp: Any, job: Job) -> Answer:
             raise EngineBroken(str(error).strip()) from None
         raise
     seconds = time.perf_counter() - begin
-    return Answer(snapshots[-1], seconds, tuple(snapshots), tuple(steps), tuple(run_seconds))
+    return Answer(snapshots[-1], seconds, tuple(snapshots), tuple(steps), tuple(run_seconds), tuple(lists))
 
 
 def read(
@@ -270,3 +276,23 @@ def read(
             columns = np.empty((0, *shape)) if table is None else table[order_n, end - math.prod(shape) : end]
             arrays[f"q.{name}"] = columns.reshape(n, *shape)
     return arrays
+
+
+def read_list(lmp: Any, id_n: Array) -> dict[str, Array]:
+    """The list of neighbours of pair style rheo, copied, in slots: the atoms of the process, then their images.
+
+    Returns
+    -------
+    dict
+        ``row_s``, the atom in each slot as its row of the sorted ``id_n``; ``x_sc``, its place; ``pair_ps``, the two
+        slots of every pair, in the order of the list.
+    """
+    slots = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
+    id_s = lmp.numpy.extract_atom("id", nelem=slots).ravel()
+    found = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
+    pairs = [np.column_stack([np.full(len(others), slot), others.ravel()]) for slot, others in found if len(others)]
+    return {
+        "row_s": np.searchsorted(id_n, id_s),
+        "x_sc": lmp.numpy.extract_atom("x", nelem=slots, dim=3).copy(),
+        "pair_ps": np.concatenate([np.zeros((0, 2), int), *pairs]),
+    }

@@ -24,6 +24,7 @@ from lammps_cases.mutants import unseen
 from lammps_cases.predictions import Predictor
 from lammps_cases.records import CaseRecord, EngineRecord, LawRecord, Predictions, Seconds, worst
 from lammps_cases.scene import Scene
+from lammps_cases.slots import Listed
 from lammps_cases.trajectory import Particles, Prediction
 from lammps_cases.twins import Twin
 from lammps_cases.variants import Snapshot, combined
@@ -185,7 +186,7 @@ def _judge_particles(
         particles_of(scene, atoms, case.where, scene.snapshots),
         case.name,
         atoms.id_n,
-        [snapshot(scene, arrays) for arrays in answer.snapshots],
+        _snapshots(scene, answer),
         engine,
         predictor,
     )
@@ -224,6 +225,21 @@ def snapshot(scene: Scene, arrays: Arrays) -> Snapshot:
         else:
             found[field] = arrays[f"q.{field}"]
     return found
+
+
+def _snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> list[Snapshot]:
+    """LAMMPS' fields at the readings, or at some of the steps compared; with the first its lists of neighbours."""
+    at = [scene.snapshots.index(step) for step in steps] or range(len(answer.snapshots))
+    found = [snapshot(scene, answer.snapshots[k]) for k in at]
+    if answer.lists:
+        found[0]["lists"] = tuple(Listed(**arrays) for arrays in answer.lists)
+    return found
+
+
+def asks_for_lists(case: Case, scene: Scene, atoms: Atoms, engine: str) -> bool:
+    """Whether a scene shows findings that follow LAMMPS' lists of neighbours."""
+    problem = particles_of(scene, atoms, case.where, scene.snapshots)
+    return shown_by(problem, engine, lists=True) != shown_by(problem, engine)
 
 
 # --- LAMMPS against itself
@@ -291,7 +307,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
     sides: list[_Side] = []
     told = ((twin.scene, twin.atoms), (twin.other_scene, twin.other_atoms))
     for (scene, atoms), answer, name in zip(told, answers, (case.name, f"{case.name}/twin"), strict=True):
-        snapshots = [snapshot(scene, answer.snapshots[scene.snapshots.index(step)]) for step in twin.steps]
+        snapshots = _snapshots(scene, answer, twin.steps)
         if sides and twin.same_problem:
             sides.append(replace(sides[0], snapshots=snapshots))
             continue
@@ -309,7 +325,7 @@ def _against(
     """
     returned, bounds = [], []
     for at, step in enumerate(twin.steps):
-        returned.append(twin.back(theirs[at], step))
+        returned.append(twin.back({field: theirs[at][field] for field in one.scene.fields}, step))
         rounding, their_bounds = twin.rounding(returned[at], step), twin.in_place(other.prediction.bounds[at])
         our_bounds = one.prediction.bounds[at]
         bounds.append({f: our_bounds[f] + their_bounds[f] + rounding.get(f, 0.0) for f in our_bounds})
@@ -338,7 +354,7 @@ def _explain_twin(
     for side in (one, other):
         own = particles.compare_all(side.scene, id_n, side.snapshots, side.prediction)
         if particles.first_outside(side.scene, own, id_n):
-            listed = shown_by(side.scene, engine)
+            listed = shown_by(side.scene, engine, "lists" in side.snapshots[0])
             given = (side.scene, side.snapshots, listed, side.prediction, side.random, predictor)
             found = particles.explain(*given)
             if not found:
@@ -364,7 +380,7 @@ def _with_finding(side: _Side, entry: Entry, predictor: Predictor) -> list[Snaps
 def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> str:
     """The blame of a case that differs, from an answer with every single step."""
     scene = case.scene
-    snapshots = [snapshot(scene, arrays) for arrays in answer.snapshots]
+    snapshots = _snapshots(scene, answer)
     every = particles_of(scene, atoms, case.where, tuple(range(len(snapshots))))
     return particles.blame(every, case.name, atoms.id_n, snapshots, engine, predictor)
 

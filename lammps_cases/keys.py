@@ -21,8 +21,20 @@ from lammps_cases.store import Store, store_folder
 
 # The modules of this package that predictions go through; with them all of eos_ref, and the methods with the costs by
 # which one is chosen. A test follows the imports.
-SOURCES = ("compare", "keys", "model_mutants", "order", "predictions", "records", "store", "trajectory", "variants")
+SOURCES = (
+    "compare",
+    "keys",
+    "model_mutants",
+    "order",
+    "predictions",
+    "records",
+    "slots",
+    "store",
+    "trajectory",
+    "variants",
+)
 LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy", "vesin")
+INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have code of its own
 SWITCHES = ("GLIBC_TUNABLES", "NPY_", "NUMBA_", "OPENBLAS_")  # environment variables that may change how code rounds
 
 
@@ -99,7 +111,9 @@ def context(root: Path = Path(__file__).parents[1]) -> str:
         source = path.read_bytes()
         _feed(digest, (path.relative_to(root).as_posix(), len(source)))
         digest.update(source)
-    _feed(digest, (platform.python_version(), platform.machine(), processor(), *map(_version, LIBRARIES)))
+    simd: Any = np.show_config(mode="dicts")
+    machine = (platform.machine(), processor(), str(simd["SIMD Extensions"]))
+    _feed(digest, (platform.python_version(), *machine, *map(_version, LIBRARIES)))
     _feed(digest, sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(SWITCHES)))
     return digest.hexdigest()
 
@@ -113,16 +127,19 @@ def _version(library: str) -> str:
 
 def processor() -> str:
     """The processor as far as it decides which instructions are used, and the C library with its functions."""
-    simd: Any = np.show_config(mode="dicts")
-    used = str(simd["SIMD Extensions"])
-    model = ""
+    name, flags = platform.machine(), set[str]()
     try:
         with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as lines:
-            model = next((line for line in lines if line.startswith("model name")), "")
+            known: dict[str, str] = {}
+            for line in lines:
+                key, _, value = line.partition(":")
+                known.setdefault(key.strip(), value.strip())
+        name = known.get("model name", name)
+        flags = set(known.get("flags", known.get("Features", "")).split())
         libc = os.confstr("CS_GNU_LIBC_VERSION") or ""
     except (OSError, ValueError):
         libc = ""
-    return " ".join((used, model.strip(), libc))
+    return ", ".join(filter(None, (name, " ".join(i for i in INSTRUCTIONS if i in flags), libc)))
 
 
 def open_store(fresh: bool = False) -> Store:

@@ -94,7 +94,7 @@ def judge(
     random = seed(f"{name}/moved runs")
     prediction = predictor.predict(scene, seed=random)
     table = compare_all(scene, id_n, snapshots, prediction)
-    listed = shown_by(scene, engine)
+    listed = shown_by(scene, engine, "lists" in snapshots[0])
     first = first_outside(scene, table, id_n)
     entries = explain(scene, snapshots, listed, prediction, random, predictor) if first else []
     for comparison in (c for comparisons in table.values() for c in comparisons):
@@ -142,7 +142,7 @@ def beyond(
     scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
 ) -> str:
     """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
-    listed = shown_by(scene, engine)
+    listed = shown_by(scene, engine, "lists" in snapshots[0])
     made = combined([entry.particles for entry in listed if entry.particles], scene, snapshots[0])
     if not listed or made is None:
         return ""

@@ -18,9 +18,11 @@ from eos_ref.model import Model
 from eos_ref.plain import Plain
 from eos_ref.rounded import Decision, Rounded, value
 from eos_ref.steps import Simulation
+from lammps_cases.slots import Listed
 from lammps_cases.trajectory import Particles
 
-Snapshot = dict[str, Any]  # LAMMPS' fields at one step, by the names of `eos_ref.quantities`
+# LAMMPS' fields at one step, by the names of `eos_ref.quantities`; the first one may hold `lists`, of all steps.
+Snapshot = dict[str, Any]
 UNDEFINED = np.inf  # bound of what no reference can predict
 
 
@@ -133,6 +135,7 @@ class Variant:
     stages, stepping : class to put before the evaluator's or the simulation's
     fit : sets what only LAMMPS' numbers can tell, from its first snapshot
     undefined : whether it leaves values without a bound
+    lists : whether it follows LAMMPS' lists of neighbours, which are read for it alone
     """
 
     applies: Callable[[Particles], bool]
@@ -140,6 +143,7 @@ class Variant:
     stepping: type[Simulation] | None = None
     fit: Callable[[Particles, type[Plain], Snapshot], dict[str, Any] | None] | None = None
     undefined: bool = False
+    lists: bool = False
 
 
 def combined(
@@ -157,7 +161,8 @@ def combined(
 
 
 def _joined(name: str, parts: Iterable[type | None], base: type) -> Any:
-    bases = tuple(part for part in parts if part is not None)
+    given = dict.fromkeys(part for part in parts if part is not None)
+    bases = tuple(part for part in given if not any(part in other.__mro__[1:] for other in given))
     # Named, as a prediction is kept only if the module of its stages is known.
     return type(name, bases, {"__module__": __name__}) if bases else base
 
@@ -228,6 +233,27 @@ def falls_back(scene: Particles) -> bool:
     return bool(np.any(stages.coordination_n < model.fix.zmin))
 
 
+def keeps_corrected_forces(scene: Particles) -> bool:
+    """Whether accelerations without pressure are kept for walls, with a kernel whose pairs have two gradients."""
+    return scene.model.corrects_gradients and keeps_forces(scene)
+
+
+def has_kept_images(scene: Particles) -> bool:
+    """Whether accelerations are kept for walls that may have periodic images."""
+    return any(scene.box.periodic) and keeps_forces(scene)
+
+
+def keeps_forces(scene: Particles) -> bool:
+    """Whether accelerations are kept from step to step to reconstruct the densities of walls."""
+    return scene.model.fix.interface_reconstruct and scene.steps[-1] > 0 and bool(scene.state.solid_n.any())
+
+
+def shows_layers(scene: Particles) -> bool:
+    """Whether the status of particles beside a surface shows, with surfaces found by coordination."""
+    detection = scene.model.fix.surface_detection
+    return "status" in scene.fields and detection is not None and detection.style == "coordination"
+
+
 # --- what LAMMPS' numbers tell
 
 
@@ -251,3 +277,9 @@ def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict
     along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)
     p = int(np.argmax(along_p))
     return {"pair": (int(plain.i[p]), int(plain.j[p]))}
+
+
+def lists_of_neighbours(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+    """LAMMPS' list at every step, if they were read; see `lammps_cases.slots`."""
+    lists: tuple[Listed, ...] = snapshot.get("lists", ())
+    return {"lists": lists} if len(lists) > scene.steps[-1] else None

@@ -21,9 +21,13 @@ __all__ = ["ALL", "LEDGER", "NEWEST", "Entry", "explain_outcome", "explain_press
 LEDGER: tuple[Entry, ...] = (*refusals.ENTRIES, *model.ENTRIES)
 
 
-def shown_by(scene: Particles, engine: str) -> list[Entry]:
-    """The findings about the particle model that a scene shows on an engine."""
-    return [e for e in LEDGER if e.particles is not None and e.listed(engine) and e.particles.applies(scene)]
+def shown_by(scene: Particles, engine: str, lists: bool = False) -> list[Entry]:
+    """The findings about the particle model that a scene shows on an engine.
+
+    Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read.
+    """
+    listed = ((e, e.particles) for e in LEDGER if e.particles is not None and e.listed(engine))
+    return [e for e, variant in listed if (lists or not variant.lists) and variant.applies(scene)]
 
 
 def explain_outcome(case: str, engine: str, verdict: Verdict, message: str) -> Entry | None:

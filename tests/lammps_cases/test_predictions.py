@@ -145,7 +145,9 @@ def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch:
     assert keys.context() != before
 
 
-@pytest.mark.parametrize(("where", "name"), [(keys, "_version"), (np, "show_config"), (platform, "python_version")])
+@pytest.mark.parametrize(
+    ("where", "name"), [(keys, "_version"), (keys, "processor"), (np, "show_config"), (platform, "python_version")]
+)
 def test_libraries_and_processor_are_part_of_the_context(
     where: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

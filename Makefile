@@ -11,7 +11,8 @@ help: ## list the targets
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version.split()[0]; sys.exit(sys.version_info < (3, 11) and f"eos-ref needs Python 3.11 or later, {sys.executable} is {v}: make PYTHON=...")'
-	$(PYTHON) -m venv $(VENV)
+	@echo 'setting up $(VENV) (a minute or two) ...'
+	@$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,check]'
 	@touch $@
 
@@ -45,6 +46,6 @@ power: $(READY) ## plant faults, measure what goes unseen, look for false alarms
 	$(BIN)/eos-ref power
 
 clean: ## remove the environment, caches and reports (not the accepted baselines)
-	rm -rf $(VENV) *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name example.png ! -name chart.png -exec rm -rf {} +

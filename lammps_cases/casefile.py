@@ -21,6 +21,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
+from lammps_cases.phrases import nearest
 from lammps_cases.scene import Scene, check_name, models
 
 MAX_CASES = 10_000  # of one file
@@ -243,8 +244,7 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
             hits = [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]
             if not hits:
                 known = sorted({part for c in cases for part in (c.name, c.name.split(".")[0])})
-                close = difflib.get_close_matches(name, known, 1, 0.4)
-                raise InputError("case", "does not exist" + (f" (did you mean {close[0]}?)" if close else ""), name)
+                raise InputError("case", f"does not exist{nearest(name, known)}", name)
             wanted.update(hits)
         chosen = [case for case in cases if case.name in wanted]
     if tag is not None:

@@ -86,8 +86,10 @@ def group(context: click.Context) -> None:
 
 def main() -> None:
     """Entry point: bad input is one line on standard error and exit code 2; a missing engine exit code 3."""
-    # A cancelled CI job ends like Ctrl-C: workers stopped, nothing half-written left behind.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # A cancelled CI job, or a closed terminal, is like Ctrl-C: workers stopped, nothing half-written left behind.
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is not signal.SIG_IGN:
+            signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
         code = group.main(prog_name="eos-ref", standalone_mode=False)
     except click.ClickException as error:
@@ -119,6 +121,9 @@ def _exit_code(error: Exception) -> int:
     if isinstance(error, EngineMissing):
         click.echo(f"eos-ref: {error} (eos-ref doctor says more)", err=True)
         return 3
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        click.echo(f"eos-ref: {error.filename}: cannot be used: {error.strerror}", err=True)
+        return 2
     import traceback
 
     traceback.print_exception(error)

@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from lammps_cases.cli_shared import json_option, paths_option
-
-
-def _table(title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    for row in rows:
-        table.add_row(*map(escape, row))
-    console = Console()
-    if not console.is_terminal:
-        console.width = 160
-    console.print(table)
+from lammps_cases.cli_shared import json_option, paths_option, table, tag_option
 
 
 @click.command("list", short_help="List the cases.")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
-@click.option("--tag", help="Only cases with this tag.")
+@tag_option
 @paths_option
 @json_option
 def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
@@ -57,7 +39,7 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
         )
         for c in cases
     ]
-    _table(f"{len(cases)} cases", ("case", "tags", "laws", "units"), rows)
+    table(("case", "tags", "laws", "units"), rows, f"{len(cases)} cases")
     return 0
 
 
@@ -182,17 +164,13 @@ def _show(explanation: dict[str, Any]) -> None:
         click.echo(f"  bound: {law['bound']}")
     if explanation["methods"]:
         rows = [(method["of"], method["method"], method["why"]) for method in explanation["methods"]]
-        _table("evaluated by", ("what", "method", "why"), rows)
+        table(("what", "method", "why"), rows, "evaluated by")
     if explanation["stability"]:
         click.echo("stability:")
         click.echo("\n".join(f"  {line}" for line in explanation["stability"]))
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
-        _table(
-            "modelled by the reference" if side == "reference" else "told to LAMMPS",
-            ("", "what", "why"),
-            rows,
-        )
+        table(("", "what", "why"), rows, "modelled by the reference" if side == "reference" else "told to LAMMPS")
     click.echo("LAMMPS commands:")
     click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
     if explanation["commands_of_twin"]:

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import json
-import re
+import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli_shared import Bar, json_option
+from lammps_cases.cli_shared import Bar, jobs_option, json_option
+
+if TYPE_CHECKING:
+    from lammps_cases.casefile import Case
+    from lammps_cases.claims.model import Claim
+    from lammps_cases.claims.page import Column
+    from lammps_cases.claims.trace import Trace
+    from lammps_cases.records import CaseRecord, RunRecord
+
+PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
+Loose = Sequence[tuple[str, "CaseRecord"]]  # probes without a claim that ended as nobody foresaw, with their engines
 
 
 @click.command("claims", short_help="The manual's claims: which hold, on which engine, by which cases.")
@@ -22,7 +32,7 @@ from lammps_cases.cli_shared import Bar, json_option
 @click.option(
     "--out", type=click.Path(path_type=Path), default="reports/claims", show_default=True, help="Folder of the page."
 )
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="LAMMPS processes at a time.")
+@jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
 @json_option
 def claims_command(
@@ -30,7 +40,7 @@ def claims_command(
     runs: tuple[Path, ...],
     engines: tuple[str, ...],
     out: Path,
-    jobs: int,
+    jobs: int | None,
     traceability: bool,
     as_json: bool,
 ) -> int:
@@ -60,39 +70,49 @@ def claims_command(
     if traceability:
         return _traceability(leads, as_json)
     from lammps_cases.claims.page import Column
-    from lammps_cases.claims.verdicts import of_run
-    from lammps_cases.records import RunRecord, read_run
+    from lammps_cases.claims.verdicts import BROKEN, of_run
+    from lammps_cases.records import read_run
 
     found: list[tuple[str, RunRecord, Path]] = []
     for folder in runs:
         run = read_run(folder)
-        found.append((run.engine.distribution or run.engine.name, _with_probes(run, folder), folder))
+        found.append((_label(run, str(folder)), _with_probes(run, folder, out), folder))
     for engine in engines or (() if runs else ("env",)):
-        run, folder = _ask(engine, chosen, cases, not names, out, jobs, as_json)
-        found.append((run.engine.distribution or engine, run, folder))
+        run, folder = _ask(engine, chosen, cases, not names, out, jobs or os.cpu_count() or 1, as_json)
+        found.append((_label(run, engine), run, folder))
+    found = _told_apart(found)
     columns = [Column(label, folder / "report.html", of_run(chosen, run, known)) for label, run, folder in found]
     loose = [(label, c) for label, run, _ in found for c in run.cases if _loose(c)]
-    return _finish(columns, loose, leads, out, as_json)
+    code = _finish(columns, loose, leads, out, as_json)
+    return 3 if any(c.verdict in BROKEN for _, run, _ in found for c in run.cases) else code
 
 
-def _loose(case: Any) -> bool:
+def _label(run: RunRecord, name: str) -> str:
+    """What an engine is called in a column."""
+    return run.engine.distribution or run.engine.name or name
+
+
+def _told_apart(found: Sequence[tuple[str, RunRecord, Path]]) -> list[tuple[str, RunRecord, Path]]:
+    """Runs of which no two have the same label: those of one version are told by their folders."""
+    labels = [label for label, *_ in found]
+    return [(f"{label} ({folder})" if labels.count(label) > 1 else label, run, folder) for label, run, folder in found]
+
+
+def _loose(case: CaseRecord) -> bool:
     """Whether a probe without a claim ended as nobody foresaw."""
     from lammps_cases.claims.model import without_claim
 
     return case.case in without_claim() and not case.as_expected
 
 
-def _folder(engine: str) -> str:
-    return re.sub(r"[^A-Za-z0-9.+-]+", "-", engine).strip("-.")
-
-
 def _ask(
-    engine: str, chosen: Sequence[Any], cases: Sequence[Any], everything: bool, out: Path, jobs: int, quiet: bool
-) -> tuple[Any, Path]:
+    engine: str, chosen: Sequence[Claim], cases: Sequence[Case], everything: bool, out: Path, jobs: int, quiet: bool
+) -> tuple[RunRecord, Path]:
     """Run the cases and probes of some claims on an engine; the record of both, and the folder of the cases' report."""
     from lammps_cases import campaign, engines, keys
     from lammps_cases.claims import probes
     from lammps_cases.claims.verdicts import Names
+    from lammps_cases.phrases import folder_name
     from lammps_cases.records import write_atomically
     from lammps_cases.workers import Failure, Workers
 
@@ -101,10 +121,10 @@ def _ask(
     wanted = {name for claim in chosen for name in names.of(claim)}
     needed = [case for case in cases if case.name in wanted]
     asked = [probe for probe in probes.probes() if everything or probe.name in wanted]
-    folder = out / _folder(engine)
+    folder = out / folder_name(engine)
     with Bar(quiet) as bar:
 
-        def progress(record: Any, done: int, total: int) -> None:
+        def progress(record: CaseRecord, done: int, total: int) -> None:
             bar.show(done, total, f"{engine}: {record.case}")
 
         run = None
@@ -126,23 +146,24 @@ def _ask(
 
 
 def _probes_file(folder: Path) -> Path:
-    return folder.with_name(f"{folder.name}.probes.json")
+    return folder.with_name(f"{folder.name}{PROBES}")
 
 
-def _with_probes(run: Any, folder: Path) -> Any:
+def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
     """A finished run, with the probes that an earlier call of this command put to the same LAMMPS."""
     from lammps_cases.records import RunRecord
 
-    try:
-        asked = RunRecord.model_validate_json(_probes_file(folder).read_bytes())
-    except (OSError, ValueError):
-        return run
-    if asked.engine.library_sha256 != run.engine.library_sha256:
-        return run
-    return run.model_copy(update={"cases": [*run.cases, *asked.cases]})
+    for path in (_probes_file(folder), *sorted(out.glob(f"*{PROBES}"))):
+        try:
+            asked = RunRecord.model_validate_json(path.read_bytes())
+        except (OSError, ValueError):
+            continue
+        if asked.engine.library_sha256 == run.engine.library_sha256:
+            return run.model_copy(update={"cases": [*run.cases, *asked.cases]})
+    return run
 
 
-def _finish(columns: Sequence[Any], loose: Sequence[tuple[str, Any]], leads: Any, out: Path, as_json: bool) -> int:
+def _finish(columns: Sequence[Column], loose: Loose, leads: Trace, out: Path, as_json: bool) -> int:
     """Write the page and the document, and say what does not hold."""
     from lammps_cases.claims import page
     from lammps_cases.records import write_atomically
@@ -158,7 +179,7 @@ def _finish(columns: Sequence[Any], loose: Sequence[tuple[str, Any]], leads: Any
     return int(bool(loose) or any(judged.unexplained for column in columns for judged in column.judged))
 
 
-def _document(columns: Sequence[Any]) -> dict[str, Any]:
+def _document(columns: Sequence[Column]) -> dict[str, Any]:
     from dataclasses import asdict
 
     from lammps_cases.claims.verdicts import worst
@@ -180,7 +201,7 @@ def _document(columns: Sequence[Any]) -> dict[str, Any]:
     return {"claims": rows}
 
 
-def _show(columns: Sequence[Any], loose: Sequence[tuple[str, Any]]) -> None:
+def _show(columns: Sequence[Column], loose: Loose) -> None:
     from lammps_cases.claims.verdicts import counts
 
     for column in columns:
@@ -204,7 +225,7 @@ def _more(count: int) -> str:
     return f" (and {count} more)" if count else ""
 
 
-def _traceability(leads: Any, as_json: bool) -> int:
+def _traceability(leads: Trace, as_json: bool) -> int:
     """List what leads nowhere; 1 if anything does so without a reason."""
     if as_json:
         from dataclasses import asdict

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from lammps_cases.cli_shared import Bar, json_option
+from lammps_cases.cli_shared import Bar, json_option, table
+from lammps_cases.phrases import brief, counted, plain
 
 if TYPE_CHECKING:
     from lammps_cases.history.order import Line
@@ -132,7 +133,7 @@ def _add(history: History, folder: Path) -> None:
 
 def _forget(history: History, before: str, as_json: bool) -> int:
     count = history.forget(before)
-    told = f"{count} run{'s' * (count != 1)} before {before} forgotten, {len(history.runs())} left"
+    told = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
     click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else told)
     return 0
 
@@ -156,37 +157,10 @@ def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | 
     """Everything as one document; numbers that JSON has not are text, as in run.json."""
     from dataclasses import asdict
 
-    document: dict[str, Any] = {"schema": SCHEMA, "file": str(path), "runs": [_plain(asdict(line)) for line in lines]}
+    document: dict[str, Any] = {"schema": SCHEMA, "file": str(path), "runs": [plain(asdict(line)) for line in lines]}
     if found is not None:
-        document["cases"] = [_plain(asdict(view)) for view in found]
+        document["cases"] = [plain(asdict(view)) for view in found]
     return document
-
-
-def _plain(item: Any) -> Any:
-    if isinstance(item, dict):
-        return {name: _plain(value) for name, value in item.items()}
-    if isinstance(item, (list, tuple)):
-        return [_plain(value) for value in item]
-    if isinstance(item, float) and not abs(item) < float("inf"):
-        return "NaN" if item != item else "Infinity" if item > 0 else "-Infinity"
-    return item
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    for row in rows:
-        table.add_row(*map(escape, row))
-    console = Console()
-    if not console.is_terminal:
-        console.width = 200
-    console.print(table)
 
 
 def _show_runs(lines: Sequence[RunLine], every: int) -> None:
@@ -201,7 +175,7 @@ def _show_runs(lines: Sequence[RunLine], every: int) -> None:
         )
         for line in lines
     ]
-    _table(("date", "engine", "cases", "seconds", "against the same engine", "against the engine before"), rows)
+    table(("date", "engine", "cases", "seconds", "against the same engine", "against the engine before"), rows)
     if len(lines) < every:
         click.echo(f"{len(lines)} of {every} runs (--last {every} lists all)")
 
@@ -217,14 +191,14 @@ def _show_case(view: CaseView, only: Only | None) -> None:
         ended = span.outcome
         row = [span.label, _days(span.since, span.until), str(span.lammps.count)]
         row += [ended.kind] if only in (None, "verdicts") else []
-        row += [_ratio(ended.worst), ended.worst_field] if only in (None, "errors") else []
+        row += [brief(ended.worst), ended.worst_field] if only in (None, "errors") else []
         row += [_seconds(span.lammps), _seconds(span.reference)] if only in (None, "times") else []
         rows.append(row)
     columns = ["engine", "date", "runs"]
     columns += ["verdict"] if only in (None, "verdicts") else []
     columns += ["diff/bound", "worst field"] if only in (None, "errors") else []
     columns += ["LAMMPS s", "reference s"] if only in (None, "times") else []
-    _table(columns, rows)
+    table(columns, rows)
     for text in _changes(view):
         click.echo(text)
 
@@ -258,21 +232,17 @@ def _show_cases(found: Sequence[CaseView], labels: Sequence[str], only: Only | N
         for label in labels:
             ended, spread = view.latest.get(label), view.times.get(label)
             parts = [ended.kind] if ended and only in (None, "verdicts") else []
-            parts += [_ratio(ended.worst)] if ended and only in (None, "errors") else []
+            parts += [brief(ended.worst)] if ended and only in (None, "errors") else []
             parts += [_seconds(spread)] if spread and only == "times" else []
             cells.append(" ".join(parts))
         first = next((change.engine for change in view.changes if change.first), "")
         values = [span.lammps.median if only == "times" else span.outcome.worst for span in view.spans]
         rows.append((view.case, spark(values, logarithmic=only != "times"), *cells, first))
-    _table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
+    table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
 
 
 def _days(since: str, until: str) -> str:
     return since[:10] if since[:10] == until[:10] else f"{since[:10]} to {until[:10]}"
-
-
-def _ratio(value: float | None) -> str:
-    return "" if value is None else f"{value:.2g}"
 
 
 def _seconds(spread: Any) -> str:

@@ -7,17 +7,28 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli_shared import Bar, engine_option, finish, json_option, out_option, paths_option, strict_option
+from lammps_cases.cli_shared import (
+    Bar,
+    engine_option,
+    finish,
+    fresh_option,
+    jobs_option,
+    json_option,
+    out_option,
+    paths_option,
+    strict_option,
+    tag_option,
+)
 from lammps_cases.records import CaseRecord, RunRecord
 
 
 @click.command("run", short_help="Run cases against LAMMPS.")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
-@click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
+@tag_option
 @paths_option
-@click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
+@jobs_option
 @engine_option
-@click.option("--fresh", is_flag=True, help="Compute every prediction of the reference anew, and store it again.")
+@fresh_option
 @click.option("--shard", help="i/n: only every n-th case, from the i-th.")
 @click.option(
     "--baseline",
@@ -52,11 +63,14 @@ def run_command(
 
     prefork.context("lammps_cases.evaluate", "lammps_cases.report.drawn")
     from lammps_cases import campaign, casefile, engines, keys
+    from lammps_cases.regression import baseline as accepted
 
     every = casefile.load(paths)
     chosen = casefile.select(every, names, tag)
     if shard:
         chosen = campaign.shard(chosen, shard)
+    if baseline is not None:
+        accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     with Bar(quiet=as_json) as bar:
 
         def progress(record: CaseRecord, done: int, total: int) -> None:
@@ -74,7 +88,7 @@ def run_command(
             keys.open_store(fresh),
         )
     code = finish(run, out, as_json)
-    if baseline is None:
+    if baseline is None or code == 3:  # an engine that failed is not held against anything
         return code
     return max(code, _against(baseline, run, out, {case.name for case in every}, as_json))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,11 +15,17 @@ import click
 from lammps_cases.records import RunRecord
 
 PLAIN_EVERY = 5.0  # seconds between two plain lines
+WIDE = 160  # columns of a table that is printed into a file or a pipe
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
 engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
 strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
 out_option = click.option(
     "--out", type=click.Path(path_type=Path), default="reports/latest", show_default=True, help="Report folder."
+)
+tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
+jobs_option = click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
+fresh_option = click.option(
+    "--fresh", is_flag=True, help="Compute every prediction of the reference anew, and store it again."
 )
 paths_option = click.option(
     "--cases", "paths", multiple=True, type=click.Path(path_type=Path), help="Case file or folder of your own."
@@ -47,6 +54,24 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
 
     announce(run, directory, os.environ)
     return run.exit_code
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None) -> None:
+    """Print a table; wide where there is no terminal to fit it into."""
+    from rich import box
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+    for column in columns:
+        made.add_column(column, overflow="fold")
+    for row in rows:
+        made.add_row(*map(escape, row))
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDE
+    console.print(made)
 
 
 class Bar:

@@ -112,9 +112,11 @@ def _one_cell(text: str, out: Path, site: str | None, as_json: bool) -> int:
     if as_json:
         from dataclasses import asdict
 
+        from lammps_cases.phrases import plain
+
         document: dict[str, Any] = {"cell": names.name(cell), "deck": path}
         document |= {side: asdict(outcome) for side, outcome in ended.items()}
-        click.echo(json.dumps(_plain(document), indent=1))
+        click.echo(json.dumps(plain(document), indent=1))
         return int(differ)
     click.secho(f"{of.title}: {of.x.name} = {cell.x:.6g}, {of.y.name} = {cell.y:.6g} {cell.layer}".rstrip(), bold=True)
     for side, o in ended.items():
@@ -125,10 +127,3 @@ def _one_cell(text: str, out: Path, site: str | None, as_json: bool) -> int:
         click.echo(f"{'LAMMPS' if side == 'lammps' else side:10s} {o.kind}{', ' * bool(parts)}{', '.join(parts)}{said}")
     click.echo(f"deck: {path}" if path else "deck: none, it holds numbers that LAMMPS reads from no deck")
     return int(differ)
-
-
-def _plain(item: Any) -> Any:
-    """Infinities and NaN as text, which JSON has no number for."""
-    if isinstance(item, dict):
-        return {name: _plain(value) for name, value in item.items()}
-    return str(item) if isinstance(item, float) and not abs(item) < float("inf") else item

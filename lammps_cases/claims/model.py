@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import fnmatch
 import functools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
 from eos_ref import InputError
+from lammps_cases import casefile
+from lammps_cases.phrases import nearest
 
 PROBE = "probes."  # the names of probes begin so, and those of no case
 FOLDER = Path(__file__).parent
@@ -34,7 +36,6 @@ Kind = Literal[
 ]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 _FILES: dict[Page, str] = {"fix rheo": "rheo.yaml", "fix rheo/pressure": "pressure.yaml"}
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class Claim(BaseModel):
@@ -109,7 +110,7 @@ def without_claim() -> dict[str, str]:
 
 
 def _read(name: str, kind: Any) -> Any:
-    return _checked(yaml.load((FOLDER / name).read_text(encoding="utf-8"), _Loader), kind, name)
+    return _checked(casefile.read_yaml(FOLDER / name), kind, name)
 
 
 def _checked(data: Any, kind: Any, name: str) -> Any:
@@ -129,9 +130,6 @@ def select(names: Sequence[str]) -> list[Claim]:
     InputError
         A name that fits none; the nearest is suggested.
     """
-    import difflib
-    import fnmatch
-
     every = claims()
     if not names:
         return list(every)
@@ -145,7 +143,6 @@ def select(names: Sequence[str]) -> list[Claim]:
             or any(fnmatch.fnmatchcase(name, pattern) for pattern in c.cases)
         ]
         if not hits:
-            close = difflib.get_close_matches(name, [c.id for c in every], 1, 0.4)
-            raise InputError("claim", "does not exist" + (f" (did you mean {close[0]}?)" if close else ""), name)
+            raise InputError("claim", f"does not exist{nearest(name, (c.id for c in every))}", name)
         wanted.update(hits)
     return [claim for claim in every if claim.id in wanted]

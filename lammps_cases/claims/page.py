@@ -8,16 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-from markupsafe import Markup
-
+from lammps_cases import pages
 from lammps_cases.claims.model import KINDS, PROBE, Claim
 from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
 from lammps_cases.ledger import LEDGER
+from lammps_cases.phrases import finding_ids
 
 ASSETS = Path(__file__).with_name("assets")
-STYLE = Path(__file__).parents[1] / "report" / "assets" / "report.css"
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
 
 
@@ -69,32 +67,34 @@ def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
     grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
     sections = [Section(page, title, tuple(found)) for (page, title), found in grouped]
     refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.get_template("claims.html.j2").render(
-        engines=[column.engine for column in columns],
-        totals=[counts(column.judged) for column in columns],
-        verdicts=[v for v in VERDICTS if any(row.verdict == v for row in rows)],
-        kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
-        number=len(rows),
-        counted={v: sum(row.verdict == v for row in rows) for v in VERDICTS},
-        sections=sections,
-        findings=[
-            (entry, [r for r in rows if any(entry.id in p.evidence.finding.split(", ") for p in r.proofs)])
-            for entry in LEDGER
-            if entry.id in refuting
-        ],
-        trace=trace,
-        unexplained=any(judged.unexplained for column in columns for judged in column.judged),
-        css=Markup(STYLE.read_text(encoding="utf-8")),
-        own_css=Markup((ASSETS / "claims.css").read_text(encoding="utf-8")),
-        script=Markup((ASSETS / "claims.js").read_text(encoding="utf-8")),
+    unexplained = any(judged.unexplained for column in columns for judged in column.judged)
+    return (
+        pages.environment(ASSETS)
+        .get_template("claims.html.j2")
+        .render(
+            command="claims",
+            status="bad" if unexplained else "good",
+            engines=[column.engine for column in columns],
+            totals=[counts(column.judged) for column in columns],
+            verdicts=[v for v in VERDICTS if any(row.verdict == v for row in rows)],
+            kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
+            number=len(rows),
+            counted={v: sum(row.verdict == v for row in rows) for v in VERDICTS},
+            sections=sections,
+            findings=[
+                (entry, [r for r in rows if any(entry.id in finding_ids(p.evidence.finding) for p in r.proofs)])
+                for entry in LEDGER
+                if entry.id in refuting
+            ],
+            trace=trace,
+            css=pages.style(ASSETS / "claims.css"),
+            script=pages.script(ASSETS / "claims.js"),
+        )
     )
 
 
 def _findings(judged: Judged) -> set[str]:
-    return {entry for evidence in judged.evidence for entry in evidence.finding.split(", ") if entry}
+    return {entry for evidence in judged.evidence for entry in finding_ids(evidence.finding)}
 
 
 def _row(at: int, columns: Sequence[Column], folder: Path) -> Row:

@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter, model_validator
 
-from lammps_cases import engine
+from lammps_cases import casefile, engine
 from lammps_cases.claims.model import PROBE
 from lammps_cases.claims.verdicts import own_words
 from lammps_cases.ledger import explain_outcome
@@ -94,7 +93,7 @@ class Ran:
 
 @functools.cache
 def _data() -> dict[str, Any]:
-    data: dict[str, Any] = yaml.load(FILE.read_text(encoding="utf-8"), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    data: dict[str, Any] = casefile.read_yaml(FILE)
     return data
 
 

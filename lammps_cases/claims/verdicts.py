@@ -17,12 +17,13 @@ from typing import Literal, get_args
 
 from lammps_cases.claims.model import PROBE, Claim, claims
 from lammps_cases.ledger import LEDGER
+from lammps_cases.phrases import INSIDE, counted, finding_ids, number
 from lammps_cases.records import CaseRecord, FieldRecord, RunRecord
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
 _WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested")  # over several engines
-_GOOD = ("exact", "pass")
+BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a finding, says nothing of the manual
 
 
 @dataclass(frozen=True)
@@ -131,13 +132,14 @@ def _judged(
         unexplained = any(not evidence.finding for evidence in heard.against)
         return Judged(claim, "does not hold", names, tuple(heard.against), unexplained, remarks)
     if missing or heard.silent or not here:
-        return Judged(claim, "not run", names, remarks=remarks)
+        waiting = f"not run: {', '.join(missing)}"
+        return Judged(claim, "not run", names, remarks=(*remarks, waiting) if missing else remarks)
     return Judged(claim, "holds", names, (_nearest(heard),), remarks=remarks)
 
 
 def _listen(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> None:
     """Add what a case says of a claim."""
-    if record.verdict in ("skipped", "error"):
+    if record.verdict in ("skipped", *BROKEN):
         heard.silent.append(f"{record.case}: {record.message or record.verdict}")
         return
     if not record.fields:
@@ -148,19 +150,19 @@ def _listen(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> Non
         heard.silent.append(f"{record.case} compares none of {', '.join(claim.fields)}")
         return
     for of in chosen:
-        if of.verdict in _GOOD:
+        if of.verdict in INSIDE:
             heard.shown.append((record, of))
             continue
-        found = _ids(of.explained_by) or _open(record.case, engine)
+        found = finding_ids(of.explained_by) or _open(record.case, engine)
         _weigh(claim, record, found, of, heard)
 
 
 def _listen_to_end(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> None:
     """A case without numbers: a refusal, a crash, or a probe."""
-    if record.verdict in _GOOD or (record.verdict == "refused" and record.as_expected):
+    if record.verdict in INSIDE or (record.verdict == "refused" and record.as_expected):
         heard.shown.append((record, None))
         return
-    found = _ids(record.explained_by) or _open(record.case, engine)
+    found = finding_ids(record.explained_by) or _open(record.case, engine)
     _weigh(claim, record, found, None, heard)
 
 
@@ -184,10 +186,6 @@ def own_words(text: str) -> str:
     return " ".join(re.sub(r"\(src/[^)]*\)", "", own.partition("Last input line")[0]).split())
 
 
-def _ids(explained_by: str | None) -> list[str]:
-    return explained_by.split(", ") if explained_by else []
-
-
 def _open(case: str, engine: str) -> list[str]:
     """Findings that no variant reproduces yet, which speak of a case by its name."""
     return [entry.id for entry in LEDGER if not entry.named_variant and entry.covers(case, engine)]
@@ -199,8 +197,8 @@ def _numbers(of: FieldRecord, record: CaseRecord) -> str:
     atoms = f", {of.outside} of {record.natoms} atoms" if of.outside else ""
     if of.max_abs is None or of.max_over_bound is None:
         return f"{of.field} is outside its bound{where}{who}{atoms}"
-    times = "where its bound is 0" if math.isinf(of.max_over_bound) else f"{of.max_over_bound:.3g} times its bound"
-    return f"{of.field} is off by {of.max_abs:.3g}, {times}{where}{who}{atoms}"
+    times = "where its bound is 0" if math.isinf(of.max_over_bound) else f"{number(of.max_over_bound)} times its bound"
+    return f"{of.field} is off by {number(of.max_abs)}, {times}{where}{who}{atoms}"
 
 
 def _nearest(heard: _Heard) -> Evidence:
@@ -211,7 +209,7 @@ def _nearest(heard: _Heard) -> Evidence:
         for case, of in heard.shown
         if of is not None
         for at in (of.steps or (of,))  # where later steps are explained by a finding, earlier ones agree
-        if at.verdict in _GOOD
+        if at.verdict in INSIDE
     ]
     if compared:
         ratio, name, field, _ = max(compared)
@@ -219,22 +217,19 @@ def _nearest(heard: _Heard) -> Evidence:
         same = all(verdict == "exact" for *_, verdict in compared)
         text = "the same bits" if same else f"{field} within {ratio:.2g} of its bound at worst"
         more = f"; {cases - close} more explained by other findings" if heard.others and cases > close else ""
-        return Evidence(name, field, f"{_cases(close)}: {text}{more}")
+        return Evidence(name, field, f"{counted(close, 'case')}: {text}{more}")
     case = heard.shown[0][0]
+    how = " refused as promised" if case.expects else " as documented"
     if heard.others:
-        return Evidence(case.case, "", f"{_cases(cases)}, explained by a finding that does not contradict the claim")
-    return Evidence(case.case, "", f"{_cases(cases)} {'refused as promised' if case.expects else 'as documented'}")
-
-
-def _cases(number: int) -> str:
-    return f"{number} case{'s' * (number != 1)}"
+        how = ", explained by a finding that does not contradict the claim"
+    return Evidence(case.case, "", counted(cases, "case") + how)
 
 
 def _remarks(claim: Claim, heard: _Heard) -> Iterable[str]:
     if claim.remark:
         yield claim.remark
     for entry, times in sorted(heard.others.items()):
-        yield f"{entry} explains {times} comparison{'s' * (times != 1)} and does not contradict it"
+        yield f"{entry} explains {counted(times, 'comparison')} and does not contradict it"
     yield from heard.silent
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 
-from lammps_cases.history.model import size
 from lammps_cases.history.views import CaseView, Spread
+from lammps_cases.phrases import counted, number, size
 
 _BARS = "▁▂▃▄▅▆▇█"
 _SLOT, _LEFT, _TOP = 112, 58, 8  # pixels: of a point along x, of the axis' labels, above the plot
@@ -57,7 +57,7 @@ def points(view: CaseView) -> list[Point]:
         ended = span.outcome
         days = span.since[:10] if span.since[:10] == span.until[:10] else f"{span.since[:10]} to {span.until[:10]}"
         field = f", worst in {ended.worst_field}" if ended.worst_field else ""
-        says = f"{span.label}, {days}, {span.lammps.count} run{'s' * (span.lammps.count > 1)}: {ended.kind}{field}"
+        says = f"{span.label}, {days}, {counted(span.lammps.count, 'run')}: {ended.kind}{field}"
         found.append(Point(span.label, span.since[:10], ended.kind, ended.worst, says))
     return found
 
@@ -124,7 +124,7 @@ def times(spreads: dict[str, Spread], height: int = 70) -> str:
             told += f", {spread.low:.3g} to {spread.high:.3g} s in {spread.count} runs"
         bar = f'<line class="range" x1="{_x(k)}" x2="{_x(k)}" y1="{y(spread.low):.1f}" y2="{y(spread.high):.1f}"/>'
         parts.append(bar + _dot("time", _x(k), y(spread.median), escape(told)))
-    labels = _labels(tuple((label, f"{s.count} run{'s' * (s.count > 1)}") for label, s in spreads.items()), height)
+    labels = _labels(tuple((label, counted(s.count, "run")) for label, s in spreads.items()), height)
     return _svg("seconds in LAMMPS by version", "".join(parts) + labels, len(spreads), height)
 
 
@@ -154,7 +154,7 @@ def _labels(columns: tuple[tuple[str, str], ...], height: int) -> str:
 
 
 def _title(mark: Point) -> str:
-    error = "" if mark.ratio is None else f", difference/bound {mark.ratio:.3g}"
+    error = "" if mark.ratio is None else f", difference/bound {number(mark.ratio)}"
     return escape(mark.says + error)
 
 

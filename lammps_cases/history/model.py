@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.records import Verdict
+from lammps_cases.phrases import EXPECTED_REFUSAL, field_name, kind, size
+from lammps_cases.records import FieldRecord, Verdict
 
-EXPECTED_REFUSAL = "refused as expected"
 # From best to worst; as lammps_cases.records orders verdicts, with what was skipped last.
 KINDS_OF_VERDICT = (
     *("exact", "pass", EXPECTED_REFUSAL, "explained"),
@@ -85,7 +85,7 @@ class FieldOutcome:
     @property
     def name(self) -> str:
         """Field, and atom type if it is of one alone."""
-        return self.field if self.atom_type is None else f"{self.field} of type {self.atom_type}"
+        return field_name(self.field, self.atom_type)
 
 
 @dataclass(frozen=True)
@@ -125,11 +125,8 @@ class Result:
     reference: float
 
 
-def kind(verdict: str, expected: bool) -> str:
-    """The verdict, with an expected refusal kept apart from one that nobody expected."""
-    return EXPECTED_REFUSAL if verdict == "refused" and expected else verdict
-
-
-def size(ratio: float | None) -> float:
-    """A ratio for ordering: not a number is the worst there is, none the best."""
-    return -1.0 if ratio is None else math.inf if math.isnan(ratio) else ratio
+def worst_of(fields: Sequence[FieldRecord | FieldOutcome]) -> tuple[float | None, str]:
+    """Largest difference in units of the bound over the fields of a case, and where it is (empty if there is none)."""
+    worst = max(fields, key=lambda field: size(field.max_over_bound), default=None)
+    ratio = worst.max_over_bound if worst else None
+    return ratio, worst.field if worst and ratio else ""

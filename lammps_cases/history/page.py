@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 from markupsafe import Markup
 
+from lammps_cases import pages
 from lammps_cases.history import draw
 from lammps_cases.history.model import KINDS, Kind
 from lammps_cases.history.views import CaseView, Change, RunLine
+from lammps_cases.phrases import brief
 from lammps_cases.records import write_atomically
 
 ASSETS = Path(__file__).parent / "assets"
-SHARED = Path(__file__).parent.parent / "report" / "assets"
 
 
 @dataclass(frozen=True)
@@ -60,10 +59,9 @@ def write(
     folder: Path, lines: Sequence[RunLine], views: Sequence[CaseView], labels: Sequence[str], pictured: bool
 ) -> Path:
     """Write the page of some runs and cases; with a picture of every case, or the changes alone."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([ASSETS, SHARED]), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = pages.environment(ASSETS)
     environment.filters["findings"] = findings
+    environment.filters["error"] = error
     html = environment.get_template("page.html.j2").render(
         lines=lines,
         labels=labels,
@@ -71,18 +69,17 @@ def write(
         changed=[view for view in views if pictured or view.changes],
         total=len(views),
         pictures=[_picture(view) for view in views] if pictured else [],
-        ratio=ratio,
-        css=Markup((SHARED / "report.css").read_text(encoding="utf-8")),
-        own_css=Markup((ASSETS / "history.css").read_text(encoding="utf-8")),
+        command="history",
+        css=pages.style(ASSETS / "history.css"),
     )
     path = folder / "history.html"
     write_atomically(path, html)
     return path
 
 
-def ratio(value: float | None) -> str:
-    """Difference/bound for a narrow cell."""
-    return "" if value is None else "=" if value == 0 else "∞" if value == math.inf else f"{value:.2g}"
+def error(ratio: float | None) -> str:
+    """Difference/bound for a narrow cell; ``=`` for none."""
+    return "=" if ratio == 0 else brief(ratio)
 
 
 def findings(changes: Sequence[Change]) -> list[tuple[str, str]]:

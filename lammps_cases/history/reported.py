@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lammps_cases.history.draw import Point
-from lammps_cases.history.model import EngineName, Outcome, Result, Run, kind, size
+from lammps_cases.history.model import EngineName, Outcome, Result, Run, worst_of
 from lammps_cases.history.order import engines
 from lammps_cases.history.store import History
+from lammps_cases.phrases import kind
 from lammps_cases.records import CaseRecord, RunRecord
 
 TABLE = 12  # runs in the table of a report
@@ -83,11 +84,8 @@ def _same(run: Run, own: Run) -> bool:
 
 
 def _ended(case: CaseRecord) -> Outcome:
-    worst = max(case.fields, key=lambda field: size(field.max_over_bound), default=None)
-    ratio = worst.max_over_bound if worst else None
-    field = worst.field if worst and ratio else ""
     told = case.natoms, case.steps, case.message, case.explained_by or ""
-    return Outcome(_OWN, case.case, case.verdict, case.as_expected, *told, ratio, field)
+    return Outcome(_OWN, case.case, case.verdict, case.as_expected, *told, *worst_of(case.fields))
 
 
 def _mark(label: str, run: Run, ended: Outcome, count: int, own: bool = False) -> Point:

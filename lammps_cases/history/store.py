@@ -22,7 +22,8 @@ from typing import Any, Self
 import platformdirs
 
 from eos_ref.errors import InputError
-from lammps_cases.history.model import EngineName, FieldOutcome, Outcome, Result, Run, kind, size
+from lammps_cases.history.model import EngineName, FieldOutcome, Outcome, Result, Run, worst_of
+from lammps_cases.phrases import kind
 from lammps_cases.records import CaseRecord, FieldRecord, RunRecord
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
@@ -214,7 +215,7 @@ class History:
         """Say what the system or SQLite complains of in one line."""
         try:
             yield
-        except (OSError, OverflowError, json.JSONDecodeError, sqlite3.Error) as error:
+        except (OSError, OverflowError, ValueError, TypeError, AttributeError, sqlite3.Error) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise InputError("history", f"cannot be used: {reason}", where=str(self.path)) from None
 
@@ -274,7 +275,7 @@ def _read_field(row: tuple[Any, ...]) -> FieldOutcome:
 
 def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
     """The id of how a case ended, which is added if no run before had it."""
-    worst = max(case.fields, key=lambda field: size(field.max_over_bound), default=None)
+    ratio, worst_field = worst_of(case.fields)
     row = (
         case.case,
         case.verdict,
@@ -283,8 +284,8 @@ def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
         case.steps,
         case.message,
         case.explained_by or "",
-        _stored(worst.max_over_bound if worst else None),
-        worst.field if worst and worst.max_over_bound else "",
+        _stored(ratio),
+        worst_field,
     )
     fields = [_field_row(field) for field in case.fields]
     sha256 = hashlib.sha256(repr((row, fields)).encode()).digest()

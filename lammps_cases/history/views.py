@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,9 +9,10 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from eos_ref.errors import InputError
-from lammps_cases.history.model import KINDS, FieldOutcome, Kind, Outcome, Result, Run, size
+from lammps_cases.history.model import KINDS, FieldOutcome, Kind, Outcome, Result, Run
 from lammps_cases.history.order import Line, engines
 from lammps_cases.history.store import History
+from lammps_cases.phrases import nearest, size
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,8 @@ def chosen_cases(known: Sequence[str], names: Sequence[str]) -> list[str]:
     for name in names:
         hits = [case for case in known if fnmatchcase(case, name) or case.startswith(f"{name}.")]
         if not hits:
-            close = difflib.get_close_matches(name, sorted({*known, *(c.split(".")[0] for c in known)}), 1, 0.4)
-            raise InputError("case", "is in no run kept" + (f" (did you mean {close[0]}?)" if close else ""), name)
+            like = nearest(name, sorted({*known, *(case.split(".")[0] for case in known)}))
+            raise InputError("case", f"is in no run kept{like}", name)
         chosen.update(hits)
     return sorted(chosen)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from eos_ref import InputError
+from lammps_cases.phrases import nearest
 from lammps_cases.records import write_atomically
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -79,9 +79,7 @@ def kit(name: str) -> Kit:
     """
     known = {each.name: each for each in KITS}
     if name not in known:
-        close = difflib.get_close_matches(name, known, 1, 0.4)
-        hint = f" (did you mean {close[0]}?)" if close else ""
-        raise InputError("kit", f"must be one of {', '.join(known)}{hint}", name)
+        raise InputError("kit", f"must be one of {', '.join(known)}{nearest(name, known)}", name)
     return known[name]
 
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from lammps_cases.compare import excess
+from lammps_cases.phrases import INSIDE
 from lammps_cases.records import Verdict
 from lammps_cases.regression.kinds import Change, Closer, Kind, Policy, judged
-from lammps_cases.regression.seen import INSIDE, At, FieldSeen, Sample, Samples
+from lammps_cases.regression.seen import At, FieldSeen, Sample, Samples
 
 
 def field_change(case: str, one: FieldSeen, other: FieldSeen, kept: tuple[Samples, Samples], policy: Policy) -> Change:

@@ -71,15 +71,6 @@ class Baseline:
         return Side(name or str(self.folder), self.engine, self.versions, self.cases, samples)
 
 
-def machine_kind() -> str:
-    """What decides which instructions and which C library round on this machine.
-
-    The model of the processor is part of it, although processors of one family mostly round alike: to take two
-    machines for different costs a warning, to take them for the same a false alarm.
-    """
-    return keys.processor()  # the keys of the store of predictions rest on the same
-
-
 def engine_name(engine: EngineRecord) -> str:
     """The folder of an engine's baseline.
 
@@ -113,6 +104,18 @@ def find(engine: EngineRecord, baselines: Path) -> Path:
         rule = f"none is accepted for this engine (eos-ref accept RUN --reason TEXT; accepted are: {there})"
         raise InputError("baseline", rule, where=str(folder))
     return folder
+
+
+def readable(baselines: Path) -> None:
+    """Make sure that there are baselines to hold a run against.
+
+    Raises
+    ------
+    InputError
+        Neither a folder of baselines nor a baseline.
+    """
+    if not (baselines / IDENTITY).exists() and not any(baselines.glob(f"*/{IDENTITY}")):
+        raise InputError("baseline", "must be a folder of accepted baselines, or one of them", str(baselines))
 
 
 def _whole(folder: Path) -> Path | None:
@@ -182,7 +185,10 @@ def _cases(path: Path) -> dict[str, CaseSeen]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError("baseline", f"cannot be read: {error}", where=str(path)) from None
     skipped = sum(1 for _ in _head(rows))
-    table = csv.reader(rows[skipped:], delimiter="\t")
+    try:
+        table = list(csv.reader(rows[skipped:], delimiter="\t"))
+    except csv.Error as error:
+        raise InputError("baseline", f"is damaged: {error}", where=str(path)) from None
     cases: dict[str, CaseSeen] = {}
     fields: dict[str, dict[str, FieldSeen]] = {}
     for number, row in enumerate(table, skipped + 1):
@@ -285,5 +291,9 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
 
 
 def machine_of(run: RunRecord) -> str:
-    """The machine kind of a run: its own note of it, or this machine's where it holds none."""
-    return run.machine.get("kind") or machine_kind()
+    """What decides which instructions and which C library rounded in a run: its own note, or this machine.
+
+    The model of the processor is part of it, although processors of one family mostly round alike: to take two
+    machines for different costs a warning, to take them for the same a false alarm.
+    """
+    return run.machine.get("kind") or keys.processor()  # runs of before hold no note

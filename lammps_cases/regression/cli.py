@@ -10,16 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli_shared import Bar, json_option, paths_option
+from lammps_cases.cli_shared import Bar, fresh_option, jobs_option, json_option, paths_option, tag_option
 from lammps_cases.records import CaseRecord
 
 if TYPE_CHECKING:
     from lammps_cases.regression.pairs import Compared
     from lammps_cases.regression.sources import Running
-
-fresh_option = click.option("--fresh", is_flag=True, help="Compute every prediction of the reference anew.")
-jobs_option = click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
-tag_option = click.option("--tag", help="Only cases with this tag.")
 
 
 @click.command("compare", short_help="Compare engines, runs, baselines, field by field.")
@@ -79,21 +75,14 @@ def compare_command(
 
 
 def _split(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Sides come first, two at least: engines, and what has a slash or is a folder; the rest names cases."""
+    """Sides come first, two at least; the rest names cases."""
     from eos_ref import InputError
+    from lammps_cases.regression.sources import is_side
 
-    count = next((k for k, name in enumerate(names) if k >= 2 and not _is_side(name)), len(names))
+    count = next((k for k, name in enumerate(names) if k >= 2 and not is_side(name)), len(names))
     if len(names) < 2:
         raise InputError("sides", "must be two or more engines, report folders or baselines", " ".join(names))
     return list(names[:count]), list(names[count:])
-
-
-def _is_engine(name: str) -> bool:
-    return name == "env" or name.startswith(("pypi:", "path:"))
-
-
-def _is_side(name: str) -> bool:
-    return _is_engine(name) or "/" in name or Path(name).is_dir()
 
 
 def _command() -> str:
@@ -103,10 +92,10 @@ def _command() -> str:
 
 
 def _running(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> Running:
-    from lammps_cases import keys, prefork
+    from lammps_cases import engines, keys, prefork
     from lammps_cases.regression.sources import Running
 
-    if any(map(_is_engine, names)):  # what is saved needs no workers
+    if any(map(engines.is_engine, names)):  # what is saved needs no workers
         prefork.context("lammps_cases.evaluate", "lammps_cases.report.drawn")
 
     def progress(record: CaseRecord, done: int, total: int) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from lammps_cases.phrases import INSIDE, counted
 from lammps_cases.regression.kinds import KINDS, Change, Closer, Kind
-from lammps_cases.regression.seen import INSIDE
 
 UNEXPLAINED = "unexplained"  # outside the bound, and no finding says why
 LISTED = 6  # fields, or cases, named in a line
@@ -40,6 +40,11 @@ class Group:
         """Number of fields (of cases, where they have no fields)."""
         return sum(count for _, count in self.closer)
 
+    @property
+    def mostly(self) -> str:
+        """The fields with the most cases, or the first of the cases where they have no fields."""
+        return _some([f"{name} {count}" for name, count in self.fields] if self.fields else self.cases)
+
     def sentence(self, a: str = "A", b: str = "B") -> str:
         """The group in one line, with what the sides are called."""
         named = {"A": a, "B": b}
@@ -48,12 +53,12 @@ class Group:
 
     @property
     def _extent(self) -> str:
-        cases = f"{len(self.cases)} case{'s' * (len(self.cases) != 1)}"
+        cases = counted(len(self.cases), "case")
         if not self.fields:
-            return f"{cases} ({_some(self.cases)})"
+            return f"{cases} ({self.mostly})"
         if len(self.fields) == 1:
             return f"{self.fields[0][0]} in {cases}"
-        return f"{self.count} fields of {cases} ({_some([f'{name} {count}' for name, count in self.fields])})"
+        return f"{self.count} fields of {cases} ({self.mostly})"
 
     def _against(self, named: Mapping[str, str]) -> str:
         """Which side is right."""

@@ -6,17 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-from markupsafe import Markup
-
 from eos_ref.quantities import PART_OF
+from lammps_cases import pages, phrases
 from lammps_cases.particles import ORDER
 from lammps_cases.regression import pairs
 from lammps_cases.regression.groups import Group
 from lammps_cases.regression.kinds import ABOUT, KINDS, Change, Kind
 from lammps_cases.regression.pairs import Compared, Pair
-from lammps_cases.report import page as report_page
-from lammps_cases.report import wording
 
 ASSETS = Path(__file__).parent / "assets"
 # One character for a cell: nothing to see, other bits, or which side is closer to the reference.
@@ -87,20 +83,21 @@ class View:
 
 def render(found: Compared) -> str:
     """The page of a comparison."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    status = {0: ("good", "PASS"), 1: ("bad", "CHANGED"), 3: ("bad", "FAIL")}[found.exit_code]
     shown = [found.alone] if found.alone else pairs.shown(found)
-    return environment.get_template("compare.html.j2").render(
-        found=found,
-        status=status,
-        css=Markup((report_page.ASSETS / "report.css").read_text(encoding="utf-8")),
-        own_css=Markup((ASSETS / "compare.css").read_text(encoding="utf-8")),
-        script=Markup((ASSETS / "compare.js").read_text(encoding="utf-8")),
-        table=[_in_table(pair) for pair in found.pairs],
-        views=[_view(pair) for pair in shown],
-        about=ABOUT,
+    return (
+        pages.environment(ASSETS)
+        .get_template("compare.html.j2")
+        .render(
+            command="compare",
+            found=found,
+            status="bad" if found.exit_code else "good",
+            stamp=pairs.STAMPS[found.exit_code],
+            css=pages.style(ASSETS / "compare.css"),
+            script=pages.script(ASSETS / "compare.js"),
+            table=[_in_table(pair) for pair in found.pairs],
+            views=[_view(pair) for pair in shown],
+            about=ABOUT,
+        )
     )
 
 
@@ -118,9 +115,9 @@ def _view(pair: Pair) -> View:
         by_case.setdefault(change.case, {})[change.field] = change
     told = [change for change in changes if change.kind not in ("same bits", "same outcome")]
     anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(told)}
-    closer = {"A": pair.a, "B": pair.b, **CLOSER}
+    closer = pair.names | CLOSER
     rows = [_row(case, columns, found, anchors, closer) for case, found in sorted(by_case.items())]
-    lines = [Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), wording.number(c.difference)) for c in told]
+    lines = [Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), phrases.number(c.difference)) for c in told]
     lines.sort(key=lambda line: (not line.change.fault, -KINDS.index(line.change.kind), line.change.case))
     return View(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
 
@@ -159,4 +156,4 @@ def _side(change: Change, side: int) -> str:
     """Verdict of a side, findings, and how far it is from the reference."""
     ratio = change.over_bound[side]
     parts = [change.verdicts[side], ", ".join(change.findings[side])]
-    return "; ".join(part for part in (*parts, "" if ratio is None else f"{wording.brief(ratio)} bounds") if part)
+    return "; ".join(part for part in (*parts, "" if ratio is None else f"{phrases.brief(ratio)} bounds") if part)

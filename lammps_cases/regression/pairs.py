@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from lammps_cases.phrases import counted, plain
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import Group, groups
 from lammps_cases.regression.kinds import Change, Policy
@@ -19,6 +19,7 @@ from lammps_cases.report import markdown
 SCHEMA = "eos-ref/compare/1"
 LISTED = 100  # rows of the table of changed fields in the summary
 SAID = 10  # faults listed on a terminal
+STAMPS = {0: "PASS", 1: "CHANGED", 3: "FAIL"}  # a comparison in one word, by its exit code
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,11 @@ class Pair:
     def name(self) -> str:
         """As it is called in tables."""
         return f"{self.a}-{self.b}"
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What the sides of a change are called."""
+        return {"A": self.a, "B": self.b}
 
     @property
     def groups(self) -> list[Group]:
@@ -117,11 +123,10 @@ def _pair(pair: Pair) -> dict[str, Any]:
 
 
 def _group(group: Group, pair: Pair) -> dict[str, Any]:
-    side = {"A": pair.a, "B": pair.b, "": ""}[group.side]
     return {
         "change": group.kind,
         "trait": group.trait,
-        "side": side,
+        "side": pair.names.get(group.side, ""),
         "count": group.count,
         "cases": list(group.cases),
         "fields": dict(group.fields),
@@ -149,15 +154,6 @@ def row(change: Change, a: str = "A", b: str = "B") -> dict[str, Any]:
     head = {"case": change.case, "field": change.field, "change": change.kind, "closer_to_reference": closer}
     found: dict[str, Any] = plain(head | {key: value for key, value in said.items() if value not in (None, "")})
     return found
-
-
-def plain(item: Any) -> Any:
-    """Infinities and NaN as text, for which JSON has no number; tuples as lists."""
-    if isinstance(item, dict):
-        return {name: plain(value) for name, value in item.items()}
-    if isinstance(item, list | tuple):
-        return [plain(value) for value in item]
-    return str(item) if isinstance(item, float) and not math.isfinite(item) else item
 
 
 # --- for a terminal
@@ -198,7 +194,8 @@ def fault(change: Change) -> str:
         "" if not (was or now) else f" ({was or 'nothing'}, now {now or 'nothing'})" if was != now else f" ({was})"
     )
     note = f": {change.note}" if change.note else ""
-    return f"{change.kind}: {where}{at}{verdicts}{note}"
+    what = "other bits, within the bounds" if change.kind == "within bounds" else change.kind
+    return f"{what}: {where}{at}{verdicts}{note}"
 
 
 def _said(change: Change, side: int) -> str:
@@ -211,10 +208,9 @@ def _said(change: Change, side: int) -> str:
 
 def summary(found: Compared) -> str:
     """``summary.md``."""
-    stamp = {0: "PASS", 1: "CHANGED", 3: "FAIL"}[found.exit_code]
-    named = [f"{label} is {markdown._text(side.title)}" for label, side in found.sides.items()]
-    blocks = [f"## eos-ref compare: {stamp}", "; ".join(named) + "."]
-    blocks += [f"> **Note:** {markdown._text(note)}" for note in found.notes]
+    named = [f"{label} is {markdown.text(side.title)}" for label, side in found.sides.items()]
+    blocks = [f"## eos-ref compare: {STAMPS[found.exit_code]}", "; ".join(named) + "."]
+    blocks += [f"> **Note:** {markdown.text(note)}" for note in found.notes]
     if not found.alone:
         blocks.append(_table_of_pairs(found))
     for pair in found.pairs if found.alone else shown(found):
@@ -234,7 +230,7 @@ def _table_of_pairs(found: Compared) -> str:
         same = counts.get("same bits", 0) + counts.get("same outcome", 0)
         within, time = counts.get("within bounds", 0), ratio(pair)
         rows.append((pair.name, same, within, len(other(pair)), time))
-    return markdown._table(("pair", "same", "within bounds", "changed", "time of second over first"), rows)
+    return markdown.table(("pair", "same", "within bounds", "changed", "time of second over first"), rows)
 
 
 def other(pair: Pair) -> list[Change]:
@@ -255,23 +251,23 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
     if titled:
         yield f"### {pair.name}"
     yield ", ".join(f"{count} {kind}" for kind, count in pair.changes.counts.items()) + "."
-    yield "\n".join(f"- {markdown._text(group.sentence(pair.a, pair.b))}" for group in pair.groups)
+    yield "\n".join(f"- {markdown.text(group.sentence(pair.a, pair.b))}" for group in pair.groups)
     yield "\n".join(f"- {speed.sentence(pair.a, pair.b)}" for speed in pair.speeds)
-    yield "\n".join(f"> **Note:** {markdown._text(note)}" for note in pair.changes.notes)
+    yield "\n".join(f"> **Note:** {markdown.text(note)}" for note in pair.changes.notes)
     found = pair.changes.faults
     if found:
         head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference")
         rows = [
             (
-                markdown._code(c.case),
-                markdown._text(c.field),
+                markdown.code(c.case),
+                markdown.text(c.field),
                 c.kind,
                 "" if c.step is None else c.step,
-                markdown._text(_said(c, 0)),
-                markdown._text(_said(c, 1)),
-                {"A": pair.a, "B": pair.b}.get(c.closer, c.closer),
+                markdown.text(_said(c, 0)),
+                markdown.text(_said(c, 1)),
+                pair.names.get(c.closer, c.closer),
             )
             for c in found[:LISTED]
         ]
         rest = f"\n\n… and {len(found) - LISTED} more, see compare.html." if len(found) > LISTED else ""
-        yield f"<details><summary>{len(found)} changes</summary>\n\n{markdown._table(head, rows)}{rest}\n\n</details>"
+        yield markdown.folded(counted(len(found), "change"), markdown.table(head, rows) + rest)

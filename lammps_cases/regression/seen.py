@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import InputError
+from lammps_cases.phrases import INSIDE, field_name, finding_ids
 from lammps_cases.records import CaseRecord, EngineRecord, FieldRecord, RunRecord, Verdict, digest, read_run
 
 # With numbers to compare; answered where a refusal was due; without; answered with other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 CRASHES: tuple[Ended, ...] = ("crashed", "timeout", "error")
-INSIDE: tuple[Verdict, ...] = ("exact", "pass")
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,9 @@ class Samples:
             step = int(self._arrays[f"{field}.step"]) if self._steps is None else self._steps.get(field)
         except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise InputError("arrays", f"are damaged: {error}", where=str(self._path)) from None
+        numbers = all(np.issubdtype(array.dtype, np.number) for array in (values_n, bound_n))
+        if not numbers or values_n.shape != bound_n.shape or not values_n.ndim:
+            raise InputError("arrays", f"must hold numbers of {field} and a bound for each", where=str(self._path))
         return Sample(None if step == -1 else step, values_n, bound_n)
 
 
@@ -179,13 +182,13 @@ def case_seen(record: CaseRecord) -> CaseSeen:
         expects=record.expects,
         message=record.message,
         seconds=record.seconds.lammps,
-        fields={named(found): _field(found, bool(record.twin)) for found in record.fields},
+        fields={_name(found): _field(found, bool(record.twin)) for found in record.fields},
     )
 
 
 def findings(text: str | None) -> tuple[str, ...]:
     """The ledger entries of an ``explained_by``, sorted."""
-    return tuple(sorted(text.split(", "))) if text else ()
+    return tuple(sorted(finding_ids(text)))
 
 
 def ended(record: CaseRecord) -> Ended:
@@ -204,9 +207,8 @@ def ended(record: CaseRecord) -> Ended:
     return "unusable"
 
 
-def named(record: FieldRecord) -> str:
-    """What a field is called; an audit has one per type of atoms."""
-    return record.field if record.atom_type is None else f"{record.field} (type {record.atom_type})"
+def _name(record: FieldRecord) -> str:
+    return field_name(record.field, record.atom_type)
 
 
 def _field(record: FieldRecord, twin: bool) -> FieldSeen:
@@ -217,7 +219,7 @@ def _field(record: FieldRecord, twin: bool) -> FieldSeen:
     steps = tuple(At(s.step, s.verdict, s.max_over_bound, whole(s.digest, s.max_abs)) for s in record.steps)
     bits = digest(*(s.digest for s in steps)) if twin and steps and all(s.digest for s in steps) else record.digest
     return FieldSeen(
-        field=named(record),
+        field=_name(record),
         stage=record.stage,
         verdict=record.verdict,
         findings=findings(record.explained_by),

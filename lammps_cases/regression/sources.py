@@ -32,6 +32,11 @@ class Source:
     known: Side | None = None
 
 
+def is_side(name: str) -> bool:
+    """Whether a word names a side: an engine, or what has a slash or is a folder."""
+    return engines.is_engine(name) or "/" in name or Path(name).is_dir()
+
+
 def source(name: str) -> Source:
     """What a name means.
 
@@ -40,7 +45,7 @@ def source(name: str) -> Source:
     InputError
         Neither an engine nor a folder of a run or a baseline, or one that cannot be read.
     """
-    if name == "env" or name.startswith(("pypi:", "path:")):
+    if engines.is_engine(name):
         return Source(name, engines.resolve(name))
     folder = Path(name)
     if (folder / baseline.IDENTITY).exists():
@@ -151,7 +156,10 @@ def output(folder: Path) -> Path:
         It holds anything else.
     """
     if folder.exists():
-        foreign = {path.name for path in folder.iterdir()} - {*WRITTEN, *LABELS} if folder.is_dir() else {folder.name}
+        killed = ("lock", "partial", "old")  # what a run leaves that could not clear up
+        left = {f".{label}.{part}" for label in LABELS for part in killed}
+        ours = {*WRITTEN, *LABELS, *left}
+        foreign = {path.name for path in folder.iterdir()} - ours if folder.is_dir() else {folder.name}
         if foreign:
             rule = "must be empty or hold an earlier comparison and nothing else"
             raise InputError("output folder", rule, min(foreign), str(folder))

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from eos_ref.quantities import PART_OF
+from lammps_cases import phrases
 from lammps_cases.particles import STAGES, in_order, stage
 from lammps_cases.records import CaseRecord, RunRecord, StepRecord, Verdict
 from lammps_cases.report import wording
@@ -22,7 +23,7 @@ class Worst:
     def add(self, case: str, ratio: float) -> None:
         """Count one case."""
         self.cases += 1
-        if wording.size(ratio) > wording.size(self.ratio):
+        if phrases.size(ratio) > phrases.size(self.ratio):
             self.ratio, self.case = ratio, case
 
 

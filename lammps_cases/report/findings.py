@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lammps_cases.ledger import Entry
+from lammps_cases.phrases import counted
 from lammps_cases.records import CaseRecord, RunRecord
 from lammps_cases.report import wording
 
@@ -33,9 +34,9 @@ class Finding:
     def words(self) -> str:
         """The status in words."""
         if self.cases:
-            return f"seen in {_cases(self.cases)} of this run"
+            return f"seen in {counted(len(self.cases), 'case')} of this run"
         if self.unseen:
-            return f"applies to {_cases(self.unseen)}, not seen"
+            return f"applies to {counted(len(self.unseen), 'case')}, not seen"
         return "not applicable in this run: " + (
             "no case of it" if self.listed else "not known of this version of LAMMPS"
         )
@@ -62,7 +63,3 @@ def _finding(entry: Entry, explained: Sequence[tuple[CaseRecord, set[str]]], eng
         elif would:
             unseen.append(case.case)
     return Finding(entry, seen, unseen, entry.listed(engine))
-
-
-def _cases(names: Sequence[str]) -> str:
-    return f"{len(names)} case{'' if len(names) == 1 else 's'}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
+from lammps_cases import phrases
 from lammps_cases.records import CaseRecord, RunRecord
 from lammps_cases.report import wording
 
@@ -69,7 +70,7 @@ def _text(case: CaseRecord) -> str:
     if case.explained_by:
         lines.append(f"explained by {case.explained_by}")
     for field in case.fields:
-        ratio = wording.number(field.max_over_bound)
+        ratio = phrases.number(field.max_over_bound)
         line = f"{field.field} (stage {field.stage}): {field.verdict}, difference/bound {ratio}"
         line += "" if field.worst_id is None else f", atom {field.worst_id}"
         lines.append(line + (f", explained by {field.explained_by}" if field.explained_by else ""))

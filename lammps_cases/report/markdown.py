@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
+from lammps_cases import phrases
 from lammps_cases.ledger import LEDGER, Entry
 from lammps_cases.records import CaseRecord, RunRecord
 from lammps_cases.report import agreement, findings, wording
@@ -18,8 +19,8 @@ def summary(run: RunRecord, ledger: Sequence[Entry] = LEDGER) -> str:
     """A run as GitHub-flavoured Markdown."""
     blocks = [
         f"## eos-ref: {wording.stamp(run)}",
-        _text(wording.sentence(run)),
-        "\n".join(f"> **Note:** {_text(note)}" for note in run.notes),
+        text(wording.sentence(run)),
+        "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
         _failures(run),
         _findings(findings.of_run(run, ledger)),
         *map(_agreement, (m for m in agreement.matrices(run) if not m.twins)),
@@ -37,7 +38,7 @@ def _failures(run: RunRecord) -> str:
         return ""
     head = ("case", "verdict", "field", "stage", "worst atom", "difference/bound", "message")
     more = f"\n\n… and {len(cases) - LISTED} more, see report.html." if len(cases) > LISTED else ""
-    return f"### Not as expected\n\n{_table(head, map(_failure, cases[:LISTED]))}{more}"
+    return f"### Not as expected\n\n{table(head, map(_failure, cases[:LISTED]))}{more}"
 
 
 def _failure(case: CaseRecord) -> Sequence[str]:
@@ -45,21 +46,21 @@ def _failure(case: CaseRecord) -> Sequence[str]:
     blame = ("", "", "")
     if field is not None:
         atom = "" if field.worst_id is None else str(field.worst_id)
-        blame = (_text(field.field), _text(field.stage), atom)
+        blame = (text(field.field), text(field.stage), atom)
     message = case.message if len(case.message) <= LONGEST else case.message[:LONGEST] + "…"
     return (
-        _code(case.case),
+        code(case.case),
         wording.kind(case),
         *blame,
-        wording.number(wording.worst_ratio(case)),
-        _text(message),
+        phrases.number(wording.worst_ratio(case)),
+        text(message),
     )
 
 
 def _findings(found: Sequence[findings.Finding]) -> str:
     """One line per finding that the run shows or could have shown."""
     rows = [
-        (f.entry.severity, _code(f.entry.id), _text(f.entry.title), len(f.cases), len(f.unseen) or "")
+        (f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.cases), len(f.unseen) or "")
         for f in found
         if f.status != "absent"
     ]
@@ -68,7 +69,7 @@ def _findings(found: Sequence[findings.Finding]) -> str:
     absent = sum(f.status == "absent" for f in found)
     rest = f"\n\n{absent} more of the ledger not applicable in this run." if absent else ""
     head = ("severity", "finding", "what LAMMPS does", "cases", "applies, not seen")
-    return f"### Findings\n\n{_table(head, rows)}{rest}"
+    return f"### Findings\n\n{table(head, rows)}{rest}"
 
 
 def _agreement(matrix: agreement.Matrix) -> str:
@@ -78,8 +79,8 @@ def _agreement(matrix: agreement.Matrix) -> str:
     blocks = [
         f"### Agreement: {matrix.title} ({matrix.cases} cases)",
         "Cases inside the bound (largest difference/bound); explained ones: as documented, their variants are inside.",
-        _table(("field", *(f"step {step}" for step in matrix.steps)), map(_fields_row, shown)) if shown else "",
-        f"The same bits in every case: {', '.join(map(_text, same))}." if same else "",
+        table(("field", *(f"step {step}" for step in matrix.steps)), map(_fields_row, shown)) if shown else "",
+        f"The same bits in every case: {', '.join(map(text, same))}." if same else "",
     ]
     return "\n\n".join(block for block in blocks if block)
 
@@ -92,14 +93,14 @@ def _twins(matrix: agreement.Matrix) -> str:
     )
     largest = max((c.inside.ratio for c in cells if c.inside.ratio is not None), default=0.0)
     counts = (
-        f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {wording.brief(largest)})"
+        f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {phrases.brief(largest)})"
     )
     counts += f", {explained} explained, {outside} outside" if explained + outside else ""
     return f"{matrix.title} ({matrix.cases} cases), fields at steps: {counts}."
 
 
 def _fields_row(row: agreement.Row) -> Sequence[str]:
-    return (_text(row.field), *("" if cell is None else _cell(cell) for cell in row.cells))
+    return (text(row.field), *("" if cell is None else _cell(cell) for cell in row.cells))
 
 
 def _cell(cell: agreement.Cell) -> str:
@@ -113,14 +114,14 @@ def _cell(cell: agreement.Cell) -> str:
 
 
 def _ratio(worst: agreement.Worst) -> str:
-    return wording.brief(worst.ratio)
+    return phrases.brief(worst.ratio)
 
 
 def _slowest(run: RunRecord) -> str:
     cases = sorted(run.cases, key=lambda c: -c.seconds.total)[:EXTREMES]
     rows = [
         (
-            _code(c.case),
+            code(c.case),
             c.natoms,
             *(f"{s:.3f}" for s in (c.seconds.total, c.seconds.lammps, c.seconds.reference)),
         )
@@ -128,15 +129,15 @@ def _slowest(run: RunRecord) -> str:
         if c.seconds.total > 0
     ]
     head = ("case", "atoms", "total s", "LAMMPS s", "reference s")
-    return _folded("Slowest", _table(head, rows)) if rows else ""
+    return folded("Slowest", table(head, rows)) if rows else ""
 
 
 def _worst_conditioned(run: RunRecord) -> str:
     lost = [(wording.digits_lost(c, "lammps") or 0.0, wording.digits_lost(c, "reference") or 0.0, c) for c in run.cases]
     worst = sorted((row for row in lost if max(row[:2]) > 0), key=lambda row: -max(row[:2]))[:EXTREMES]
-    rows = [(_code(c.case), wording.kind(c), f"{lammps:.1f}", f"{own:.1f}") for lammps, own, c in worst]
+    rows = [(code(c.case), wording.kind(c), f"{lammps:.1f}", f"{own:.1f}") for lammps, own, c in worst]
     head = ("case", "verdict", "digits lost, LAMMPS", "digits lost, reference")
-    return _folded("Most digits lost", _table(head, rows)) if rows else ""
+    return folded("Most digits lost", table(head, rows)) if rows else ""
 
 
 def _provenance(run: RunRecord) -> str:
@@ -144,29 +145,32 @@ def _provenance(run: RunRecord) -> str:
     if run.engine.library_sha256:
         parts.append(f"library sha256 {run.engine.library_sha256[:16]}…")
     parts += [run.date, f"{run.seconds:.2f} s"]
-    line = "; ".join(_text(part) for part in parts if part)
-    return f"{line}\n\n{_code(run.command)}" if run.command else line
+    line = "; ".join(text(part) for part in parts if part)
+    return f"{line}\n\n{code(run.command)}" if run.command else line
 
 
-def _folded(title: str, block: str) -> str:
+def folded(title: str, block: str) -> str:
+    """A block that opens on a click."""
     return f"<details><summary>{title}</summary>\n\n{block}\n\n</details>"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table; the cells are Markdown already: made by `text` and `code`, or numbers."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 
-def _text(text: str) -> str:
+def text(words: str) -> str:
     """Plain text inside a table cell: nothing in it is markup."""
-    flat = _flat(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    flat = _flat(words).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", flat)
 
 
-def _code(text: str) -> str:
-    return "`" + _flat(text).replace("`", "'").replace("|", r"\|") + "`" if text else ""
+def code(words: str) -> str:
+    """Words in a fixed-width font; nothing of nothing."""
+    return "`" + _flat(words).replace("`", "'").replace("|", r"\|") + "`" if words else ""
 
 
-def _flat(text: str) -> str:
+def _flat(words: str) -> str:
     """One line without control characters, which LAMMPS echoes from a deck."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return " ".join("".join(c if c.isprintable() else " " for c in words).split())

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
 from eos_ref.errors import InputError
+from lammps_cases import phrases
 from lammps_cases.claims import verdicts
 from lammps_cases.history.draw import errors
 from lammps_cases.history.reported import Past
@@ -78,8 +79,8 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = wording.number
-    environment.filters["brief"] = wording.brief
+    environment.filters["number"] = phrases.number
+    environment.filters["brief"] = phrases.brief
     environment.filters["shade"] = shade
     environment.filters["sortable"] = _sortable
     return environment.get_template("report.html.j2").render(
@@ -117,7 +118,7 @@ def shade(ratio: float | None, verdict: str) -> int:
     if ratio is None or ratio == 0:
         return 0
     decades = math.log10(ratio) if 0 < ratio < math.inf else math.inf
-    if verdict in ("exact", "pass"):
+    if verdict in phrases.INSIDE:
         return max(0, min(4, 4 + math.floor(decades)))
     return max(4, min(9, 4 + math.floor(min(decades, 15.0) / 3)))
 

@@ -1,21 +1,21 @@
-"""What every report says in the same words: verdict of the run, order of the cases, numbers."""
+"""What every report says of a run in the same words: its verdict, the order of its cases, who is to blame."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from typing import Literal
 
+from lammps_cases import phrases
+from lammps_cases.phrases import EXPECTED_REFUSAL, counted, finding_ids, size
 from lammps_cases.records import VERDICTS, CaseRecord, FieldRecord, RunRecord, Verdict, worst
 
 # From best to worst, by the order in which `worst` of the records ranks them.
 SEVERITY: dict[Verdict, int] = {v: sum(worst([v, other]) == v for other in VERDICTS) for v in VERDICTS}
-EXPECTED_REFUSAL = "refused as expected"
 
 
 def kind(case: CaseRecord) -> str:
     """The verdict, with an expected refusal kept apart from one that nobody expected."""
-    return EXPECTED_REFUSAL if case.verdict == "refused" and case.as_expected else case.verdict
+    return phrases.kind(case.verdict, case.as_expected)
 
 
 def accepted(case: CaseRecord, run: RunRecord) -> bool:
@@ -56,7 +56,7 @@ def stamp(run: RunRecord) -> str:
 
 def sentence(run: RunRecord) -> str:
     """The run in one sentence."""
-    total = f"{len(run.cases)} case{'' if len(run.cases) == 1 else 's'}"
+    total = counted(len(run.cases), "case")
     parts = ", ".join(f"{number} {name}" for name, number in counts(run).items())
     bad = len(unaccepted(run))
     end = {"good": "all as expected", "empty": "nothing was compared", "bad": f"{bad} not as expected"}[status(run)]
@@ -64,26 +64,10 @@ def sentence(run: RunRecord) -> str:
     return f"{total}: {parts}; {end}{strict}." if parts else f"{total}; {end}."
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """A number for reading; empty for None."""
-    if value is None:
-        return ""
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    return f"{value:.{digits}g}"
-
-
-def brief(value: float | None) -> str:
-    """A number of two digits for a narrow cell: 3.6e9, 0.12."""
-    text = number(value, 2)
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa}e{int(exponent)}" if e else text
-
-
 def explained_by(case: CaseRecord) -> list[str]:
     """The ledger entries that explain a case, each once."""
     named = [case.explained_by, *(field.explained_by for field in case.fields)]
-    return list(dict.fromkeys(entry for text in named if text for entry in text.split(", ")))
+    return list(dict.fromkeys(entry for text in named for entry in finding_ids(text)))
 
 
 def blame(case: CaseRecord) -> str:
@@ -118,8 +102,3 @@ def engine(run: RunRecord) -> str:
     """Which LAMMPS answered, in one line."""
     parts = (run.engine.name, run.engine.distribution, run.engine.version_string, run.engine.git)
     return " · ".join(part for part in parts if part)
-
-
-def size(ratio: float | None) -> float:
-    """A ratio for ordering: not a number is the worst there is, none the best."""
-    return -1.0 if ratio is None else math.inf if math.isnan(ratio) else ratio

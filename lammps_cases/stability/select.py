@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 from collections.abc import Mapping, Sequence
 
 from eos_ref import InputError
+from lammps_cases.phrases import nearest
 from lammps_cases.stability.model import Cell, StabilityMap
 
 
@@ -55,5 +55,4 @@ def of_cell(known: Mapping[str, StabilityMap], cell: Cell) -> StabilityMap:
 
 
 def _missing(known: Mapping[str, StabilityMap], name: str) -> InputError:
-    close = difflib.get_close_matches(name, known, 1, 0.4)
-    return InputError("map", "does not exist" + (f" (did you mean {close[0]}?)" if close else ""), name)
+    return InputError("map", f"does not exist{nearest(name, known)}", name)

@@ -327,6 +327,7 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("report", "/nowhere"), "cannot be read"),
         (("rnu",), "did you mean run?"),
         (("run", "--bogus"), "bogus"),
+        (("run", "near-rho0.linear.2d", "--baseline", "/nowhere"), "a folder of accepted baselines"),
         (("explain", "nothing"), "does not exist"),
         (("explain",), "CASE"),
     ],

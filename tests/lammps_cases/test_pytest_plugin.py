@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lammps_cases import campaign, engine, evaluate, pytest_session  # noqa: F401  # pytester unloads what it loads itself
+from lammps_cases import campaign, casefile, engine, evaluate, pytest_session  # noqa: F401  # pytester unloads what it loads itself
 
 pytest_plugins = "pytester"
 
@@ -171,11 +171,11 @@ def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
 
 
 def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
-    arguments = ("--eos-ref-shipped", "-k", "range-two-stars")
-    result = run(pytester, *arguments)
+    result = run(pytester, "--eos-ref-shipped", "-k", "range-two-stars")
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(["finding double-star-abort: *(seen in 1 case of this run)"])
-    strict = run(pytester, *arguments, "--eos-ref-strict")
+    case = f"{casefile.SHIPPED / 'refused.yaml'}::refused.range-two-stars"
+    strict = run(pytester, "--eos-ref", case, "--eos-ref-strict")
     strict.assert_outcomes(failed=1)
     strict.stdout.fnmatch_lines(["explained: crashed, as ledger entry double-star-abort predicts: *"])
 

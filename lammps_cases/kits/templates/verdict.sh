@@ -25,8 +25,8 @@ fi
 
 venv="${EOS_REF_VENV:-$build/eos-ref-venv}"
 if [[ ! -x "$venv/bin/eos-ref" ]]; then
-    python3 -m venv "$venv"
+    python3 -m venv "$venv" || exit 3
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-        "${EOS_REF:-eos-ref @ git+https://github.com/@REPOSITORY@}"
+        "${EOS_REF:-eos-ref @ git+https://github.com/@REPOSITORY@}" || exit 3
 fi
 exec "$venv/bin/eos-ref" run --engine "path:$build" --out "${EOS_REF_REPORT:-eos-ref-report}" "$@"

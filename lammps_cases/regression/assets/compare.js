@@ -23,12 +23,15 @@ for (const part of document.querySelectorAll("section.pair")) {
       row.hidden = !fits(row, `${name.toLowerCase()} ${contents.get(name) ?? ""}`);
     }
     const shown = matrix.filter((row) => !row.hidden).length;
+    for (const button of part.querySelectorAll("button.show"))
+      button.setAttribute("aria-pressed", String(button.dataset.word === text.value));
     part.querySelector(".shown").textContent = `${shown} of ${matrix.length} cases`;
   };
   for (const button of part.querySelectorAll("button.show"))
     button.addEventListener("click", () => {
       text.value = text.value === button.dataset.word ? "" : button.dataset.word;
       filter();
+      matrix[0]?.closest(".matrix-box").scrollIntoView({block: "nearest"});
     });
   for (const control of [text, kind, all]) control.addEventListener("input", filter);
   filter();

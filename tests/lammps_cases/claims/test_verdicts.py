@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field, good, wrong
 
+from lammps_cases.claims import verdicts
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.claims.verdicts import Judged, Names, counts, judge, summary, worst
+from lammps_cases.ledger import LEDGER
 from lammps_cases.records import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
 
 NEW, OLD = "2025.7.22.4.0", "2025.7.22.0.1"
@@ -88,6 +92,8 @@ def test_without_the_list_of_cases_every_pattern_needs_one() -> None:
     [
         CaseRecord(case="density.one.2d", verdict="skipped"),
         CaseRecord(case="density.one.2d", verdict="error", message="a fault of the harness"),
+        CaseRecord(case="density.one.2d", verdict="crashed", message="LAMMPS' process was killed by SIGSEGV"),
+        CaseRecord(case="density.one.2d", verdict="timeout", message="LAMMPS did not finish"),
         CaseRecord(case="density.one.2d", verdict="pass", fields=[field("f")]),
         CaseRecord(case="density.one.2d", verdict="explained", explained_by="unheard-of", message="crashed"),
     ],
@@ -97,16 +103,17 @@ def test_a_case_that_says_nothing_shows_nothing(record: CaseRecord) -> None:
     assert judged.verdict == "not run" and any("density.one.2d" in remark for remark in judged.remarks)
 
 
-@pytest.mark.parametrize("verdict", ["refused", "crashed", "timeout"])
-def test_unforeseen_end_refutes(verdict: str) -> None:
-    ended = CaseRecord.model_validate({"case": "density.one.2d", "verdict": verdict, "message": "LAMMPS said no"})
+def test_unforeseen_refusal_refutes() -> None:
+    ended = CaseRecord(case="density.one.2d", verdict="refused", message="LAMMPS said no")
     judged = one(BY_ID["rheo-sum-formula"], GOOD | {"density.one.2d": ended})
     assert judged.verdict == "does not hold" and judged.unexplained
     assert judged.evidence[0].text == "LAMMPS said no"
 
 
-def test_finding_without_a_variant_speaks_of_cases_by_name() -> None:
-    """walls-depend-on-pair-order is known of the older engines only."""
+def test_finding_without_a_variant_speaks_of_cases_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry of the older engines only, as if nothing reproduced it."""
+    (entry,) = (entry for entry in LEDGER if entry.id == "walls-depend-on-pair-order")
+    monkeypatch.setattr(verdicts, "LEDGER", [replace(entry, particles=None, cases=("walls.reconstructed.rk1",))])
     records = GOOD | {"walls.reconstructed.rk1": wrong("walls.reconstructed.rk1", ("rho",))}
     claim = BY_ID["rheo-reconstruct-density"]
     old, new = one(claim, records, OLD), one(claim, records, NEW)

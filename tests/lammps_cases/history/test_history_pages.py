@@ -12,6 +12,7 @@ import made_runs
 import pytest
 
 from lammps_cases import history as kept
+from lammps_cases import pages
 from lammps_cases.history import draw, page, store, views
 from lammps_cases.history.draw import Point
 from lammps_cases.history.order import engines
@@ -145,6 +146,8 @@ def test_the_page_is_whole_and_the_same_on_a_second_run(history: History, tmp_pa
     parsed = _Parsed(html)
     assert parsed.open == []
     assert len(set(parsed.ids)) == len(parsed.ids)
+    styled = re.findall(r"#([a-z-]+)[ ,{]", (pages.SHARED / "report.css").read_text())
+    assert set(parsed.ids) & set(styled) == set(), "the look of another page's part"
     assert {link.removeprefix("#") for link in parsed.links} <= set(parsed.ids)
     assert parsed.tags.count("svg") == (4 if pictured else 0)
     assert "script" not in parsed.tags
@@ -154,7 +157,7 @@ def test_the_page_is_whole_and_the_same_on_a_second_run(history: History, tmp_pa
 
 def test_the_page_says_what_changed(history: History, tmp_path: Path) -> None:
     text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", "", _page(history, tmp_path, pictured=False)))
-    assert "1.0 to 2.0: 1 cases (verdict of 1, bits of 1)" in text
+    assert "1.0 to 2.0: 1 case (verdict of 1, bits of 1)" in text
     assert "pass to differs" in text
     assert "Cases that changed (1 of 2)" in text
     assert "1.0: verdict of 1, bits of 1, finding of 1" in text  # the run of the second day

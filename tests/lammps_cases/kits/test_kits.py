@@ -16,6 +16,8 @@ from typing import Any
 import pytest
 import yaml
 from action_runner import run_action
+from check_jsonschema import main as check_jsonschema
+from click.testing import CliRunner
 from tests_support import Outcome
 
 from lammps_cases import engine
@@ -59,12 +61,11 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.mark.parametrize("schema", SCHEMAS)
-def test_files_are_what_the_service_takes(schema: str, unpacked: list[Path], tmp_path: Path) -> None:
+def test_files_are_what_the_service_takes(schema: str, unpacked: list[Path]) -> None:
     ours = [path for path in unpacked if SCHEMAS[schema].search(path.as_posix())]
     assert ours
-    checker = [str(BIN / "check-jsonschema"), "--builtin-schema", schema]
-    outcome = subprocess.run([*checker, *ours], capture_output=True, text=True, check=False)
-    assert outcome.returncode == 0, outcome.stdout
+    outcome = CliRunner().invoke(check_jsonschema, ["--builtin-schema", schema, *map(str, ours)])
+    assert outcome.exit_code == 0, outcome.output
 
 
 def test_scripts_pass_shellcheck(unpacked: list[Path], tmp_path: Path) -> None:

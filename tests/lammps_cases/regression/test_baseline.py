@@ -161,26 +161,27 @@ def test_a_change_of_how_a_case_ends_fails(changed_run: Change, accepted: Path, 
     assert [case for case, _, _ in faults(check(run, accepted))] == ["refused.type-zero"]
 
 
-def test_on_another_machine_kind_other_bits_within_bounds_are_told_only(
-    changed_run: Change, accepted: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    other = changed_run(of_field("pressure", digest=OTHER, verdict="pass"))
-    worse = changed_run(of_field("pressure", digest=OTHER, verdict="differs"), name="worse")
-    assert check(other, accepted).faults
-    monkeypatch.setattr(baseline, "machine_kind", lambda: "another processor")
-    found = check(other, accepted)
-    assert found.faults == ()
-    assert found.counts["within bounds"] == 1
-    assert any("another kind of machine" in note for note in found.notes)
-    assert faults(check(worse, accepted)) == [("defaults.linear", "pressure", "changed")]
-
-
-def test_a_run_that_notes_its_machine_is_taken_at_its_word(changed_run: Change, accepted: Path) -> None:
+def test_on_another_machine_kind_other_bits_within_bounds_are_told_only(changed_run: Change, accepted: Path) -> None:
     def elsewhere(document: dict[str, Any]) -> None:
         document["machine"]["kind"] = "another processor"
 
-    run = changed_run(of_field("pressure", digest=OTHER, verdict="pass"), whole=elsewhere)
-    assert check(run, accepted).faults == ()
+    changes = {verdict: of_field("pressure", digest=OTHER, verdict=verdict) for verdict in ("pass", "differs")}
+    assert check(changed_run(changes["pass"], name="here"), accepted).faults
+    found = check(changed_run(changes["pass"], whole=elsewhere), accepted)
+    assert found.faults == ()
+    assert found.counts["within bounds"] == 1
+    assert any("another kind of machine" in note for note in found.notes)
+    worse = changed_run(changes["differs"], whole=elsewhere, name="worse")
+    assert faults(check(worse, accepted)) == [("defaults.linear", "pressure", "changed")]
+
+
+def test_a_run_that_notes_no_machine_is_of_this_one(
+    changed_run: Change, accepted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = changed_run(of_field("pressure", digest=OTHER, verdict="pass"), whole=lambda run: run["machine"].pop("kind"))
+    assert check(old, accepted).faults
+    monkeypatch.setattr(baseline.keys, "processor", lambda: "another processor")
+    assert check(old, accepted).faults == ()
 
 
 def test_a_renamed_field_is_missing_under_its_old_name(changed_run: Change, accepted: Path) -> None:

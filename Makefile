@@ -25,7 +25,7 @@ quick: $(READY) ## the cases that take a few seconds, against the accepted basel
 	$(BIN)/eos-ref run --tag quick --baseline reports/accepted
 
 test: $(READY) ## set up and run the tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/ruff check .

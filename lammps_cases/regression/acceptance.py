@@ -7,7 +7,6 @@ import io
 import json
 import os
 import shutil
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -165,7 +164,6 @@ def _reason(
     entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "reason": reason,
-        "who": _who(),
         "command": command,
         "run": run.command,
         "run_date": run.date,
@@ -174,19 +172,6 @@ def _reason(
         "dropped": list(dropped),
     }
     write_atomically(partial / REASONS, earlier + json.dumps(entry, ensure_ascii=False) + "\n")
-
-
-def _who() -> str:
-    """Name and address as git would write them into a commit; empty without."""
-    said = []
-    for key in ("user.name", "user.email"):
-        try:
-            done = subprocess.run(["git", "config", key], capture_output=True, text=True, check=False)
-        except OSError:
-            return ""
-        said.append(done.stdout.strip())
-    name, address = said
-    return f"{name} <{address}>".strip() if name and address else name or address
 
 
 # --- one folder for another

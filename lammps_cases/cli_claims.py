@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli_shared import Bar, jobs_option, json_option
+from lammps_cases.cli_shared import Bar, jobs_option, json_option, page_folder
 
 if TYPE_CHECKING:
     from lammps_cases.casefile import Case
@@ -69,6 +69,7 @@ def claims_command(
     leads = trace(model.claims(), known)
     if traceability:
         return _traceability(leads, as_json)
+    page_folder(out)
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.verdicts import BROKEN, of_run
     from lammps_cases.records import read_run

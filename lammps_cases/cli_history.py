@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from lammps_cases.cli_shared import Bar, json_option, table
+from lammps_cases.cli_shared import Bar, json_option, page_folder, table
 from lammps_cases.phrases import brief, counted, plain
 
 if TYPE_CHECKING:
@@ -144,13 +144,10 @@ def _labels(lines: Sequence[Line], runs: Sequence[Any]) -> list[str]:
 
 
 def _page(out: Path, lines: Any, found: Any, labels: list[str], pictured: bool) -> Path:
-    from eos_ref import InputError
     from lammps_cases.history import page
 
-    try:
-        return page.write(out, lines, found, labels, pictured)
-    except OSError as error:
-        raise InputError("output folder", f"cannot be written: {error.strerror}", str(out)) from None
+    page_folder(out)
+    return page.write(out, lines, found, labels, pictured)
 
 
 def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | None) -> dict[str, Any]:

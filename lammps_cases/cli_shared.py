@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -30,6 +31,26 @@ fresh_option = click.option(
 paths_option = click.option(
     "--cases", "paths", multiple=True, type=click.Path(path_type=Path), help="Case file or folder of your own."
 )
+
+
+def page_folder(out: Path) -> None:
+    """Make the folder of a command that leaves a page, before anything takes long.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or is the report of a run, which would no longer be one.
+    """
+    from eos_ref import InputError
+
+    if (out / "run.json").exists():
+        raise InputError("output folder", "must not be the report of a run", str(out))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise InputError("output folder", f"cannot be written: {error.strerror}", str(out)) from None
 
 
 def finish(run: RunRecord, directory: Path, as_json: bool) -> int:

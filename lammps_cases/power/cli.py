@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli_shared import Bar, engine_option, json_option
+from lammps_cases.cli_shared import Bar, engine_option, json_option, page_folder
 
 if TYPE_CHECKING:
     from lammps_cases.power.record import Power
@@ -62,7 +62,7 @@ def power_command(
     sections = [name for name in names if name in SECTIONS] or (
         ["faults"] if patterns or family or sample else list(SECTIONS)
     )
-    _writable(out)
+    page_folder(out)
     if fresh:
         record.forget(out)
     with Bar(quiet=as_json) as bar:
@@ -76,17 +76,6 @@ def power_command(
     else:
         _show(found, out)
     return int(bool(found.complaints))
-
-
-def _writable(out: Path) -> None:
-    """Refuse a folder that cannot be written before anything takes long."""
-    from eos_ref import InputError
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "planted.jsonl").open("ab").close()
-    except OSError as error:
-        raise InputError("output folder", f"cannot be written: {error.strerror}", str(out)) from None
 
 
 def _show(found: Power, out: Path) -> None:

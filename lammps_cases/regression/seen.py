@@ -157,7 +157,16 @@ class Side:
 
 
 def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
-    """A run with the arrays in its report folder."""
+    """A run with the arrays in its report folder.
+
+    Raises
+    ------
+    InputError
+        A case whose name is no name of a file.
+    """
+    for record in run.cases:
+        if not record.case.isprintable() or "/" in record.case or record.case.startswith("."):
+            raise InputError("case", "must be a name without slashes", record.case, str(folder))
     worst = {record.case: {found.field: found.worst_step for found in record.fields} for record in run.cases}
     cases = {record.case: case_seen(record) for record in run.cases}
 

@@ -12,9 +12,11 @@ from edited_runs import NAMES, of_field
 from made_sides import case, ended, field, side
 from tests_support import Outcome
 
+from eos_ref import InputError
+from lammps_cases.records import read_run
 from lammps_cases.regression import page, pairs
 from lammps_cases.regression.kinds import KINDS, Policy
-from lammps_cases.regression.seen import read
+from lammps_cases.regression.seen import of_run, read
 
 Run = Callable[..., Outcome]
 Change = Callable[..., Path]
@@ -172,6 +174,31 @@ def test_bad_input_is_one_line(
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert said in err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_case_that_would_lead_out_of_its_folder_is_refused(small_run: Path, tmp_path: Path) -> None:
+    run = read_run(small_run)
+    run.cases[0].case = "../../evil"
+    with pytest.raises(InputError, match="name without slashes"):
+        of_run(run, tmp_path)
+
+
+@pytest.mark.parametrize("command", [("claims", "--run"), ("history", "--add")])
+def test_pages_are_not_written_into_the_report_of_a_run(
+    command: tuple[str, str], small_run: Path, eos_ref_command: Run
+) -> None:
+    before = sorted(path.name for path in small_run.iterdir())
+    ended = eos_ref_command(*command, small_run, "--out", small_run)
+    assert ended.code == 2 and "must not be the report of a run" in ended.err
+    assert sorted(path.name for path in small_run.iterdir()) == before
+
+
+def test_what_a_killed_comparison_left_is_no_obstacle(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
+    out = tmp_path / "compare"
+    (out / ".A.partial").mkdir(parents=True)
+    (out / ".A.lock").touch()
+    ended = eos_ref_command("compare", small_run, small_run, "--out", out)
+    assert ended.code == 0, ended.err
 
 
 def test_a_folder_of_baselines_is_told_from_a_baseline(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:

@@ -112,10 +112,10 @@ def _last_words(file: Path, code: int) -> str:
     text = file.read_text(errors="replace")
     end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)
     lines = [line.strip() for line in text.split(20 * "=")[0].splitlines() if line.strip()]
-    how = f"ended by {end[1].strip() if end else f'code {code}'}"
+    how = f"ended with {end[1].strip() if end else f'code {code}'}"
     if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
-        how = f"killed by {signal.Signals(int(end[2])).name}"
-    return f"LAMMPS on several ranks was {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
+        how = f"was killed by {signal.Signals(int(end[2])).name}"
+    return f"LAMMPS on several ranks {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
 
 
 def _joined(answers: list[Answer]) -> Answer:

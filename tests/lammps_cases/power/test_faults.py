@@ -6,6 +6,7 @@ import ast
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,12 @@ OWN = {
         _own_fault("raises", "raise ValueError('no')"),
     )
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def clean_server() -> None:
+    """Mistakes are loaded in processes without the reference; the server of tests before these may have loaded it."""
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")

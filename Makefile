@@ -48,4 +48,4 @@ power: $(READY) ## plant faults, measure what goes unseen, look for false alarms
 clean: ## remove the environment, caches and reports (not the accepted baselines)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
-	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name example.png ! -name chart.png -exec rm -rf {} +
+	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name '*.png' -exec rm -rf {} +

@@ -249,9 +249,8 @@ def keeps_forces(scene: Particles) -> bool:
 
 
 def shows_layers(scene: Particles) -> bool:
-    """Whether the status of particles beside a surface shows, with surfaces found by coordination."""
-    detection = scene.model.fix.surface_detection
-    return "status" in scene.fields and detection is not None and detection.style == "coordination"
+    """Whether the status of particles beside a surface shows."""
+    return "status" in scene.fields and scene.model.fix.surface_detection is not None
 
 
 # --- what LAMMPS' numbers tell

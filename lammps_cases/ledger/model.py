@@ -180,16 +180,16 @@ ENTRIES: tuple[Entry, ...] = (
         severity="low",
         documented="fix rheo, surface/detection: particles are classified as bulk, surface or splash; neigh_modify, "
         "newton and the number of processors must not change the physics. The layer beside a surface is not "
-        "documented; by divergence it is every bulk particle with a surface particle within the cutoff.",
-        observed="By coordination a bulk particle has the status of the layer (8) only if it is the first of some "
+        "documented; its status is listed by compute rheo/property/atom.",
+        observed="A bulk particle has the status of the layer (8) only if it is the first of some "
         "pair, in the list, with a surface particle within the cutoff; one that is second in all such pairs keeps the "
         "status of bulk (4), although surface/r of the same step holds its distance.",
         argument="With newton off, or on two ranks, other particles of the same state have the status. With the order "
         "of LAMMPS' own lists every status is predicted; on several ranks these are not read.",
-        workaround="surface/detection divergence, or surface/r for the layer.",
-        cases=("open-layers.*",),
+        workaround="surface/r for the layer.",
+        cases=("open-layers.*", "power-status.*"),
         engines=ALL,
-        scene="a block of fluid beside vacuum, surfaces by coordination",
+        scene="a block of fluid beside vacuum",
         particles=Variant(
             variants.shows_layers,
             slots.LayerOfFirst,

@@ -71,6 +71,10 @@ class Known:
     why: str
 
 
+def _shows_layers(scene: Scene) -> bool:
+    return "status" in scene.compare and scene.rheo.surface_detection is not None
+
+
 def _scales_across_types(scene: Scene) -> bool:
     return scene.rheo.shifting is not None and scene.rheo.shifting.scale_cross_type is not None
 
@@ -88,6 +92,12 @@ KNOWN = (
         lambda scene: scene.rheo.interface_reconstruct,
         "the first step that is wrong is the first in which the list of periodic images changes, and only densities "
         "of solids are wrong in it; scenes whose images stay the same are right",
+    ),
+    Known(
+        "layer-depends-on-pair-order",
+        ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),
+        _shows_layers,
+        "which of two particles is listed first decides whether one of them is of the layer; lists are not read here",
     ),
 )
 

@@ -117,6 +117,8 @@ def test_faults_of_lammps_that_an_ordinary_run_does_not_show_are_named() -> None
         ("newton", "cross-type.scale.2d", "differs", ""),
         ("rebuilt", "walls.reconstructed.plain", "differs", "walls-after-rebuild"),
         ("rebuilt", "walls.stored.plain", "differs", ""),
+        ("reordered", "power-status.divergence", "differs", "layer-depends-on-pair-order"),
+        ("renamed", "power-status.divergence", "differs", ""),
     ],
 )
 def test_only_what_a_finding_predicts_is_called_known(kind: Kind, case: str, verdict: str, finding: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref import InputError
 from eos_ref.bounds import EPS
 from eos_ref.eos import FloatArray
 from eos_ref.quantities import PART_OF
@@ -297,7 +298,10 @@ def reproduced(
     made = combined(variants, scene, snapshots[0])
     if made is None:
         return False
-    prediction = predictor.predict(scene, made, random)
+    try:
+        prediction = predictor.predict(scene, made, random)
+    except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
+        return False
     undefined = any(variant.undefined for variant in variants)
     for at, field in itertools.product(range(len(scene.steps)), scene.fields):
         sides = _sides(scene, field, snapshots[at], prediction, at)

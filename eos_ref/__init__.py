@@ -9,10 +9,10 @@ no files, no command line.
 1030.5050
 """
 
-from eos_ref.eos import EOS, STYLES, EOSTable, Interval
+from eos_ref.eos.table import EOS, STYLES, EOSTable, Interval
 from eos_ref.errors import InputError
-from eos_ref.fixes import FixRheo, parse_fix_rheo, parse_fix_rheo_pressure, resolve
-from eos_ref.ranges import type_range
+from eos_ref.syntax.fixes import FixRheo, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.syntax.ranges import type_range
 
 __all__ = [
     "EOS",

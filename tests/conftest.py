@@ -12,7 +12,8 @@ import pytest
 import yaml
 from tests_support import Outcome
 
-from lammps_cases import cli, store
+from lammps_cases.cli import main
+from lammps_cases.comparison import store
 from lammps_cases.history import store as history
 
 BASE: dict[str, Any] = {
@@ -65,7 +66,7 @@ def eos_ref_command(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
         monkeypatch.setattr(sys, "argv", ["eos-ref", *map(str, arguments)])
         capfd.readouterr()
         with pytest.raises(SystemExit) as left:
-            cli.main()
+            main.main()
         out, err = capfd.readouterr()
         return Outcome(int(left.value.code or 0), out, err)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.watch import Watch
-from lammps_cases.engine import open_lammps
+from lammps_cases.engine.session import open_lammps
 
 
 class _First(Watch):

@@ -12,8 +12,8 @@ from eos_ref.errors import InputError
 from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import Ended, Identity, Place, Task
 from lammps_cases.audit.watch import Watch
-from lammps_cases.engine import EngineMissing, EngineRefused, describe, open_lammps
-from lammps_cases.records import Seconds
+from lammps_cases.engine.session import EngineMissing, EngineRefused, describe, open_lammps
+from lammps_cases.records.run_record import Seconds
 
 
 def main(task: Task, connection: Connection) -> None:

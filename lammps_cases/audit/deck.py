@@ -13,8 +13,8 @@ from typing import NoReturn
 
 from eos_ref import EOSTable, parse_fix_rheo
 from eos_ref.errors import InputError
-from eos_ref.model import Model, PairRheo, Thermal, Viscosity
-from eos_ref.ranges import type_range
+from eos_ref.model.parameters import Model, PairRheo, Thermal, Viscosity
+from eos_ref.syntax.ranges import type_range
 
 # Commands that a run may execute in between (run ... every) without changing the model.
 HARMLESS = frozenset(

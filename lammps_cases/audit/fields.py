@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from eos_ref.errors import InputError
-from eos_ref.model import Model
+from eos_ref.model.parameters import Model
 from lammps_cases.audit.deck import Deck
 
 # Names of compute rheo/property/atom, with the rank of each, and of the arrays of atoms.

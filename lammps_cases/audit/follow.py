@@ -15,7 +15,7 @@ from typing import Any
 from eos_ref.errors import InputError
 from lammps_cases.audit import guard, text
 from lammps_cases.audit.watch import Watch
-from lammps_cases.engine import EngineRefused
+from lammps_cases.engine.session import EngineRefused
 
 BRANCH = "eosref_branch"  # names of variables that decks will not use
 LINE = "eosref_line"

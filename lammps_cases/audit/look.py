@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.model import Box, Model, State
-from eos_ref.plain import Plain
-from eos_ref.rounded import error, value
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.model.parameters import Box, Model, State
+from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.fields import CHECKED, COLUMNS, PROPERTIES
 from lammps_cases.audit.seen import Explained, Seen, View, explain
-from lammps_cases.compare import Comparison, compare_field, excess
-from lammps_cases.ledger import LEDGER
-from lammps_cases.particles import derived, stage
+from lammps_cases.comparison.compare import Comparison, compare_field, excess
+from lammps_cases.findings import LEDGER
+from lammps_cases.verdict.particle_model import derived, stage
 
 Array = npt.NDArray[Any]
 COMPUTE = "eosref_fields"

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.fields import DEFAULT, chosen
-from lammps_cases.records import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
+from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
 
 Progress = Callable[[int, int | None], None]
 

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.cutoff import at_cutoff
-from eos_ref.elementary import where
-from eos_ref.model import BoolArray, Box, Gradients, Model, State
-from eos_ref.plain import Plain
-from eos_ref.quantities import required
-from eos_ref.rounded import Rounded, error
-from eos_ref.steps import Simulation
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.cutoff import at_cutoff
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import BoolArray, Box, Gradients, Model, State
+from eos_ref.model.quantities import required
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.fields import corrected_by_hidden_densities, is_power
-from lammps_cases.ledger import Entry
-from lammps_cases.trajectory import Particles
-from lammps_cases.variants import combined
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings import Entry
+from lammps_cases.findings.variants import combined
 
 Array = npt.NDArray[Any]
 EPS = 2.0**-52

@@ -18,7 +18,7 @@ from lammps_cases.audit.guard import check_script
 from lammps_cases.audit.options import AuditOptions, AuditResult, Look, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Verdict
 
 PATIENCE = 0.5  # seconds between two looks at the clock
 

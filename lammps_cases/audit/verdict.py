@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from lammps_cases.audit.fields import FIELDS
 from lammps_cases.audit.options import Ended, Facts, Identity, Look, Place, Row
-from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, Verdict, worst
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, Verdict, worst
 
 
 @dataclass

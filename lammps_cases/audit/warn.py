@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import EOS
-from eos_ref.eos import FloatArray
-from eos_ref.model import Box, Model, State
-from lammps_cases.stability.advice import judge
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.parameters import Box, Model, State
+from lammps_cases.studies.stability.advice import judge
 
 DEFAULT_RHO = 1.0  # what LAMMPS 22Jul2025 gives an atom whose density nobody sets
 SOLID = 1  # bit of rheo_status

@@ -15,16 +15,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref import EOSTable, bounds, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref import EOSTable, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.eos import bounds
 from eos_ref.errors import InputError
-from eos_ref.model import Model
+from eos_ref.model.parameters import Model
 from lammps_cases.audit import fields, look
 from lammps_cases.audit.deck import HARMLESS, Deck
 from lammps_cases.audit.options import Facts, Look, Row
 from lammps_cases.audit.warn import SOLID, Questions
-from lammps_cases.compare import Comparison, State, compare_pressure
-from lammps_cases.particles import derived, stage
-from lammps_cases.records import FieldRecord, LawRecord
+from lammps_cases.comparison.compare import Comparison, State, compare_pressure
+from lammps_cases.records.run_record import FieldRecord, LawRecord
+from lammps_cases.verdict.particle_model import derived, stage
 
 Array = npt.NDArray[Any]
 FIX = "eosref_audit"

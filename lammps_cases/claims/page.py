@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lammps_cases import pages
 from lammps_cases.claims.model import KINDS, PROBE, Claim
 from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
-from lammps_cases.ledger import LEDGER
-from lammps_cases.phrases import finding_ids
+from lammps_cases.findings import LEDGER
+from lammps_cases.pages import frame
+from lammps_cases.records.phrases import finding_ids
 
 ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
@@ -69,7 +69,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
     refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
     unexplained = any(judged.unexplained for column in columns for judged in column.judged)
     return (
-        pages.environment(ASSETS)
+        frame.environment(ASSETS)
         .get_template("claims.html.j2")
         .render(
             command="claims",
@@ -87,8 +87,8 @@ def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
                 if entry.id in refuting
             ],
             trace=trace,
-            css=pages.style(ASSETS / "claims.css"),
-            script=pages.script(ASSETS / "claims.js"),
+            css=frame.style(ASSETS / "claims.css"),
+            script=frame.script(ASSETS / "claims.js"),
         )
     )
 

@@ -18,12 +18,13 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, model_validator
 
-from lammps_cases import casefile, engine
 from lammps_cases.claims.model import PROBE
 from lammps_cases.claims.verdicts import own_words
-from lammps_cases.ledger import explain_outcome
-from lammps_cases.records import CaseRecord, Verdict
-from lammps_cases.workers import Failure, Workers
+from lammps_cases.engine import session
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import explain_outcome
+from lammps_cases.records.run_record import CaseRecord, Verdict
+from lammps_cases.scene import casefile
 
 TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
 FILE = Path(__file__).with_name("probes.yaml")
@@ -124,7 +125,7 @@ def ask(site: str | None, text: str) -> Ran:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         try:
-            lmp = engine.open_lammps(site)
+            lmp = session.open_lammps(site)
             try:
                 return _run(lmp, text)
             finally:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lammps_cases.history.reported import Past
-    from lammps_cases.records import RunRecord
+    from lammps_cases.records.run_record import RunRecord
 
 
 def collect(run: RunRecord, directory: Path | None = None) -> None:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.phrases import EXPECTED_REFUSAL, field_name, kind, size
-from lammps_cases.records import FieldRecord, Verdict
+from lammps_cases.records.phrases import EXPECTED_REFUSAL, field_name, kind, size
+from lammps_cases.records.run_record import FieldRecord, Verdict
 
-# From best to worst; as lammps_cases.records orders verdicts, with what was skipped last.
+# From best to worst; as lammps_cases.records.run_record orders verdicts, with what was skipped last.
 KINDS_OF_VERDICT = (
     *("exact", "pass", EXPECTED_REFUSAL, "explained"),
     *("refused", "differs", "timeout", "crashed", "error", "skipped"),

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from lammps_cases import pages
 from lammps_cases.history import draw
 from lammps_cases.history.model import KINDS, Kind
 from lammps_cases.history.views import CaseView, Change, RunLine
-from lammps_cases.phrases import brief
-from lammps_cases.records import write_atomically
+from lammps_cases.pages import frame
+from lammps_cases.records.phrases import brief
+from lammps_cases.records.run_record import write_atomically
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -59,7 +59,7 @@ def write(
     folder: Path, lines: Sequence[RunLine], views: Sequence[CaseView], labels: Sequence[str], pictured: bool
 ) -> Path:
     """Write the page of some runs and cases; with a picture of every case, or the changes alone."""
-    environment = pages.environment(ASSETS)
+    environment = frame.environment(ASSETS)
     environment.filters["findings"] = findings
     environment.filters["error"] = error
     html = environment.get_template("page.html.j2").render(
@@ -70,7 +70,7 @@ def write(
         total=len(views),
         pictures=[_picture(view) for view in views] if pictured else [],
         command="history",
-        css=pages.style(ASSETS / "history.css"),
+        css=frame.style(ASSETS / "history.css"),
     )
     path = folder / "history.html"
     write_atomically(path, html)

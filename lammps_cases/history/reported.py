@@ -10,8 +10,8 @@ from lammps_cases.history.draw import Point
 from lammps_cases.history.model import EngineName, Outcome, Result, Run, worst_of
 from lammps_cases.history.order import engines
 from lammps_cases.history.store import History
-from lammps_cases.phrases import kind
-from lammps_cases.records import CaseRecord, RunRecord
+from lammps_cases.records.phrases import kind
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 
 TABLE = 12  # runs in the table of a report
 RUNS = 24  # runs in the marks of its cases

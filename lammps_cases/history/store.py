@@ -23,8 +23,8 @@ import platformdirs
 
 from eos_ref.errors import InputError
 from lammps_cases.history.model import EngineName, FieldOutcome, Outcome, Result, Run, worst_of
-from lammps_cases.phrases import kind
-from lammps_cases.records import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.records.phrases import kind
+from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"

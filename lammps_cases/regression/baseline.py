@@ -17,13 +17,14 @@ from typing import get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
-from lammps_cases import casefile, keys
-from lammps_cases.phrases import folder_name
-from lammps_cases.records import VERDICTS, EngineRecord, RunRecord, Verdict
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.records.phrases import folder_name
+from lammps_cases.records.run_record import VERDICTS, EngineRecord, RunRecord, Verdict
 from lammps_cases.regression import seen
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.kinds import Policy
 from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Samples, Side
+from lammps_cases.scene import casefile
 
 SCHEMA = "eos-ref/baseline/1"
 IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
@@ -296,4 +297,4 @@ def machine_of(run: RunRecord) -> str:
     The model of the processor is part of it, although processors of one family mostly round alike: to take two
     machines for different costs a warning, to take them for the same a false alarm.
     """
-    return run.machine.get("kind") or keys.processor()  # runs of before hold no note
+    return run.machine.get("kind") or prediction_keys.processor()  # runs of before hold no note

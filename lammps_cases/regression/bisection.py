@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from eos_ref import InputError
-from lammps_cases.engine import EngineMissing
+from lammps_cases.engine.session import EngineMissing
 from lammps_cases.regression import pairs
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import groups

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from eos_ref.quantities import PART_OF
-from lammps_cases import pages, phrases
-from lammps_cases.particles import ORDER
+from eos_ref.model.quantities import PART_OF
+from lammps_cases.pages import frame
+from lammps_cases.records import phrases
 from lammps_cases.regression import pairs
 from lammps_cases.regression.groups import Group
 from lammps_cases.regression.kinds import ABOUT, KINDS, Change, Kind
 from lammps_cases.regression.pairs import Compared, Pair
+from lammps_cases.verdict.particle_model import ORDER
 
 ASSETS = Path(__file__).parent / "assets"
 # One character for a cell: nothing to see, other bits, or which side is closer to the reference.
@@ -85,15 +86,15 @@ def render(found: Compared) -> str:
     """The page of a comparison."""
     shown = [found.alone] if found.alone else pairs.shown(found)
     return (
-        pages.environment(ASSETS)
+        frame.environment(ASSETS)
         .get_template("compare.html.j2")
         .render(
             command="compare",
             found=found,
             status="bad" if found.exit_code else "good",
             stamp=pairs.STAMPS[found.exit_code],
-            css=pages.style(ASSETS / "compare.css"),
-            script=pages.script(ASSETS / "compare.js"),
+            css=frame.style(ASSETS / "compare.css"),
+            script=frame.script(ASSETS / "compare.js"),
             table=[_in_table(pair) for pair in found.pairs],
             views=[_view(pair) for pair in shown],
             about=ABOUT,

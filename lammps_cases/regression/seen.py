@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import InputError
-from lammps_cases.phrases import INSIDE, field_name, finding_ids
-from lammps_cases.records import CaseRecord, EngineRecord, FieldRecord, RunRecord, Verdict, digest, read_run
+from lammps_cases.records.phrases import INSIDE, field_name, finding_ids
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, Verdict, digest, read_run
 
 # With numbers to compare; answered where a refusal was due; without; answered with other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
@@ -177,7 +177,7 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
 
 
 def read(folder: Path) -> Side:
-    """The side of a report folder; see `lammps_cases.records.read_run` for what it raises."""
+    """The side of a report folder; see `lammps_cases.records.run_record.read_run` for what it raises."""
     return of_run(read_run(folder), folder)
 
 

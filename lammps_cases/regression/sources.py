@@ -9,13 +9,15 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from eos_ref import InputError
-from lammps_cases import campaign, casefile, engines
-from lammps_cases.casefile import Case
-from lammps_cases.engines import Engine
-from lammps_cases.records import CaseRecord
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine import installations
+from lammps_cases.engine.installations import Engine
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.regression import baseline, seen
 from lammps_cases.regression.seen import Side
-from lammps_cases.store import Store
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
 
 FORMS = "must be an engine (env, pypi:VERSION, path:DIR), a report folder with run.json, or a baseline"
 LABELS = string.ascii_uppercase  # of the sides, in the order given
@@ -34,7 +36,7 @@ class Source:
 
 def is_side(name: str) -> bool:
     """Whether a word names a side: an engine, or what has a slash or is a folder."""
-    return engines.is_engine(name) or "/" in name or Path(name).is_dir()
+    return installations.is_engine(name) or "/" in name or Path(name).is_dir()
 
 
 def source(name: str) -> Source:
@@ -45,8 +47,8 @@ def source(name: str) -> Source:
     InputError
         Neither an engine nor a folder of a run or a baseline, or one that cannot be read.
     """
-    if engines.is_engine(name):
-        return Source(name, engines.resolve(name))
+    if installations.is_engine(name):
+        return Source(name, installations.resolve(name))
     folder = Path(name)
     if (folder / baseline.IDENTITY).exists():
         return Source(name, known=baseline.read(folder).side(name))
@@ -58,7 +60,7 @@ def source(name: str) -> Source:
 
 
 def narrowed(side: Side, names: Sequence[str], tagged: Collection[str] | None) -> Side:
-    """A side with the cases of some names (as `lammps_cases.casefile.select` takes them), and among the tagged ones.
+    """Return a side with only the cases of some names (see `lammps_cases.scene.casefile.select`) that are tagged.
 
     Raises
     ------

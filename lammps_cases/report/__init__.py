@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lammps_cases.records import RunRecord, write_atomically
+from lammps_cases.records.run_record import RunRecord, write_atomically
 
 if TYPE_CHECKING:
+    from lammps_cases.findings import Entry
     from lammps_cases.history.reported import Past
-    from lammps_cases.ledger import Entry
     from lammps_cases.report.drawn import Drawn
 
 
@@ -50,7 +50,7 @@ def write_report(
     InputError
         plotly, whose script is embedded in the page, is not installed.
     """
-    from lammps_cases.ledger import LEDGER
+    from lammps_cases.findings import LEDGER
     from lammps_cases.report import junit, markdown, page
 
     ledger = LEDGER if ledger is None else ledger

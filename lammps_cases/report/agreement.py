@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from eos_ref.quantities import PART_OF
-from lammps_cases import phrases
-from lammps_cases.particles import STAGES, in_order, stage
-from lammps_cases.records import CaseRecord, RunRecord, StepRecord, Verdict
+from eos_ref.model.quantities import PART_OF
+from lammps_cases.records import phrases
+from lammps_cases.records.run_record import CaseRecord, RunRecord, StepRecord, Verdict
 from lammps_cases.report import wording
+from lammps_cases.verdict.particle_model import STAGES, in_order, stage
 
 
 @dataclass

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.errors import InputError
-from lammps_cases.compare import excess, worst_component
+from lammps_cases.comparison.compare import excess, worst_component
 
 _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, version, length of the header
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from eos_ref.eos import FloatArray
-from lammps_cases.records import CaseRecord
+from eos_ref.eos.table import FloatArray
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report import plots
 from lammps_cases.report.arrays import one_per_atom, read_arrays
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.ledger import Entry
-from lammps_cases.phrases import counted
-from lammps_cases.records import CaseRecord, RunRecord
+from lammps_cases.findings import Entry
+from lammps_cases.records.phrases import counted
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import wording
 
 Status = Literal["seen", "unseen", "absent"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
-from lammps_cases import phrases
-from lammps_cases.records import CaseRecord, RunRecord
+from lammps_cases.records import phrases
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import wording
 
 # XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from lammps_cases import phrases
-from lammps_cases.ledger import LEDGER, Entry
-from lammps_cases.records import CaseRecord, RunRecord
+from lammps_cases.findings import LEDGER, Entry
+from lammps_cases.records import phrases
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import agreement, findings, wording
 
 LISTED = 100  # rows of the table of failures: GitHub refuses summaries above 1 MiB

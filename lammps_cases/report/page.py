@@ -15,12 +15,13 @@ from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
 from eos_ref.errors import InputError
-from lammps_cases import phrases
 from lammps_cases.claims import verdicts
+from lammps_cases.findings import LEDGER, Entry
 from lammps_cases.history.draw import errors
 from lammps_cases.history.reported import Past
-from lammps_cases.ledger import LEDGER, Entry
-from lammps_cases.records import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
+from lammps_cases.pages import frame
+from lammps_cases.records import phrases
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, findings, plots, wording
 from lammps_cases.report.drawn import Drawn, Worst, drawn_from
 
@@ -71,7 +72,7 @@ def render(
     """The page of a run; per-atom arrays of cases that are not among the known are read from the folder ``fields``."""
     known = known or {}
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS),
+        loader=jinja2.FileSystemLoader([ASSETS, frame.SHARED]),
         bytecode_cache=jinja2.FileSystemBytecodeCache(
             str(cache_folder("templates"))
         ),  # compiling them takes a fifth of the time
@@ -101,7 +102,7 @@ def render(
         seeds={case.case: case.seed for case in run.cases if case.seed is not None},
         history=history,
         marks=_marks(history),
-        css=Markup((ASSETS / "report.css").read_text(encoding="utf-8")),
+        css=Markup((frame.SHARED / "page.css").read_text(encoding="utf-8")),
         history_css=Markup(HISTORY_CSS.read_text(encoding="utf-8")) if history else "",
         scripts=[_script(path) for path in (_plotly(), ASSETS / "plots.js", ASSETS / "report.js")],
     )

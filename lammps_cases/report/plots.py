@@ -15,10 +15,10 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.eos import EOS, FloatArray, Style
+from eos_ref.eos.table import EOS, FloatArray, Style
 from eos_ref.errors import InputError
-from lammps_cases.compare import excess
-from lammps_cases.records import CaseRecord, CheckRecord, LawRecord
+from lammps_cases.comparison.compare import excess
+from lammps_cases.records.run_record import CaseRecord, CheckRecord, LawRecord
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Differences = Mapping[str, tuple[FloatArray, FloatArray]]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from typing import Literal
 
-from lammps_cases import phrases
-from lammps_cases.phrases import EXPECTED_REFUSAL, counted, finding_ids, size
-from lammps_cases.records import VERDICTS, CaseRecord, FieldRecord, RunRecord, Verdict, worst
+from lammps_cases.records import phrases
+from lammps_cases.records.phrases import EXPECTED_REFUSAL, counted, finding_ids, size
+from lammps_cases.records.run_record import VERDICTS, CaseRecord, FieldRecord, RunRecord, Verdict, worst
 
 # From best to worst, by the order in which `worst` of the records ranks them.
 SEVERITY: dict[Verdict, int] = {v: sum(worst([v, other]) == v for other in VERDICTS) for v in VERDICTS}

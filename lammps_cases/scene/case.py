@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
-from eos_ref.ranges import type_range
+from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, Law, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
@@ -44,7 +44,7 @@ Column = Literal[
 ]
 AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
 THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
-# Ways to evaluate a law (`lammps_cases.methods.laws`), and the stages of the whole model.
+# Ways to evaluate a law (`eos_ref.methods.laws`), and the stages of the whole model.
 Method = Literal[
     "default",
     "auto",

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from eos_ref.eos import PARAMETER, Style
-from eos_ref.fixes import PressureEntry
+from eos_ref.eos.table import PARAMETER, Style
+from eos_ref.syntax.fixes import PressureEntry
 from lammps_cases.scene.values import Finite, Model, NonNegative, Positive, TypeRange, Vector
 
 

@@ -52,7 +52,7 @@ class EngineSettings(Rebuild):
 
 
 class TwinSettings(Model):
-    """A second run of LAMMPS, its own first one the reference: exactly one of the keys. See `lammps_cases.twins`."""
+    """A second run of LAMMPS, its own first one the reference: exactly one of the keys; see `lammps_cases.setup`."""
 
     translate: Vector | None = Field(None, description="displacement of all particles, wrapped in periodic axes")
     boost: Vector | None = Field(None, description="velocity added to all particles, walls included")

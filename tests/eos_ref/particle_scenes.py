@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.eos import EOS, EOSTable
-from eos_ref.fixes import FixRheo, Shift, SurfaceDetection
-from eos_ref.model import Box, Force, Model, PairRheo, State, Thermal, Viscosity
-from eos_ref.plain import Plain
-from eos_ref.quantities import ORDER
-from eos_ref.rounded import error, value
-from eos_ref.steps import Simulation
+from eos_ref.eos.table import EOS, EOSTable
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
+from eos_ref.model.quantities import ORDER
+from eos_ref.numbers.rounded import error, value
+from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 
 EPS = 2.0**-52
 GRID = 2.0**20

@@ -11,7 +11,8 @@ import pytest
 from eos_cases import BACKGROUNDS, EPS, LAWS, RHO0, FloatArray, allowed, densities, energies, exact
 from flint import arb
 
-from eos_ref import EOS, EOSTable, bounds
+from eos_ref import EOS, EOSTable
+from eos_ref.eos import bounds
 
 Order = Callable[[EOS, float, float], float]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS, InputError
-from eos_ref.channel import column, depth_below_surface, plane_start_up, weight_of_column
+from eos_ref.analytic.channel import column, depth_below_surface, plane_start_up, weight_of_column
 
 LONG = np.longdouble
 WIDTH, NU = LONG("1.7"), LONG("0.3")

@@ -13,7 +13,7 @@ import pytest
 from eos_cases import EPS, LAWS, FloatArray
 from flint import arb, ctx
 
-from eos_ref import compiled, laws
+from eos_ref.eos import compiled, laws
 
 
 @numba.njit(error_model="numpy")

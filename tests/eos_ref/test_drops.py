@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from eos_ref.drops import Ellipse, stretched
+from eos_ref.analytic.drops import Ellipse, stretched
 
 RADIUS, RATE = 1.7, 0.6
 TIMES = (0.1, 0.5, 1.3, 3.0, 4.9)
@@ -60,7 +60,7 @@ def test_begins_round() -> None:
 
 def test_quadrature_has_converged(monkeypatch: pytest.MonkeyPatch) -> None:
     last = stretched(RADIUS, RATE, 3 / RATE)
-    monkeypatch.setattr("eos_ref.drops.NODES", 80)
+    monkeypatch.setattr("eos_ref.analytic.drops.NODES", 80)
     finer = stretched(RADIUS, RATE, 3 / RATE)
     assert finer.a == pytest.approx(last.a, rel=1e-14)
 

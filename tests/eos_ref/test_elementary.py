@@ -9,7 +9,7 @@ import pytest
 from eos_cases import EPS
 from flint import arb, ctx
 
-from eos_ref import elementary
+from eos_ref.numbers import elementary
 
 GAMMAS = (7.0, 2.0, 1.0, 0.01, 0.5, 4.3, 150.0, -1.3, -2.0, -3.0)
 

@@ -12,7 +12,8 @@ from eos_cases import LAWS, RHO0, FloatArray
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eos_ref import EOS, EOSTable, InputError, bounds
+from eos_ref import EOS, EOSTable, InputError
+from eos_ref.eos import bounds
 
 
 def sample_table() -> EOSTable:

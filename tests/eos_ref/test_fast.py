@@ -17,12 +17,13 @@ import pytest
 from double_loop import DoubleLoop
 from particle_scenes import EPS, RECIPES, Scene, dyadic, recipe, results, scene
 
-from eos_ref import elementary, kernels
+from eos_ref.compiled.evaluator import Fast
+from eos_ref.compiled.neighbours import WINDOW
 from eos_ref.errors import InputError
-from eos_ref.fast import Fast
-from eos_ref.model import Box, Gradients
-from eos_ref.neighbours import WINDOW
-from eos_ref.rounded import error
+from eos_ref.model import kernels
+from eos_ref.model.parameters import Box, Gradients
+from eos_ref.numbers import elementary
+from eos_ref.numbers.rounded import error
 
 THREE = functools.partial(Fast, threads=3)
 

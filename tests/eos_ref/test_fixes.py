@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eos_ref import EOS, FixRheo, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
-from eos_ref.fixes import PressureEntry, Shift, SurfaceDetection
+from eos_ref.syntax.fixes import PressureEntry, Shift, SurfaceDetection
 
 PRESSURE = "fix 1 all rheo/pressure "
 RHEO = "fix 1 all rheo 3.0 quintic 0 "

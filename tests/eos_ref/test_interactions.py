@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from particle_scenes import EPS
 
-from eos_ref import interactions as pair
-from eos_ref import per_atom
+from eos_ref.model import interactions as pair
+from eos_ref.model import per_atom
 
 
 def test_means() -> None:

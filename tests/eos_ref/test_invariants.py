@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from particle_scenes import EPS, HOT, RECIPES, Scene, assert_same, bounded, dyadic, recipe, scene
 
-from eos_ref.fixes import Shift
-from eos_ref.model import Box, Force
-from eos_ref.plain import joined
-from eos_ref.rounded import Rounded, error, value
+from eos_ref.evaluation.array_evaluator import joined
+from eos_ref.model.parameters import Box, Force
+from eos_ref.numbers.rounded import Rounded, error, value
+from eos_ref.syntax.fixes import Shift
 
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 OPEN = {2: ((False, True), 3.0), 3: ((False, True, False), 3.0)}
@@ -430,7 +430,7 @@ def test_rigid_motion_has_no_friction(kernel: str, dimension: int) -> None:
 @pytest.mark.parametrize("style", ["coordination", "divergence"])
 def test_surfaces_of_a_half_filled_box(style: str) -> None:
     """Block with a free surface above and below: layers near it are surface, the middle bulk, one splash."""
-    from eos_ref.fixes import SurfaceDetection
+    from eos_ref.syntax.fixes import SurfaceDetection
 
     limit = 22 if style == "coordination" else 1.75
     surface = SurfaceDetection(style, limit, 3)  # type: ignore[arg-type]

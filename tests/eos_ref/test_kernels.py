@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from particle_scenes import EPS
 
-from eos_ref import kernels
+from eos_ref.model import kernels
 
 CUTS = [0.37, 1.0, 3.0, 41.7]
 

@@ -24,7 +24,8 @@ from eos_cases import (
 )
 from flint import arb, ctx
 
-from eos_ref import EOS, laws, rigorous
+from eos_ref import EOS
+from eos_ref.eos import laws, rigorous
 
 UNDEFINED = {name: law for name, law in TAIT.items() if not has_value(law, -1.0) or not has_value(law, 0.0)}
 
@@ -196,7 +197,7 @@ LAW_OF_STYLE = {
 
 @pytest.mark.parametrize("name", ["linear", "cubic softening", "tait/water", "tait/general 4.3", "ideal/gas"])
 def test_all_number_types_share_one_body(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from eos_ref import compiled
+    from eos_ref.eos import compiled
 
     law = LAWS[name]
     function = LAW_OF_STYLE[law.style]

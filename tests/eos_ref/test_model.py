@@ -11,9 +11,9 @@ import pytest
 from particle_scenes import HOT, TWO_LAWS, scene
 
 from eos_ref import EOS, EOSTable, InputError
-from eos_ref.fixes import Shift
-from eos_ref.model import Box, Force, PairRheo, State, Thermal, Viscosity, check_state
-from eos_ref.steps import Simulation
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Box, Force, PairRheo, State, Thermal, Viscosity, check_state
+from eos_ref.syntax.fixes import Shift
 
 NAN, INF = math.nan, math.inf
 ONE_LAW = EOSTable((EOS("linear"),))

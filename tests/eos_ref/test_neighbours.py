@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from eos_ref.compiled.neighbours import WINDOW, Neighbours
 from eos_ref.errors import InputError
-from eos_ref.model import Box
-from eos_ref.neighbours import WINDOW, Neighbours
-from eos_ref.pairs import compacted, directed_pairs
+from eos_ref.evaluation.pairs import compacted, directed_pairs
+from eos_ref.model.parameters import Box
 
 CUT = 1.0
 # Edges: longer than two cutoffs, between one and two, shorter than one and than a half.

@@ -7,7 +7,7 @@ import pytest
 from double_loop import DoubleLoop
 from particle_scenes import RECIPES, recipe, results
 
-from eos_ref.rounded import error, value
+from eos_ref.numbers.rounded import error, value
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

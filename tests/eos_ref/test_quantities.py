@@ -10,10 +10,10 @@ import pytest
 from particle_scenes import HOT, POWER, RECIPES, Scene, bounded, everything, recipe, scene
 
 from eos_ref import InputError
-from eos_ref.fixes import Shift, SurfaceDetection
-from eos_ref.plain import Plain
-from eos_ref.quantities import FIELDS, ORDER, PART_OF, inputs, needed_to_step, required
-from eos_ref.steps import Simulation
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.quantities import FIELDS, ORDER, PART_OF, inputs, needed_to_step, required
+from eos_ref.syntax.fixes import Shift, SurfaceDetection
 
 STAGES = {
     "move": "pairs",

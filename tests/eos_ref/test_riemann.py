@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref import InputError, riemann
-from eos_ref.riemann import Gas, Riemann
+from eos_ref import InputError
+from eos_ref.analytic import riemann
+from eos_ref.analytic.riemann import Gas, Riemann
 
 LONG = np.longdouble
 EPS = float(np.finfo(LONG).eps)

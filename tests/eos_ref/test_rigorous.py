@@ -10,7 +10,8 @@ import pytest
 from eos_cases import LAWS, RHO0, TAIT, has_value
 from flint import arb, ctx
 
-from eos_ref import EOS, InputError, rigorous
+from eos_ref import EOS, InputError
+from eos_ref.eos import rigorous
 
 
 @pytest.mark.parametrize("bits", [20, 60, 100, 400])  # 20: less than the cancellation costs

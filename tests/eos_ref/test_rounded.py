@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from particle_scenes import RECIPES, Scene, bounded, recipe, results, scene
 
-from eos_ref import interactions, kernels
-from eos_ref.elementary import maximum, minimum, sqrt, where
-from eos_ref.fixes import SurfaceDetection
-from eos_ref.rounded import ROUNDING, Decision, Rounded, error, placed, value
-from eos_ref.stages import is_class
+from eos_ref.evaluation.stages import is_class
+from eos_ref.model import interactions, kernels
+from eos_ref.numbers.elementary import maximum, minimum, sqrt, where
+from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, placed, value
+from eos_ref.syntax.fixes import SurfaceDetection
 
 QUICK = settings(max_examples=150, deadline=None, derandomize=True)
 U = 2.0**-53

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref import InputError, kernels, solutions
+from eos_ref import InputError
+from eos_ref.analytic import waves
+from eos_ref.model import kernels
 
 Array = Any
 RADIUS, POINTS = (
@@ -37,8 +39,8 @@ def rounding(size: float, order: int) -> float:
 @pytest.mark.parametrize(
     "solution",
     [
-        lambda x, t: solutions.shear_wave(x, t, K, NU, AMPLITUDE),
-        lambda x, t: solutions.heat_wave(x, t, K, NU, AMPLITUDE, 2.0),
+        lambda x, t: waves.shear_wave(x, t, K, NU, AMPLITUDE),
+        lambda x, t: waves.heat_wave(x, t, K, NU, AMPLITUDE, 2.0),
     ],
     ids=["shear", "heat"],
 )
@@ -51,10 +53,10 @@ def test_waves_diffuse(solution: Callable[[Array, Array], Array]) -> None:
 
 def test_sound_obeys_the_linear_equations() -> None:
     def rho(x: Array, t: Array) -> Array:
-        return solutions.sound_wave(x, t, K, C, NU, RHO0, AMPLITUDE)[0]
+        return waves.sound_wave(x, t, K, C, NU, RHO0, AMPLITUDE)[0]
 
     def v(x: Array, t: Array) -> Array:
-        return solutions.sound_wave(x, t, K, C, NU, RHO0, AMPLITUDE)[1]
+        return waves.sound_wave(x, t, K, C, NU, RHO0, AMPLITUDE)[1]
 
     size = 8.0 * RHO0 * C**2
     mass = derivative(lambda t: rho(X, t), T, 1) + RHO0 * derivative(lambda x: v(x, T), X, 1)
@@ -68,14 +70,14 @@ def test_sound_obeys_the_linear_equations() -> None:
 
 
 def test_sound_begins_at_rest_compressed() -> None:
-    rho, v = solutions.sound_wave(np.longdouble(X), np.longdouble(0), K, C, NU, RHO0, AMPLITUDE)
+    rho, v = waves.sound_wave(np.longdouble(X), np.longdouble(0), K, C, NU, RHO0, AMPLITUDE)
     assert v == 0
     assert float(rho) == pytest.approx(RHO0 * (1 + AMPLITUDE * math.cos(K * X)), rel=4 * EPS)
 
 
 def test_vortices_obey_navier_and_stokes() -> None:
     def field(which: int, x: Array, y: Array, t: Array) -> Array:
-        return solutions.taylor_green(x, y, t, K, NU, AMPLITUDE)[which]
+        return waves.taylor_green(x, y, t, K, NU, AMPLITUDE)[which]
 
     def along(which: int, axis: int, order: int) -> float:
         def line(s: Array) -> Array:
@@ -85,7 +87,7 @@ def test_vortices_obey_navier_and_stokes() -> None:
         return derivative(line, (X, Y, T)[axis], order)
 
     assert abs(along(0, 0, 1) + along(1, 1, 1)) < rounding(1.0, 1)
-    u, v, _ = solutions.taylor_green(X, Y, T, K, NU, AMPLITUDE)
+    u, v, _ = waves.taylor_green(X, Y, T, K, NU, AMPLITUDE)
     for which in (0, 1):
         spread = NU * (along(which, 0, 2) + along(which, 1, 2))
         push = along(2, which, 1)
@@ -110,16 +112,16 @@ def test_oscillation_is_recovered() -> None:
     rate, omega, dt = 0.21, 1.9, 0.4
     t = dt * np.arange(1, 9)
     f_t = np.exp(-rate * t) * (0.7 * np.cos(omega * t) - 0.2 * np.sin(omega * t))
-    assert solutions.damped_oscillation(f_t, dt) == pytest.approx((rate, omega), rel=1e4 * EPS)
+    assert waves.damped_oscillation(f_t, dt) == pytest.approx((rate, omega), rel=1e4 * EPS)
 
 
 def test_what_does_not_oscillate_has_no_frequency() -> None:
-    assert np.isnan(solutions.damped_oscillation(2.0 ** np.arange(6) + 3.0 ** np.arange(6), 1.0)[1])
+    assert np.isnan(waves.damped_oscillation(2.0 ** np.arange(6) + 3.0 ** np.arange(6), 1.0)[1])
 
 
 @pytest.mark.parametrize(
     "call",
-    [lambda: solutions.sound_wave(X, T, K, C, 2 * C / K), lambda: solutions.damped_oscillation(np.ones(3), 1.0)],
+    [lambda: waves.sound_wave(X, T, K, C, 2 * C / K), lambda: waves.damped_oscillation(np.ones(3), 1.0)],
 )
 def test_bad_input_is_refused(call: Callable[[], object]) -> None:
     with pytest.raises(InputError):

@@ -11,10 +11,10 @@ from double_loop import DoubleLoop
 from particle_scenes import EPS, MELTING, RECIPES, Scene, bounded, recipe, results, scene
 
 from eos_ref import InputError
-from eos_ref.eos import EOS, EOSTable
-from eos_ref.fixes import Shift
-from eos_ref.model import Box, Force, Thermal, Viscosity
-from eos_ref.rounded import error
+from eos_ref.eos.table import EOS, EOSTable
+from eos_ref.model.parameters import Box, Force, Thermal, Viscosity
+from eos_ref.numbers.rounded import error
+from eos_ref.syntax.fixes import Shift
 
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 DT = 2.0**-8

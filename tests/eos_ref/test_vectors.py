@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from eos_ref.vectors import (
+from eos_ref.compiled.vectors import (
     add_to,
     columns_times,
     dot,

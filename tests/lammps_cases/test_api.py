@@ -15,7 +15,8 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import EOS, EOSTable, InputError
-from lammps_cases import ase_io, tables
+from lammps_cases.run import tables
+from lammps_cases.scene import ase_io
 
 README = Path(__file__).parents[2] / "README.md"
 

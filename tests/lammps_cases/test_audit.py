@@ -24,11 +24,11 @@ from click.testing import CliRunner
 from eos_ref import EOSTable, InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
 from lammps_cases.audit.options import Place, Task
-from lammps_cases.records import CaseRecord
+from lammps_cases.records.run_record import CaseRecord
 
 DECKS = Path(__file__).parents[1] / "decks"
 HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
-PLAIN = "import sys; from lammps_cases.engine import open_lammps; open_lammps().file(sys.argv[1])"
+PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 
 
 @functools.cache
@@ -497,7 +497,7 @@ def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
 
 
 def test_command_line(tmp_path: Path) -> None:
-    from lammps_cases.audit.cli import audit_command
+    from lammps_cases.cli.audit import audit_command
 
     arguments = [str(DECKS / "in.plain"), "--steps", "20", "--json"]
     result = CliRunner().invoke(audit_command, arguments, standalone_mode=False)

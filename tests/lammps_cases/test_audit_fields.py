@@ -17,15 +17,15 @@ import pytest
 from click.testing import CliRunner
 
 from eos_ref import InputError, parse_fix_rheo
-from eos_ref.model import Box, Model, PairRheo, State, Thermal, Viscosity
-from eos_ref.rounded import error, value
+from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
+from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
 from lammps_cases.audit.options import Task
 from lammps_cases.audit.seen import Seen, View
-from lammps_cases.records import CaseRecord
+from lammps_cases.records.run_record import CaseRecord
 
 DECKS = Path(__file__).parents[1] / "decks"
-PLAIN = "import sys; from lammps_cases.engine import open_lammps; open_lammps().file(sys.argv[1])"
+PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 SURFACE = {"surface", "surface/r", "surface/n", "surface/divr"}
 STRESS = {"grad/v", "viscosity", "stress/v", "stress/t"}
 HEAT = {"conductivity", "cv", "temperature"}
@@ -230,7 +230,7 @@ def test_field_that_a_deck_does_not_have(name: str, field: str, why: str) -> Non
 
 def test_unknown_field_is_one_line() -> None:
     run = subprocess.run(
-        [sys.executable, "-m", "lammps_cases.cli", "audit", "in.plain", "--fields", "pressure,densty"],
+        [sys.executable, "-m", "lammps_cases.cli.main", "audit", "in.plain", "--fields", "pressure,densty"],
         cwd=DECKS,
         capture_output=True,
         text=True,
@@ -243,7 +243,7 @@ def test_unknown_field_is_one_line() -> None:
 
 
 def test_command_line_prints_fields(tmp_path: Path) -> None:
-    from lammps_cases.audit.cli import audit_command
+    from lammps_cases.cli.audit import audit_command
 
     arguments = [str(DECKS / "in.summed"), "--fields", "all", "--steps", "10", "--out", str(tmp_path)]
     result = CliRunner().invoke(audit_command, arguments, standalone_mode=False)

@@ -381,7 +381,7 @@ def test_current_folder_is_not_an_output_folder(
 
 def test_home_that_cannot_be_written_costs_no_result(case_file: Write, tmp_path: Path) -> None:
     home = {**os.environ, "HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere"}
-    command = [sys.executable, "-m", "lammps_cases.cli", "run", "files", "--out", str(tmp_path / "report")]
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "files", "--out", str(tmp_path / "report")]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=home)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -10,9 +10,9 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases import bench_history, bench_model, bench_peers
-from lammps_cases.bench import Ratio, against, laws_against_copy
-from lammps_cases.measure import Interval
+from lammps_cases.studies.benchmarks import bench_model, bench_peers, speed_history
+from lammps_cases.studies.benchmarks.bench import Ratio, against, laws_against_copy
+from lammps_cases.studies.benchmarks.measure import Interval
 
 Run = Callable[..., Outcome]
 
@@ -25,38 +25,38 @@ def ratio(scene: str, low: float, high: float) -> Ratio:
 def test_a_history_keeps_every_measurement_in_order(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "history.jsonl"
     for label in ("one", "two", "one"):
-        bench_history.append(path, label, [ratio("a", 0.2, 0.3)])
-    entries = bench_history.read(path)
+        speed_history.append(path, label, [ratio("a", 0.2, 0.3)])
+    entries = speed_history.read(path)
     assert [entry.label for entry in entries] == ["one", "two", "one"]
     assert entries[0].ratios == (ratio("a", 0.2, 0.3),)
-    assert bench_history.pick(entries, "one", path) is entries[2]
-    assert bench_history.pick(entries, "1", path) is entries[0]
-    assert bench_history.pick(entries, "-1", path) is entries[2]
+    assert speed_history.pick(entries, "one", path) is entries[2]
+    assert speed_history.pick(entries, "1", path) is entries[0]
+    assert speed_history.pick(entries, "-1", path) is entries[2]
 
 
 @pytest.mark.parametrize("which", ["none", "0x1", "9", "-9"])
 def test_a_measurement_that_is_not_there_is_refused(tmp_path: Path, which: str) -> None:
     path = tmp_path / "history.jsonl"
-    bench_history.append(path, "one", [])
+    speed_history.append(path, "one", [])
     with pytest.raises(InputError, match="must be a label, or a number from 1 to 1"):
-        bench_history.pick(bench_history.read(path), which, path)
+        speed_history.pick(speed_history.read(path), which, path)
 
 
 def test_a_damaged_line_is_named(tmp_path: Path) -> None:
     path = tmp_path / "history.jsonl"
-    bench_history.append(path, "one", [ratio("a", 0.2, 0.3)])
+    speed_history.append(path, "one", [ratio("a", 0.2, 0.3)])
     path.write_text(path.read_text() + path.read_text()[:40] + "\n")
     with pytest.raises(InputError, match=r"history\.jsonl, line 2"):
-        bench_history.read(path)
+        speed_history.read(path)
     with pytest.raises(InputError, match="cannot be read"):
-        bench_history.read(tmp_path / "none")
+        speed_history.read(tmp_path / "none")
 
 
 def test_two_measurements_are_told_apart_only_if_their_intervals_are(tmp_path: Path) -> None:
     path = tmp_path / "h"
     before = [ratio("faster", 0.40, 0.42), ratio("slower", 0.20, 0.22), ratio("same", 0.30, 0.40), ratio("gone", 1, 2)]
     after = [ratio("faster", 0.30, 0.33), ratio("slower", 0.25, 0.27), ratio("same", 0.28, 0.33), ratio("new", 1, 2)]
-    found = bench_history.changes(bench_history.append(path, "", before), bench_history.append(path, "", after))
+    found = speed_history.changes(speed_history.append(path, "", before), speed_history.append(path, "", after))
     assert {change.scene: change.answer for change in found} == {
         "faster": "faster",
         "slower": "slower",

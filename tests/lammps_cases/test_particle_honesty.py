@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref import interactions, kernels, per_atom, plain, steps
-from lammps_cases import campaign, casefile
-from lammps_cases.engine import Answer, Job
-from lammps_cases.records import CaseRecord, EngineRecord
-from lammps_cases.variants import ForcePerVolume
-from lammps_cases.workers import Workers
+from eos_ref.evaluation import array_evaluator, time_step
+from eos_ref.model import interactions, kernels, per_atom
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings.variants import ForcePerVolume
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}
@@ -66,11 +68,11 @@ def _times(function: Callable[..., Any], factor: float) -> Callable[..., Any]:
     return lambda *arguments: function(*arguments) * factor
 
 
-def _no_floor(self: plain.Plain, rho_n: Any) -> Any:
+def _no_floor(self: array_evaluator.Plain, rho_n: Any) -> Any:
     return rho_n
 
 
-def _late_gradients(self: steps.Simulation) -> Any:
+def _late_gradients(self: time_step.Simulation) -> Any:
     return self.gradient
 
 
@@ -130,9 +132,9 @@ FAULTS: dict[str, tuple[Any, str, Any, str]] = {
         lambda G, eta, p=None: [[-eta * g for g in row] for row in G],
         FORCES,
     ),
-    "wall density without floor": (plain.Plain, "apparent_density", _no_floor, WALLS),
-    "gradients of the last evaluation": (steps.Simulation, "_half_step_gradients", _late_gradients, FORCES),
-    "forces of walls kept": (steps.Simulation, "keep_forces", lambda self: None, "walls.reconstructed.gravity"),
+    "wall density without floor": (array_evaluator.Plain, "apparent_density", _no_floor, WALLS),
+    "gradients of the last evaluation": (time_step.Simulation, "_half_step_gradients", _late_gradients, FORCES),
+    "forces of walls kept": (time_step.Simulation, "keep_forces", lambda self: None, "walls.reconstructed.gravity"),
 }
 
 
@@ -151,18 +153,18 @@ def test_planted_fault_turns_a_case_red(fault: str, judge: Judge, monkeypatch: p
 
 
 def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = steps.Simulation.step
+    right = time_step.Simulation.step
 
-    def disturbed(self: steps.Simulation, dt: float) -> None:
+    def disturbed(self: time_step.Simulation, dt: float) -> None:
         right(self, dt)
         self.taken = getattr(self, "taken", 0) + 1
         if self.taken == 4:
             self.state.v_nc[7, 1] += 1e-7
 
     # The reference takes over LAMMPS' known fault, so that nothing else is red.
-    monkeypatch.setattr(plain.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
+    monkeypatch.setattr(array_evaluator.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
     assert judge(FORCES).verdict == "pass"
-    monkeypatch.setattr(steps.Simulation, "step", disturbed)
+    monkeypatch.setattr(time_step.Simulation, "step", disturbed)
     record = judge(FORCES)  # compared at steps 0, 1 and 10
     assert record.verdict == "differs"
     assert record.message.startswith("v (stage integration) leaves its bound at step 4 at 1 of 80 atoms, first atom 8:")
@@ -175,7 +177,7 @@ def test_one_wrong_number_of_lammps_is_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, answer = answers(FORCES)
-    monkeypatch.setattr(plain.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
+    monkeypatch.setattr(array_evaluator.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
     monkeypatch.setattr(campaign, "_first_step", lambda *of: "")
     snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
     snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1

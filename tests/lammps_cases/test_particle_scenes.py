@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.steps import Simulation
-from lammps_cases import campaign, casefile, reference
-from lammps_cases.casefile import Case
-from lammps_cases.commands import job
-from lammps_cases.engine import Answer, Job, Run
-from lammps_cases.evaluate import particles_of, snapshot
-from lammps_cases.particles import nearest_image
-from lammps_cases.plan import plan
-from lammps_cases.trajectory import predict
-from lammps_cases.workers import Failure, Workers
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.trajectory import predict
+from lammps_cases.engine.session import Answer, Job, Run
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import reference_side
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.judgement import particles_of, snapshot
+from lammps_cases.verdict.particle_model import nearest_image
 
 FLUID = {"mass": 1.3, "rho0": 1.3, "cs": 10.0, "viscosity": 0.2}
 WALL = {
@@ -236,7 +238,7 @@ def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers) -> 
 def _ranks_left() -> list[str]:
     """Ranks started by workers of this process: their last argument is that worker, which is no more."""
     processes = subprocess.run(["ps", "axww", "-o", "args"], capture_output=True, text=True, check=True).stdout
-    ranks = [line.split() for line in processes.splitlines() if "-m lammps_cases.ranks" in line]
+    ranks = [line.split() for line in processes.splitlines() if "-m lammps_cases.engine.ranks" in line]
     return [" ".join(words) for words in ranks if not Path(f"/proc/{words[-1]}").exists()]
 
 
@@ -244,8 +246,11 @@ def test_reference_has_the_same_doubles(make: Make, workers: Workers) -> None:
     for name in ("everything", "heat", "solid-3d", "open"):
         case = make(name)
         ready, told = tell(case)
-        state = reference.state(case.scene, ready.atoms, case.where)
-        model, box = reference.model(case.scene, ready.atoms, case.where), reference.box(case.scene, ready.atoms)
+        state = reference_side.state(case.scene, ready.atoms, case.where)
+        model, box = (
+            reference_side.model(case.scene, ready.atoms, case.where),
+            reference_side.box(case.scene, ready.atoms),
+        )
         got, d = solve(workers, told).snapshots[0], case.scene.dimension
         assert np.array_equal(state.x_nc, got["x"][:, :d])
         assert np.array_equal(state.v_nc, got["v"][:, :d])

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from lammps_cases import phrases
-from lammps_cases.records import StepRecord
+from lammps_cases.records import phrases
+from lammps_cases.records.run_record import StepRecord
 
 
 @pytest.mark.parametrize(

@@ -16,18 +16,20 @@ import numpy as np
 import pytest
 from tests_support import Outcome
 
-from eos_ref.plain import Plain
-from eos_ref.steps import Simulation
-from lammps_cases import campaign, casefile, keys, store
-from lammps_cases.evaluate import particles_of
-from lammps_cases.keys import Unnamed, fingerprint
-from lammps_cases.predictions import Predictor
-from lammps_cases.store import Store
-from lammps_cases.trajectory import Particles, Prediction
-from lammps_cases.variants import ForcePerVolume, HeatOverDensity, NormalOfLastPair
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison import prediction_keys, store
+from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.findings.variants import ForcePerVolume, HeatOverDensity, NormalOfLastPair
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.judgement import particles_of
 
 Run = Callable[..., Outcome]
-ROOT = Path(keys.__file__).parents[1]
+ROOT = Path(prediction_keys.__file__).parents[1]
 
 
 def _scene(name: str = "thermal.latent.2d") -> Particles:
@@ -103,10 +105,10 @@ def test_every_element_counts(scene: Particles) -> None:
 
 def test_variants_are_told_apart() -> None:
     fitted = [
-        type("Fitted", (NormalOfLastPair,), {"pair": pair, "__module__": "lammps_cases.variants"})
+        type("Fitted", (NormalOfLastPair,), {"pair": pair, "__module__": "lammps_cases.findings.variants"})
         for pair in ((1, 2), (2, 1))
     ]
-    both = type("Stages", (ForcePerVolume, NormalOfLastPair), {"__module__": "lammps_cases.variants"})
+    both = type("Stages", (ForcePerVolume, NormalOfLastPair), {"__module__": "lammps_cases.findings.variants"})
     kinds = [Plain, ForcePerVolume, HeatOverDensity, NormalOfLastPair, *fitted, both, Simulation, None]
     assert len({fingerprint(kind) for kind in kinds}) == len(kinds)
 
@@ -130,30 +132,31 @@ def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch:
     copied = ("eos_ref", "lammps_cases")
     for package in copied:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "cases"))
-    assert keys.context(tmp_path) == keys.context()
-    hashed = keys.hashed(tmp_path)
+    assert prediction_keys.context(tmp_path) == prediction_keys.context()
+    hashed = prediction_keys.hashed(tmp_path)
     assert len(hashed) > 30
     for path in hashed:
         source = path.read_bytes()
         path.write_bytes(source[:-1] + b" ")
-        assert keys.context(tmp_path) != keys.context(), path.name
+        assert prediction_keys.context(tmp_path) != prediction_keys.context(), path.name
         path.write_bytes(source)
     (tmp_path / "eos_ref" / "new.py").write_text("")
-    assert keys.context(tmp_path) != keys.context()
-    before = keys.context()
+    assert prediction_keys.context(tmp_path) != prediction_keys.context()
+    before = prediction_keys.context()
     monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2")
-    assert keys.context() != before
+    assert prediction_keys.context() != before
 
 
 @pytest.mark.parametrize(
-    ("where", "name"), [(keys, "_version"), (keys, "processor"), (np, "show_config"), (platform, "python_version")]
+    ("where", "name"),
+    [(prediction_keys, "_version"), (prediction_keys, "processor"), (np, "show_config"), (platform, "python_version")],
 )
 def test_libraries_and_processor_are_part_of_the_context(
     where: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = keys.context()
+    before = prediction_keys.context()
     monkeypatch.setattr(where, name, lambda *of, **options: {"SIMD Extensions": "another"} if options else "another")
-    assert keys.context() != before
+    assert prediction_keys.context() != before
 
 
 def _imported(name: str) -> set[str]:
@@ -175,8 +178,8 @@ def test_the_context_holds_every_module_that_predictions_go_through() -> None:
         name = left.pop()
         seen.add(name)
         left |= _imported(name) - seen
-    assert seen == {*keys.SOURCES, "methods"}
-    assert {path.parent.name for path in keys.hashed(ROOT)} == {"eos_ref", "lammps_cases", "methods"}
+    assert seen == {*prediction_keys.SOURCES, "methods"}
+    assert {path.parent.name for path in prediction_keys.hashed(ROOT)} == {"eos_ref", "lammps_cases", "methods"}
 
 
 def _bits(prediction: Prediction) -> list[bytes]:
@@ -233,8 +236,8 @@ def test_context_and_fresh_hide_what_is_there(scene: Particles, tmp_path: Path) 
         predictor = Predictor(kept)
         predictor.predict(scene)
         assert (predictor.computed, predictor.stored) == (1, 0)
-    assert keys.current(keys.open_store())
-    assert not keys.current(Store(tmp_path, "sources of another time"))
+    assert prediction_keys.current(prediction_keys.open_store())
+    assert not prediction_keys.current(Store(tmp_path, "sources of another time"))
 
 
 def test_folder_that_cannot_be_written_costs_no_result(scene: Particles, tmp_path: Path) -> None:

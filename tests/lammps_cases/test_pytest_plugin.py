@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lammps_cases import campaign, casefile, engine, evaluate, pytest_session  # noqa: F401  # pytester unloads what it loads itself
+from lammps_cases.engine import session
+from lammps_cases.scene import casefile
 
 pytest_plugins = "pytester"
 
@@ -71,7 +72,7 @@ def faulty(tmp_path: Path) -> str:
     """The engine with faults."""
     package = tmp_path / "engine" / "lammps"
     package.mkdir(parents=True)
-    real = engine.package_directory()
+    real = session.package_directory()
     (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
     (package / "liblammps.so").symlink_to(real / "liblammps.so")
     return f"--eos-ref-engine=path:{package.parent}"
@@ -79,9 +80,11 @@ def faulty(tmp_path: Path) -> str:
 
 def test_importing_the_plugin_imports_nothing_but_pytest() -> None:
     """Every run of pytest in the environment does it, of whatever project."""
-    code = "import sys, pytest; a = set(sys.modules); import lammps_cases.pytest_plugin; print(*set(sys.modules) - a)"
+    code = (
+        "import sys, pytest; a = set(sys.modules); import lammps_cases.ci.pytest_plugin; print(*set(sys.modules) - a)"
+    )
     words = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert sorted(words) == ["lammps_cases", "lammps_cases.pytest_plugin"]
+    assert sorted(words) == ["lammps_cases", "lammps_cases.ci.pytest_plugin"]
 
 
 def test_yaml_files_are_ours_only_if_asked_for(pytester: pytest.Pytester) -> None:

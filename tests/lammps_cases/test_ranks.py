@@ -10,8 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lammps_cases import campaign, casefile, ranks
-from lammps_cases.engine import EngineCrashed, EngineRefused, Job, Run
+from lammps_cases.engine import ranks
+from lammps_cases.engine.session import EngineCrashed, EngineRefused, Job, Run
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
 
 
 @pytest.fixture

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from tests_support import Outcome
 
-from lammps_cases import campaign, casefile
-from lammps_cases.commands import job
-from lammps_cases.engine import Job, Run
-from lammps_cases.plan import plan
-from lammps_cases.scene import models
+from lammps_cases.engine.session import Job, Run
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile, models
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
 
 Write = Callable[..., Path]
 
@@ -131,7 +131,7 @@ def test_explain_prints_the_plan(eos_ref_command: Callable[..., Outcome]) -> Non
 
 def test_every_shipped_scene_of_a_law_tells_formulas_apart_unless_it_is_about_coincidence(tmp_path: Path) -> None:
     """The lint: what a scene is blind to is known and listed here, scene by scene."""
-    from lammps_cases.engines import Engine
+    from lammps_cases.engine.installations import Engine
 
     run = campaign.run_cases(casefile.select(casefile.load(), tag="eos"), Engine(), 2, tmp_path / "report")
     blind = {case.case: set(case.lint) for case in run.cases if case.lint}

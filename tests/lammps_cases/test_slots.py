@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.steps import Simulation
-from lammps_cases import campaign, casefile, evaluate, slots
-from lammps_cases.commands import job
-from lammps_cases.engine import Answer, Job
-from lammps_cases.ledger import shown_by
-from lammps_cases.plan import plan
-from lammps_cases.predictions import Predictor
-from lammps_cases.records import CaseRecord, EngineRecord
-from lammps_cases.slots import AccelerationsOfOldImages, CountingSteps, GradientOfSecond, Listed
-from lammps_cases.trajectory import Particles, visit, wanted
-from lammps_cases.variants import Variant, combined
-from lammps_cases.workers import Workers
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Particles, visit, wanted
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import neighbour_lists, shown_by
+from lammps_cases.findings.neighbour_lists import AccelerationsOfOldImages, CountingSteps, GradientOfSecond, Listed
+from lammps_cases.findings.variants import Variant, combined
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.verdict import judgement
 
 ENGINE = EngineRecord(distribution=version("lammps"))
 OLDER = EngineRecord(distribution="2025.7.22.1.0")  # whose order of pairs matters
@@ -68,7 +70,7 @@ class Seen:
     def problem(self) -> Particles:
         """The scene with all its steps."""
         steps = tuple(range(len(self.every.snapshots)))
-        return evaluate.particles_of(self.ready.case.scene, self.ready.atoms, "", steps)
+        return judgement.particles_of(self.ready.case.scene, self.ready.atoms, "", steps)
 
     @property
     def lists(self) -> tuple[Listed, ...]:
@@ -128,7 +130,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
         assert np.abs(periods_sc - np.round(periods_sc)).max() < 8 * 2.0**-53
         assert listed.pair_ps[:, 0].max() < n
     assert len(given.answer.lists) == 0
-    stages = type("Stages", (slots.FollowingLists,), {"lists": given.lists})
+    stages = type("Stages", (neighbour_lists.FollowingLists,), {"lists": given.lists})
     sim = CountingSteps(given.problem.model, given.problem.box, given.problem.state, wanted(given.problem), stages)
     crossing = 0
     for _ in visit(sim, given.problem.steps, given.problem.timestep):
@@ -142,7 +144,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
 
 def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> None:
     given = seen(FIRST)
-    stages_of = type("Stages", (slots.FollowingLists,), {"lists": given.lists})
+    stages_of = type("Stages", (neighbour_lists.FollowingLists,), {"lists": given.lists})
     found = []
     for turns in (0.0, 3.0):
         problem = given.problem
@@ -158,7 +160,7 @@ def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> Non
 def test_two_images_of_a_particle_are_two_pairs(seen: Callable[..., Seen]) -> None:
     given = seen(1, columns=4)  # shorter than two cutoffs
     problem = given.problem
-    stages = type("Stages", (slots.FollowingLists,), {"lists": given.lists})(
+    stages = type("Stages", (neighbour_lists.FollowingLists,), {"lists": given.lists})(
         problem.model, problem.box, problem.state.type_n, problem.state.solid_n
     )
     stages.move(problem.state.x_nc)
@@ -343,11 +345,11 @@ def test_order_of_pairs_explains_the_layer(case: str, solver: Solver, monkeypatc
 
 def test_variants_that_share_steps_are_combined_in_any_order(seen: Callable[..., Seen]) -> None:
     given = seen(2, kernel="RK1")
-    steps = [CountingSteps, slots.StatusOfLayers, CountingSteps]
-    stages = [slots.FollowingLists, slots.LayerOfFirst, GradientOfSecond]
+    steps = [CountingSteps, neighbour_lists.StatusOfLayers, CountingSteps]
+    stages = [neighbour_lists.FollowingLists, neighbour_lists.LayerOfFirst, GradientOfSecond]
     for order in (1, -1):
         parts = zip(stages[::order], steps[::order], strict=True)
         made = combined([Variant(lambda scene: True, *part) for part in parts], given.problem, {})
         assert made is not None
-        assert {GradientOfSecond, slots.LayerOfFirst} <= set(made[0].__mro__)
-        assert slots.StatusOfLayers in made[1].__mro__
+        assert {GradientOfSecond, neighbour_lists.LayerOfFirst} <= set(made[0].__mro__)
+        assert neighbour_lists.StatusOfLayers in made[1].__mro__

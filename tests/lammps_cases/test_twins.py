@@ -14,11 +14,13 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases import campaign, casefile, twins
-from lammps_cases.casefile import Case
-from lammps_cases.engine import Answer
-from lammps_cases.records import CaseRecord, EngineRecord, read_run
-from lammps_cases.workers import Failure, Workers
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import twins
 
 ENGINE = EngineRecord(distribution=version("lammps"))
 FLUIDS = [

@@ -13,12 +13,12 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases.chart import collect, draw, page, record
-from lammps_cases.chart.points import Map, Panel, Point, compared, frontier, point
-from lammps_cases.chart.record import Chart, Section
-from lammps_cases.flows.converge import Convergence
-from lammps_cases.flows.flow import Options
-from lammps_cases.measure import Interval, Timing
+from lammps_cases.studies.benchmarks.measure import Interval, Timing
+from lammps_cases.studies.chart import collect, draw, page, record
+from lammps_cases.studies.chart.points import Map, Panel, Point, compared, frontier, point
+from lammps_cases.studies.chart.record import Chart, Section
+from lammps_cases.studies.flows.converge import Convergence
+from lammps_cases.studies.flows.flow import Options
 
 Run = Callable[..., Outcome]
 

@@ -11,19 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref import fast
-from lammps_cases import engine, measure
-from lammps_cases.chart import kernels, searches, sums, threads, timestep
-from lammps_cases.chart.prepared import Instances, prepared, rms
-from lammps_cases.flows import FLOWS
-from lammps_cases.measure import Call, Timing
-from lammps_cases.methods import searches as search_methods
-from lammps_cases.methods import sums as sum_methods
+from eos_ref.compiled import evaluator
+from lammps_cases.engine import session
+from lammps_cases.studies.benchmarks import measure
+from lammps_cases.studies.benchmarks.measure import Call, Timing
+from lammps_cases.studies.chart import kernels, searches, sums, threads, timestep
+from lammps_cases.studies.chart import search_methods as search_methods
+from lammps_cases.studies.chart import sum_methods as sum_methods
+from lammps_cases.studies.chart.prepared import Instances, prepared, rms
+from lammps_cases.studies.flows import FLOWS
 
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
-    return engine.open_lammps()
+    return session.open_lammps()
 
 
 @pytest.fixture
@@ -143,7 +144,7 @@ def test_maps_have_a_value_for_every_cutoff_and_disorder(monkeypatch: pytest.Mon
 def test_a_list_held_too_long_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     sound = searches._rebuild_points("fast", 0.3, 20, True)
     assert [point.error for point in sound] == [0.0] * len(searches.SKINS)
-    monkeypatch.setattr("eos_ref.neighbours.Neighbours.holds", lambda self, x_nc: self.built > 0)
+    monkeypatch.setattr("eos_ref.compiled.neighbours.Neighbours.holds", lambda self, x_nc: self.built > 0)
     stale = searches._rebuild_points("fast", 0.3, 20, True)
     fluid, dt = searches.fluid(0.3, 0.0, 20)
     fluid.run(searches.LEAST_STEPS, dt)
@@ -212,7 +213,7 @@ def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
 
 @pytest.mark.usefixtures("untimed")
 def test_threads_of_the_model_are_charted_once_it_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Threaded(fast.Fast):
+    class Threaded(evaluator.Fast):
         """Wrong with two threads."""
 
         def __init__(self, *arguments: Any, threads: int = 1, **more: Any) -> None:
@@ -223,7 +224,7 @@ def test_threads_of_the_model_are_charted_once_it_has_them(monkeypatch: pytest.M
             terms = super().pair_terms(*arguments, **more)
             return replace(terms, force_nc=self.off * terms.force_nc)
 
-    monkeypatch.setattr(fast, "Fast", Threaded)
+    monkeypatch.setattr(evaluator, "Fast", Threaded)
     monkeypatch.setattr(threads, "QUICK_EDGES", (16,))
     law, model = threads.panels(True)
     assert [point.error for point in law.points] == [0.0] * len(law.points)

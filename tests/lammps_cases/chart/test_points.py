@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lammps_cases.chart.points import DIGITS, Point, compared, frontier, point
-from lammps_cases.measure import Timing
+from lammps_cases.studies.benchmarks.measure import Timing
+from lammps_cases.studies.chart.points import DIGITS, Point, compared, frontier, point
 
 ROUNDS = 11
 

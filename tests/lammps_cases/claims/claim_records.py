@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from lammps_cases import casefile
-from lammps_cases.casefile import Case
 from lammps_cases.claims import probes
-from lammps_cases.ledger import LEDGER
-from lammps_cases.records import CaseRecord, FieldRecord
+from lammps_cases.findings import LEDGER
+from lammps_cases.records.run_record import CaseRecord, FieldRecord
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
 
 CASES: dict[str, Case] = {case.name: case for case in casefile.load()}
 PROBES = {probe.name: probe for probe in probes.probes()}

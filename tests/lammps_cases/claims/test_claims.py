@@ -12,7 +12,7 @@ from lammps_cases.claims import model
 from lammps_cases.claims.model import KINDS, PAGES, Claim, claims
 from lammps_cases.claims.trace import trace
 from lammps_cases.claims.verdicts import Names
-from lammps_cases.ledger import LEDGER
+from lammps_cases.findings import LEDGER
 
 NAMES = Names(KNOWN)
 BY_ID = {claim.id: claim for claim in claims()}

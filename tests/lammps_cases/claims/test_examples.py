@@ -8,8 +8,9 @@ import pytest
 import yaml
 
 from eos_ref import InputError
-from lammps_cases import campaign, casefile
-from lammps_cases.casefile import Case
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.manual import EXAMPLES
 
 CASES: dict[str, Case] = {case.name: case for case in casefile.load() if case.name.startswith("examples.")}

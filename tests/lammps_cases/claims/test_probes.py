@@ -11,9 +11,9 @@ from lammps_cases.claims import probes
 from lammps_cases.claims.model import PROBE
 from lammps_cases.claims.probes import Probe, Ran, deck, judge, put, record
 from lammps_cases.claims.verdicts import own_words
-from lammps_cases.ledger import LEDGER
-from lammps_cases.records import CaseRecord
-from lammps_cases.workers import Failure, Workers
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import LEDGER
+from lammps_cases.records.run_record import CaseRecord
 
 NEW = "2025.7.22.4.0"
 BY_ID = {probe.id: probe for probe in probes.probes()}

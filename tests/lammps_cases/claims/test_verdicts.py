@@ -10,8 +10,8 @@ from claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field
 from lammps_cases.claims import verdicts
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.claims.verdicts import Judged, Names, counts, judge, summary, worst
-from lammps_cases.ledger import LEDGER
-from lammps_cases.records import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
+from lammps_cases.findings import LEDGER
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
 
 NEW, OLD = "2025.7.22.4.0", "2025.7.22.0.1"
 NAMES = Names(KNOWN)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.steps import Simulation
-from lammps_cases import reference
-from lammps_cases.flows.converge import by_lammps, converge, fit
-from lammps_cases.flows.flow import Flow, Start
+from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.scene import Scene
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.converge import by_lammps, converge, fit
+from lammps_cases.studies.flows.flow import Flow, Start
 
 Plant = Callable[[Start], Start]
 Law = Callable[[Any], Any]
@@ -94,8 +94,8 @@ def order(flow: Flow, resolutions: Sequence[int], plant: Plant | None = None, la
 def last_state(start: Start, stages: Any) -> dict[str, Any]:
     """Velocities and densities at the end, by stages of the reference or of a variant."""
     scene = start.case.scene
-    model, box = reference.model(scene, start.atoms, ""), reference.box(scene, start.atoms)
-    simulation = Simulation(model, box, reference.state(scene, start.atoms), (), stages)
+    model, box = reference_side.model(scene, start.atoms, ""), reference_side.box(scene, start.atoms)
+    simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), stages)
     simulation.run(start.steps[-1], start.timestep)
     return {"v": simulation.output("v"), "rho": simulation.output("rho")}
 

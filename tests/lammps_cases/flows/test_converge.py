@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lammps_cases.flows import FLOWS
-from lammps_cases.flows.converge import by_lammps, by_reference, converge, fit, in_worker
-from lammps_cases.flows.flow import Flow, Options, Start
-from lammps_cases.flows.periodic import SHEAR
-from lammps_cases.workers import Workers
+from lammps_cases.engine.workers import Workers
+from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.converge import by_lammps, by_reference, converge, fit, in_worker
+from lammps_cases.studies.flows.flow import Flow, Options, Start
+from lammps_cases.studies.flows.periodic import SHEAR
 
 RESOLUTIONS = (8, 12, 20, 30)
 

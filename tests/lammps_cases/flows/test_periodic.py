@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from faults import Plant, differences, in_scene, of_types
 
-from eos_ref import InputError, kernels
-from eos_ref.steps import Simulation
-from lammps_cases import engine, reference, variants
-from lammps_cases.flows.converge import ENGINES, Engine, by_lammps, by_reference, converge
-from lammps_cases.flows.flow import Flow, Options, Start
-from lammps_cases.flows.periodic import (
+from eos_ref import InputError
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model import kernels
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.converge import ENGINES, Engine, by_lammps, by_reference, converge
+from lammps_cases.studies.flows.flow import Flow, Options, Start
+from lammps_cases.studies.flows.periodic import (
     COMPRESSED,
     FLOWS,
     HEAT,
@@ -34,7 +37,7 @@ SAME = 1e-8  # formulas that are the same on paper differ by roundings, which hu
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
-    return engine.open_lammps()
+    return session.open_lammps()
 
 
 def orders(flow: Flow, plant: Plant | None = None) -> dict[str, float]:
@@ -134,8 +137,8 @@ def test_findings_account_for_heat(extra: dict[str, float | str], lmp: Any) -> N
     start = HEAT.start(n, options)
     found = by_lammps(start, lmp).snapshots[-1]
     scene = start.case.scene
-    model, box = reference.model(scene, start.atoms, ""), reference.box(scene, start.atoms)
-    simulation = Simulation(model, box, reference.state(scene, start.atoms), (), variants.HeatAsTemperatureRate)
+    model, box = reference_side.model(scene, start.atoms, ""), reference_side.box(scene, start.atoms)
+    simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), variants.HeatAsTemperatureRate)
     simulation.run(start.steps[-1], start.timestep)
     assert found.energy_n == pytest.approx(simulation.output("energy"), rel=SAME)
     ours = by_reference(start).snapshots[-1]

@@ -9,11 +9,12 @@ import pytest
 from faults import Plant, differences, of_energy, of_gamma, of_types, order
 
 from eos_ref import InputError
-from eos_ref.plain import Plain
-from lammps_cases import engine, variants
-from lammps_cases.flows.converge import converge
-from lammps_cases.flows.flow import Options
-from lammps_cases.flows.shock import SHOCK_TUBE, problem, without_volume
+from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.studies.flows.converge import converge
+from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.shock import SHOCK_TUBE, problem, without_volume
 
 QUICK = SHOCK_TUBE.quick
 SAME = 1e-8  # velocities over the largest, densities relative: roundings of some dozen steps
@@ -46,7 +47,7 @@ def test_lammps_converges_to_the_solution_without_volumes() -> None:
 
 
 def test_finding_accounts_for_lammps() -> None:
-    lmp = engine.open_lammps()
+    lmp = session.open_lammps()
     assert max(differences(SHOCK_TUBE, QUICK[0], variants.ForcePerVolume, lmp)) < SAME
     assert max(differences(SHOCK_TUBE, QUICK[0], Plain, lmp)) > 1e4 * SAME
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from faults import Plant, differences, faster, of_types, order
 
-from eos_ref.plain import Plain
-from lammps_cases import engine, variants
-from lammps_cases.flows.converge import converge
-from lammps_cases.flows.flow import Flow
-from lammps_cases.flows.surfaces import DROP, INTERFACE
+from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.studies.flows.converge import converge
+from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.surfaces import DROP, INTERFACE
 
 QUICK = DROP.quick  # and the interface's
 SAME = 1e-8  # velocities over the largest, densities relative: roundings of a hundred steps
@@ -21,7 +22,7 @@ flows = pytest.mark.parametrize("flow", [DROP, INTERFACE], ids=["drop", "interfa
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
-    return engine.open_lammps()
+    return session.open_lammps()
 
 
 @flows

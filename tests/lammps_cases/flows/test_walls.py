@@ -9,12 +9,13 @@ import pytest
 from faults import Plant, differences, faster, of_gravity, of_types, order
 
 from eos_ref import EOS
-from eos_ref.channel import column
-from eos_ref.plain import Plain
-from lammps_cases import engine, variants
-from lammps_cases.flows.converge import Engine, converge
-from lammps_cases.flows.flow import Flow, Options
-from lammps_cases.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
+from eos_ref.analytic.channel import column
+from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.studies.flows.converge import Engine, converge
+from lammps_cases.studies.flows.flow import Flow, Options
+from lammps_cases.studies.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
 
 QUICK = (8, 12, 18)
 # Formulas that are the same on paper differ by roundings, which a hundred steps and pressures at c^2 drho let grow.
@@ -27,7 +28,7 @@ class ForceAndWall(variants.ForcePerVolume, variants.WallVelocityLost):
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
-    return engine.open_lammps()
+    return session.open_lammps()
 
 
 @pytest.mark.parametrize(

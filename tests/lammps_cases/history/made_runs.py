@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lammps_cases.records import CaseRecord, EngineRecord, FieldRecord, RunRecord, Seconds, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, Seconds, Verdict
 
 
 def case(

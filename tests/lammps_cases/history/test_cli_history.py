@@ -14,7 +14,7 @@ from tests_support import Outcome
 
 from lammps_cases.history import store
 from lammps_cases.history.store import History
-from lammps_cases.records import write_atomically
+from lammps_cases.records.run_record import write_atomically
 
 
 @pytest.fixture

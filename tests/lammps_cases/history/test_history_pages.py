@@ -12,14 +12,14 @@ import made_runs
 import pytest
 
 from lammps_cases import history as kept
-from lammps_cases import pages
 from lammps_cases.history import draw, page, store, views
 from lammps_cases.history.draw import Point
 from lammps_cases.history.order import engines
 from lammps_cases.history.reported import TABLE, Past, before
 from lammps_cases.history.store import History
 from lammps_cases.history.views import Spread
-from lammps_cases.records import RunRecord
+from lammps_cases.pages import frame
+from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import write_report
 
 HOSTILE = "<img src=x onerror=alert(1)> & \"'"
@@ -146,7 +146,7 @@ def test_the_page_is_whole_and_the_same_on_a_second_run(history: History, tmp_pa
     parsed = _Parsed(html)
     assert parsed.open == []
     assert len(set(parsed.ids)) == len(parsed.ids)
-    styled = re.findall(r"#([a-z-]+)[ ,{]", (pages.SHARED / "report.css").read_text())
+    styled = re.findall(r"#([a-z-]+)[ ,{]", (frame.SHARED / "page.css").read_text())
     assert set(parsed.ids) & set(styled) == set(), "the look of another page's part"
     assert {link.removeprefix("#") for link in parsed.links} <= set(parsed.ids)
     assert parsed.tags.count("svg") == (4 if pictured else 0)

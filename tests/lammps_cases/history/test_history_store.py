@@ -20,7 +20,7 @@ from eos_ref.errors import InputError
 from lammps_cases import history as kept
 from lammps_cases.history import store
 from lammps_cases.history.store import History
-from lammps_cases.records import CaseRecord, FieldRecord, RunRecord, write_atomically
+from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord, write_atomically
 
 
 @pytest.fixture

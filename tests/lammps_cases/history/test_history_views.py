@@ -14,7 +14,7 @@ from lammps_cases.history import views
 from lammps_cases.history.model import Run
 from lammps_cases.history.order import engines, natural
 from lammps_cases.history.store import History
-from lammps_cases.records import FieldRecord, RunRecord
+from lammps_cases.records.run_record import FieldRecord, RunRecord
 
 
 def _labels(*records: RunRecord, tmp_path: Path) -> list[str]:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases import casefile
-from lammps_cases.records import CaseRecord, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Verdict
 from lammps_cases.report.annotations import (
     CODE_QUALITY,
     MOST,
@@ -21,6 +20,7 @@ from lammps_cases.report.annotations import (
     place,
     workflow_commands,
 )
+from lammps_cases.scene import casefile
 
 ROOT = Path(__file__).parents[3]
 FILE = """# a comment

@@ -20,8 +20,8 @@ from check_jsonschema import main as check_jsonschema
 from click.testing import CliRunner
 from tests_support import Outcome
 
-from lammps_cases import engine
-from lammps_cases.kits.files import KITS, TEMPLATES, kit
+from lammps_cases.ci.kits.files import KITS, TEMPLATES, kit
+from lammps_cases.engine import session
 
 Run = Callable[..., Outcome]
 Write = Callable[..., Path]
@@ -122,7 +122,7 @@ def test_workflows_give_the_action_only_inputs_that_it_has(unpacked: list[Path])
 
 
 def test_matrix_of_engines_is_that_of_the_ledger() -> None:
-    from lammps_cases.ledger import ALL
+    from lammps_cases.findings import ALL
 
     engines = {"env", *(f"pypi:{version}" for version in ALL)}
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
@@ -218,7 +218,7 @@ def test_installation_holds_every_file_that_the_package_reads() -> None:
 def faulty(tmp_path: Path) -> Path:
     package = tmp_path / "faulty" / "lammps"
     package.mkdir(parents=True)
-    real = engine.package_directory()
+    real = session.package_directory()
     (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
     (package / "liblammps.so").symlink_to(real / "liblammps.so")
     return package.parent
@@ -319,7 +319,7 @@ def test_script_for_lammps(case_file: Write, tmp_path: Path) -> None:
 
     assert (verdict().returncode, verdict(build).returncode, verdict(tmp_path / "no").returncode) == (2, 2, 2)
     assert "must hold liblammps.so" in verdict(build).stderr
-    (build / "liblammps.so").symlink_to(engine.package_directory() / "liblammps.so")
+    (build / "liblammps.so").symlink_to(session.package_directory() / "liblammps.so")
     done = verdict(build, "--cases", case_file())
     assert done.returncode == 0, done.stderr
     run = json.loads((tmp_path / "report" / "run.json").read_text())

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eos_ref import EOS, InputError, bounds, rigorous
-from lammps_cases.methods import choice, series
-from lammps_cases.methods.laws import METHODS, NODES, LawMethod, methods_of
-from lammps_cases.methods.table import Table
-from lammps_cases.methods.worst import SAMPLES, Regime, certain_error, worst_case
+from eos_ref import EOS, InputError
+from eos_ref.eos import bounds, rigorous
+from eos_ref.methods import choice, series
+from eos_ref.methods.laws import METHODS, NODES, LawMethod, methods_of
+from eos_ref.methods.table import Table
+from eos_ref.methods.worst import SAMPLES, Regime, certain_error, worst_case
 from lammps_cases.scene.case import Method
 
 LAWS = [

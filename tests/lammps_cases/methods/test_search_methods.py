@@ -11,9 +11,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from eos_ref.model import Box
-from lammps_cases.chart.searches import CUT, at_the_cutoff
-from lammps_cases.methods.searches import METHODS, Found, SearchMethod, keys, truth, wrong
+from eos_ref.model.parameters import Box
+from lammps_cases.studies.chart.search_methods import METHODS, Found, SearchMethod, keys, truth, wrong
+from lammps_cases.studies.chart.searches import CUT, at_the_cutoff
 
 DOUBLE = [method for method in METHODS if "float32" not in method.name]
 

@@ -9,14 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lammps_cases import campaign, casefile, engines, ranks
-from lammps_cases.engine import Answer
-from lammps_cases.power import alarms, machines
-from lammps_cases.power.alarms import AlarmRun, Kind
-from lammps_cases.power.asked import Asked, in_order
-from lammps_cases.records import CaseRecord
-from lammps_cases.store import VARIABLE
-from lammps_cases.workers import Workers
+from lammps_cases.comparison.store import VARIABLE
+from lammps_cases.engine import installations, ranks
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Workers
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation import alarms, machines
+from lammps_cases.studies.mutation.alarms import AlarmRun, Kind
+from lammps_cases.studies.mutation.asked import Asked, in_order
 
 CASES = {case.name: case for case in casefile.load()}
 LAW, FLUID, TWIN = "near-rho0.ideal-gas.2d", "images.quintic.two", "twins.fluid.ranks"
@@ -26,7 +28,7 @@ HERE: tuple[Kind, ...] = tuple(kind for kind in alarms.KINDS if kind != "machine
 
 @pytest.fixture(scope="module")
 def measured() -> dict[str, AlarmRun]:
-    return {run.kind: run for run in alarms.measure(ALL, engines.Engine(), HERE)}
+    return {run.kind: run for run in alarms.measure(ALL, installations.Engine(), HERE)}
 
 
 def test_nothing_turns_red(measured: dict[str, AlarmRun]) -> None:
@@ -90,7 +92,7 @@ def test_another_seed_is_another_scene_of_the_same_name() -> None:
 def test_rows_that_are_not_brought_back_are_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     right = alarms.asked
     monkeypatch.setattr(alarms, "asked", lambda kind, ready: replace(right(kind, ready), row_n=None))
-    found = {run.kind: run for run in alarms.measure([CASES[LAW]], engines.Engine(), ("relabelled", "reordered"))}
+    found = {run.kind: run for run in alarms.measure([CASES[LAW]], installations.Engine(), ("relabelled", "reordered"))}
     assert [alarm.case for alarm in found["relabelled"].alarms] == [LAW]
     assert found["relabelled"].false == 1
     assert "rho" in found["relabelled"].alarms[0].message
@@ -99,7 +101,7 @@ def test_rows_that_are_not_brought_back_are_an_alarm(monkeypatch: pytest.MonkeyP
 
 def test_faults_of_lammps_that_an_ordinary_run_does_not_show_are_named() -> None:
     cases = [CASES["cross-type.scale.2d"], CASES["walls-moving.free.rk1"]]
-    found = {run.kind: run for run in alarms.measure(cases, engines.Engine(), ("rebuilt", "ranks"))}
+    found = {run.kind: run for run in alarms.measure(cases, installations.Engine(), ("rebuilt", "ranks"))}
     assert found["as given"].alarms == ()
     assert [(a.case, a.finding) for a in found["ranks"].alarms] == [("cross-type.scale.2d", "cross-type-normal")]
     (walls,) = found["rebuilt"].alarms
@@ -147,7 +149,7 @@ def test_another_machine_is_green_and_computes_all_anew(monkeypatch: pytest.Monk
         return right(program, env=env, **options)  # type: ignore[call-overload]
 
     monkeypatch.setattr(machines.subprocess, "Popen", popen)
-    found = alarms.measure([CASES[FLUID]], engines.Engine(), ("machine",), jobs=1)
+    found = alarms.measure([CASES[FLUID]], installations.Engine(), ("machine",), jobs=1)
     run = next(run for run in found if run.kind == "machine")
     assert (run.cases, run.alarms) == (1, ())
     assert run.same_bits + run.within == 1
@@ -162,4 +164,4 @@ def test_another_machine_is_green_and_computes_all_anew(monkeypatch: pytest.Monk
 
 def test_command_without_a_report_is_an_error() -> None:
     with pytest.raises(RuntimeError, match="no report"):
-        machines.run([replace(CASES[LAW], name="no-such-case")], engines.Engine(), {}, 1)
+        machines.run([replace(CASES[LAW], name="no-such-case")], installations.Engine(), {}, 1)

@@ -15,15 +15,17 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases import campaign, casefile, engines
-from lammps_cases.power import collect, formula, page, plant, read, record, source, told
-from lammps_cases.power.alarms import Alarm, AlarmRun
-from lammps_cases.power.control import Control
-from lammps_cases.power.fault import FAMILIES, KINDS, Fault, Seen
-from lammps_cases.power.plant import Field, Planted
-from lammps_cases.power.player import Mistake, load
-from lammps_cases.power.record import ControlRecord, FaultRecord, Kept, Power
-from lammps_cases.power.source import SourceFault
+from lammps_cases.engine import installations
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation import collect, formula, page, plant, read, record, source, told
+from lammps_cases.studies.mutation.alarms import Alarm, AlarmRun
+from lammps_cases.studies.mutation.control import Control
+from lammps_cases.studies.mutation.fault import FAMILIES, KINDS, Fault, Seen
+from lammps_cases.studies.mutation.plant import Field, Planted
+from lammps_cases.studies.mutation.player import Mistake, load
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kept, Power
+from lammps_cases.studies.mutation.source import SourceFault
 
 CASES = {case.name: case for case in casefile.load()}
 # Small cases without time steps: laws of several types, a gas, viscosities, surfaces, a refusal.
@@ -82,7 +84,7 @@ def planted() -> Iterator[tuple[list[Control], dict[str, Planted]]]:
     """The control, and all faults of SEEN planted."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plant, "CASE_LIMIT", 2.0)
-        with Field(engines.resolve("env"), 2, None) as field:
+        with Field(installations.resolve("env"), 2, None) as field:
             control = field.prepare([CASES[name] for name in (*NAMES, REFUSED)], lambda *_: None)
             done: dict[str, Planted] = {}
             faults = plant.faults() | OWN
@@ -109,7 +111,7 @@ def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[st
 
 
 def test_every_case_that_sees_a_fault() -> None:
-    with Field(engines.resolve("env"), 1, None, every=True) as field:
+    with Field(installations.resolve("env"), 1, None, every=True) as field:
         field.prepare([CASES[LAW], CASES[GAS]], lambda *_: None)
         done: list[Planted] = []
         field.plant([plant.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")], done.append)
@@ -169,7 +171,7 @@ def test_a_fault_that_changes_nothing_does_not_apply() -> None:
 
 
 def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> None:
-    from lammps_cases.engine import Answer
+    from lammps_cases.engine.session import Answer
 
     right = {"id": np.arange(1, 5), "f": np.arange(12.0).reshape(4, 3)}
     answer = Answer(right, 0.0, (right,), (0,))

@@ -9,14 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lammps_cases import campaign, casefile, engines
-from lammps_cases.engine import Job
-from lammps_cases.evaluate import evaluate
-from lammps_cases.power import resolution
-from lammps_cases.power.altered import Number, numbers
-from lammps_cases.power.resolution import Resolution
-from lammps_cases.records import EngineRecord
-from lammps_cases.workers import Workers
+from lammps_cases.engine import installations
+from lammps_cases.engine.session import Job
+from lammps_cases.engine.workers import Workers
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation import resolution
+from lammps_cases.studies.mutation.altered import Number, numbers
+from lammps_cases.studies.mutation.resolution import Resolution
+from lammps_cases.verdict.judgement import evaluate
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}
@@ -135,7 +137,7 @@ def test_what_is_never_seen_is_said() -> None:
 def measured() -> dict[str, Resolution]:
     cases = [replace(CASES[LAW], tags=("quick",)), replace(CASES[FLUID], tags=())]
     parameters = ("cs", "mass", "timestep", "viscosity", "cut")
-    return {r.parameter: r for r in resolution.measure(cases, engines.Engine(), parameters)}
+    return {r.parameter: r for r in resolution.measure(cases, installations.Engine(), parameters)}
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from edited_runs import NAMES, Edit
 
-from lammps_cases import campaign, casefile
-from lammps_cases.engines import Engine
+from lammps_cases.engine.installations import Engine
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.records import EngineRecord, Verdict
+from lammps_cases.records.run_record import EngineRecord, Verdict
 from lammps_cases.regression.changes import compare
 from lammps_cases.regression.kinds import Change, Policy
 from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Sample, Samples, Side

@@ -12,7 +12,7 @@ from made_sides import case, ended, field, side
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases.engine import EngineMissing
+from lammps_cases.engine.session import EngineMissing
 from lammps_cases.regression.bisection import Found, bisect
 from lammps_cases.regression.kinds import Policy
 from lammps_cases.regression.seen import Side

@@ -13,7 +13,7 @@ from made_sides import case, ended, field, side
 from tests_support import Outcome
 
 from eos_ref import InputError
-from lammps_cases.records import read_run
+from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import page, pairs
 from lammps_cases.regression.kinds import KINDS, Policy
 from lammps_cases.regression.seen import of_run, read

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from lammps_cases.stability import kinds, probe
-from lammps_cases.stability.model import Cell, Engine, Outcome, StabilityMap
-from lammps_cases.stability.runs import Living, open_run
+from lammps_cases.studies.stability import kinds, probe
+from lammps_cases.studies.stability.model import Cell, Engine, Outcome, StabilityMap
+from lammps_cases.studies.stability.runs import Living, open_run
 
 
 @cache

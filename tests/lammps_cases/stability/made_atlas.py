@@ -7,13 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
-from lammps_cases.flows.flow import Options, Start
-from lammps_cases.flows.layout import rows, start
-from lammps_cases.stability import record
-from lammps_cases.stability.lines import Line, agreement, boundaries
-from lammps_cases.stability.model import Axis, Boundary, Cell, Engine, Kind, Outcome, Ran, StabilityMap, Theory, Watch
-from lammps_cases.stability.probe import Before
-from lammps_cases.stability.record import Atlas, MapRecord
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.stability import record
+from lammps_cases.studies.stability.lines import Line, agreement, boundaries
+from lammps_cases.studies.stability.model import (
+    Axis,
+    Boundary,
+    Cell,
+    Engine,
+    Kind,
+    Outcome,
+    Ran,
+    StabilityMap,
+    Theory,
+    Watch,
+)
+from lammps_cases.studies.stability.probe import Before
+from lammps_cases.studies.stability.record import Atlas, MapRecord
 
 PLACES = (0.1, 0.4, 1.6, 6.4)
 TEXT = "ERROR: <lost> & gone"

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.eos import FloatArray
-from lammps_cases.flows.flow import Options, Start
-from lammps_cases.flows.layout import rows, start
-from lammps_cases.stability.maps import timestep
-from lammps_cases.stability.model import Axis, Cell, StabilityMap
+from eos_ref.eos.table import FloatArray
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.stability.maps import timestep
+from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap
 
 WIDTH, HEIGHT = 8, 9
 CUBIC = [{"types": "*", "style": "cubic", "A3": -1.0}, {"types": "*", "style": "background", "P_b": 0.5}]

@@ -14,15 +14,15 @@ import pytest
 from tests_support import Outcome
 
 from eos_ref import InputError
-from eos_ref.kernels import quintic
-from eos_ref.model import Box, Model, State
-from lammps_cases import reference
+from eos_ref.model.kernels import quintic
+from eos_ref.model.parameters import Box, Model, State
 from lammps_cases.audit.warn import Questions
-from lammps_cases.flows.flow import Options, Start
-from lammps_cases.flows.layout import rows, start
-from lammps_cases.stability.advice import advice, judge
-from lammps_cases.stability.limits import Curve, Limits, Numbers, Point, Tension, measured, numbers, read, save
-from lammps_cases.stability.model import Axis, Boundary, Cell, StabilityMap, Watch
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.stability.advice import advice, judge
+from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Point, Tension, measured, numbers, read, save
+from lammps_cases.studies.stability.model import Axis, Boundary, Cell, StabilityMap, Watch
 
 NU, CS, MASS = 0.4, 3.0, 1.5  # the scene's; h = cut/3 = 0.9
 
@@ -36,7 +36,12 @@ def square(dt: float, viscosity: float = MASS * NU, cs: float = CS, **scene: Any
 
 def parts(made: Start) -> tuple[Model, Box, State, float]:
     scene, atoms = made.case.scene, made.atoms
-    return reference.model(scene, atoms, ""), reference.box(scene, atoms), reference.state(scene, atoms), made.timestep
+    return (
+        reference_side.model(scene, atoms, ""),
+        reference_side.box(scene, atoms),
+        reference_side.state(scene, atoms),
+        made.timestep,
+    )
 
 
 RATIO = NU / (CS * 0.9)  # below 1/2: sound limits the step
@@ -261,7 +266,7 @@ def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_p
 
 
 def test_an_audit_says_it_once_for_a_time_step_and_marks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lammps_cases.stability.advice.read", lambda: Limits("", ()))
+    monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: Limits("", ()))
     model, box, state, _ = parts(square(1e-3))
     questions = Questions()
     for run, dt in enumerate((1e-3, 1e-3, 2 * LIMIT), 1):

@@ -14,14 +14,14 @@ import pytest
 from scenes import resting, viscous
 
 from eos_ref import InputError
-from lammps_cases.stability import atlas, kinds, record
-from lammps_cases.stability.atlas import Progress, Survey
-from lammps_cases.stability.lines import Line, agreement, boundaries, places, sequence, wanted
-from lammps_cases.stability.maps import maps
-from lammps_cases.stability.model import ENGINES, Axis, Cell, Engine, Kind, Outcome, StabilityMap, Watch
-from lammps_cases.stability.probe import Examined, follow
-from lammps_cases.stability.record import Atlas
-from lammps_cases.stability.runs import Living, open_run
+from lammps_cases.studies.stability import atlas, kinds, record
+from lammps_cases.studies.stability.atlas import Progress, Survey
+from lammps_cases.studies.stability.lines import Line, agreement, boundaries, places, sequence, wanted
+from lammps_cases.studies.stability.maps import maps
+from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.studies.stability.probe import Examined, follow
+from lammps_cases.studies.stability.record import Atlas
+from lammps_cases.studies.stability.runs import Living, open_run
 
 LINEAR = Axis("x", 0.0, 1.0, 0.05)
 LOG = Axis("x", 0.01, 100.0, 0.1, log=True)

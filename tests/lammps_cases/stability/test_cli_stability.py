@@ -11,10 +11,10 @@ import pytest
 from made_atlas import MAP, made_atlas
 from tests_support import Outcome
 
-from lammps_cases.stability import atlas, known, maps, record, select, tables
-from lammps_cases.stability.inputs import InputRow
-from lammps_cases.stability.known import Known
-from lammps_cases.stability.limits import Limits, read
+from lammps_cases.studies.stability import atlas, known, maps, record, select, tables
+from lammps_cases.studies.stability.inputs import InputRow
+from lammps_cases.studies.stability.known import Known
+from lammps_cases.studies.stability.limits import Limits, read
 
 Run = Callable[..., Outcome]
 
@@ -77,7 +77,7 @@ def test_bad_inputs_are_part_of_the_whole_atlas_and_kept(
 def test_limits_are_saved_where_the_advice_looks_for_them(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from lammps_cases.stability import limits
+    from lammps_cases.studies.stability import limits
 
     def saved(found: Limits, file: Path = tmp_path / "limits.json") -> None:
         save(found, file)

@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases import engine
-from lammps_cases.commands import job
-from lammps_cases.flows import FLOWS
-from lammps_cases.flows.flow import Options, Start
-from lammps_cases.flows.layout import rows, start
-from lammps_cases.plan import plan
-from lammps_cases.stability.deck import deck
+from lammps_cases.engine import session
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.stability.deck import deck
 
 ARRAYS = ("x", "v", "rho")
 
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
-    return engine.open_lammps()
+    return session.open_lammps()
 
 
 def flow(name: str, n: int, steps: int, **options: Any) -> Start:
@@ -62,8 +62,8 @@ def disordered(**scene: Any) -> Start:
 def ours(lmp: Any, begun: Start) -> dict[str, Any]:
     """The last arrays of the engine's own run."""
     told = job(begun.case.scene, begun.atoms, plan(begun.case.scene))
-    engine.run(lmp, told)
-    return engine.read(lmp, told.outputs, ARRAYS)
+    session.run(lmp, told)
+    return session.read(lmp, told.outputs, ARRAYS)
 
 
 def of_deck(lmp: Any, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def of_deck(lmp: Any, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     Path("in.cell").write_text(text)
     lmp.command("clear")
     lmp.file("in.cell")
-    return engine.read(lmp, {}, ARRAYS)
+    return session.read(lmp, {}, ARRAYS)
 
 
 STARTS: dict[str, Callable[[], Start]] = {

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from made_atlas import MAP, PLACES, kind, made_map
 
-from lammps_cases.chart.draw import svg
-from lammps_cases.flows.layout import rows
-from lammps_cases.stability import draw, names
-from lammps_cases.stability.model import KINDS, Boundary, Engine, Kind
+from lammps_cases.studies.chart.draw import svg
+from lammps_cases.studies.flows.layout import rows
+from lammps_cases.studies.stability import draw, names
+from lammps_cases.studies.stability.model import KINDS, Boundary, Engine, Kind
 
 
 def axes(figure: Any) -> list[list[Any]]:

@@ -19,10 +19,20 @@ from pydantic import TypeAdapter
 import eos_ref
 from eos_ref import InputError
 from lammps_cases import scene
-from lammps_cases.stability import inputs
-from lammps_cases.stability.inputs import Ended, InputRow, base_job, commands, names_it, offending, put, reaction, said
-from lammps_cases.stability.refusals import BadInput, bad_inputs, not_for_lammps, parse, refusal
-from lammps_cases.workers import Failure, Workers
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.studies.stability import inputs
+from lammps_cases.studies.stability.inputs import (
+    Ended,
+    InputRow,
+    base_job,
+    commands,
+    names_it,
+    offending,
+    put,
+    reaction,
+    said,
+)
+from lammps_cases.studies.stability.refusals import BadInput, bad_inputs, not_for_lammps, parse, refusal
 
 
 def refusals_of_scenes() -> dict[str, tuple[dict[str, Any], tuple[str, ...]]]:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scenes import brute_moments, channel
 
-from eos_ref import laws
-from lammps_cases.stability import kinds
-from lammps_cases.stability.kinds import Found, Look
-from lammps_cases.stability.model import KINDS, Watch
+from eos_ref.eos import laws
+from lammps_cases.studies.stability import kinds
+from lammps_cases.studies.stability.kinds import Found, Look
+from lammps_cases.studies.stability.model import KINDS, Watch
 
 START = channel()
 OF = kinds.subject(START)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lammps_cases.ledger import LEDGER
-from lammps_cases.stability.known import KNOWN
-from lammps_cases.stability.maps import maps
+from lammps_cases.findings import LEDGER
+from lammps_cases.studies.stability.known import KNOWN
+from lammps_cases.studies.stability.maps import maps
 
 
 def test_every_explanation_is_of_a_map_a_layer_and_a_finding_that_exist() -> None:

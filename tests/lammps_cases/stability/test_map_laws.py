@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS
-from lammps_cases.stability import kinds, probe
-from lammps_cases.stability.maps import laws
-from lammps_cases.stability.model import Cell, Kind, Outcome, StabilityMap, Watch
-from lammps_cases.stability.runs import Living, open_run
-from lammps_cases.workers import Workers
+from lammps_cases.engine.workers import Workers
+from lammps_cases.studies.stability import kinds, probe
+from lammps_cases.studies.stability.maps import laws
+from lammps_cases.studies.stability.model import Cell, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.studies.stability.runs import Living, open_run
 
 
 def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> Outcome:

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from eos_ref import kernels
-from lammps_cases.flows.flow import Start
-from lammps_cases.stability import kinds, probe
-from lammps_cases.stability.maps import matrices
-from lammps_cases.stability.model import Cell, Kind, StabilityMap
-from lammps_cases.stability.runs import Living, open_run
+from eos_ref.model import kernels
+from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.stability import kinds, probe
+from lammps_cases.studies.stability.maps import matrices
+from lammps_cases.studies.stability.model import Cell, Kind, StabilityMap
+from lammps_cases.studies.stability.runs import Living, open_run
 
 FAILED = ("failed matrix", "ill-conditioned matrix")
 

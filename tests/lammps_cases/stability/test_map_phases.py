@@ -11,9 +11,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import living, outcome
 
-from lammps_cases.stability.maps import phases
-from lammps_cases.stability.model import ENGINES, Cell, Engine
-from lammps_cases.stability.runs import open_run
+from lammps_cases.studies.stability.maps import phases
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.runs import open_run
 
 MAP = phases.MAPS[0]
 

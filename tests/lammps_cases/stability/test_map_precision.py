@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.steps import Simulation
-from lammps_cases import reference
-from lammps_cases.stability import kinds, probe, single
-from lammps_cases.stability.maps import precision
-from lammps_cases.stability.model import ENGINES, Cell, Kind, StabilityMap
-from lammps_cases.stability.runs import Living, ReferenceRun, open_run
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.stability import kinds, probe, single
+from lammps_cases.studies.stability.maps import precision
+from lammps_cases.studies.stability.model import ENGINES, Cell, Kind, StabilityMap
+from lammps_cases.studies.stability.runs import Living, ReferenceRun, open_run
 
 
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
@@ -41,7 +41,11 @@ def test_it_is_the_same_model() -> None:
     """Forces of both types agree to a few float32 roundings of their terms."""
     start = precision.STEP.start(Cell("", 1.0, 0.3, "float64"))
     scene, atoms = start.case.scene, start.atoms
-    model, box, state = reference.model(scene, atoms, ""), reference.box(scene, atoms), reference.state(scene, atoms)
+    model, box, state = (
+        reference_side.model(scene, atoms, ""),
+        reference_side.box(scene, atoms),
+        reference_side.state(scene, atoms),
+    )
     state.x_nc += np.random.default_rng(1).uniform(-0.1, 0.1, state.x_nc.shape)
     short = state.copy()
     for name in ("x_nc", "v_nc", "rho_n"):

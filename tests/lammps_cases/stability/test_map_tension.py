@@ -12,10 +12,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import living, outcome
 
-from eos_ref import kernels
-from lammps_cases.stability.maps import tension
-from lammps_cases.stability.model import ENGINES, Cell, Engine, Watch
-from lammps_cases.stability.runs import open_run
+from eos_ref.model import kernels
+from lammps_cases.studies.stability.maps import tension
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, Watch
+from lammps_cases.studies.stability.runs import open_run
 
 
 @pytest.mark.parametrize("density", [0.8, 1.2])

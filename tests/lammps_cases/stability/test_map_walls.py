@@ -11,13 +11,13 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import living, outcome
 
-from eos_ref.plain import Plain
-from eos_ref.steps import Simulation
-from lammps_cases import reference
-from lammps_cases.stability.maps import walls
-from lammps_cases.stability.model import ENGINES, Cell, Engine, StabilityMap
-from lammps_cases.stability.runs import open_run
-from lammps_cases.variants import ForcePerVolume
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.findings.variants import ForcePerVolume
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.stability.maps import walls
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, StabilityMap
+from lammps_cases.studies.stability.runs import open_run
 
 THROUGH = "wall penetration"
 
@@ -72,7 +72,11 @@ def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
     start = walls.STIFFNESS.start(Cell(walls.STIFFNESS.id, x, y, layer))
     scene, atoms = start.case.scene, start.atoms
     like_lammps = type("LikeLammps", (ForcePerVolume, Plain), {})
-    model, box, state = reference.model(scene, atoms, ""), reference.box(scene, atoms), reference.state(scene, atoms)
+    model, box, state = (
+        reference_side.model(scene, atoms, ""),
+        reference_side.box(scene, atoms),
+        reference_side.state(scene, atoms),
+    )
     simulation = Simulation(model, box, state, (), like_lammps)
     lowest = 0.0
     for _ in range(0, start.steps[-1], 10):

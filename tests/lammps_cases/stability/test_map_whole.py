@@ -11,10 +11,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import living, outcome
 
-from lammps_cases.stability.kinds import kinetic_energy
-from lammps_cases.stability.maps import whole
-from lammps_cases.stability.model import ENGINES, Cell, Engine
-from lammps_cases.stability.runs import open_run
+from lammps_cases.studies.stability.kinds import kinetic_energy
+from lammps_cases.studies.stability.maps import whole
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.runs import open_run
 
 
 @pytest.mark.parametrize("side", ENGINES)

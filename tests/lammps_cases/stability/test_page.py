@@ -11,10 +11,10 @@ import pytest
 from made_atlas import MAP, TEXT, made_atlas
 
 from eos_ref import InputError
-from lammps_cases.stability import known, names, page
-from lammps_cases.stability.inputs import InputRow
-from lammps_cases.stability.known import Known
-from lammps_cases.stability.model import Cell
+from lammps_cases.studies.stability import known, names, page
+from lammps_cases.studies.stability.inputs import InputRow
+from lammps_cases.studies.stability.known import Known
+from lammps_cases.studies.stability.model import Cell
 
 INPUTS = [
     InputRow("a", "law", "gamma <0>", "gamma: must be positive", "silent acceptance", "pressure 1", ledger="known-one"),

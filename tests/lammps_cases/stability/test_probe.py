@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from scenes import channel, resting, unstable
 
-from eos_ref.fast import Fast
-from eos_ref.steps import Simulation
-from lammps_cases import engine, reference
-from lammps_cases.flows.flow import Start
-from lammps_cases.stability import kinds
-from lammps_cases.stability.maps import timestep
-from lammps_cases.stability.model import ENGINES, Axis, Cell, Engine, StabilityMap, Watch
-from lammps_cases.stability.probe import Examined, examine, follow
-from lammps_cases.stability.runs import Living, ReferenceRun, Stopped, open_run, saying
-from lammps_cases.workers import Workers
+from eos_ref.compiled.evaluator import Fast
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.engine import session
+from lammps_cases.engine.workers import Workers
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.stability import kinds
+from lammps_cases.studies.stability.maps import timestep
+from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, StabilityMap, Watch
+from lammps_cases.studies.stability.probe import Examined, examine, follow
+from lammps_cases.studies.stability.runs import Living, ReferenceRun, Stopped, open_run, saying
 
 WATCH = timestep.watch(1e-3)
 
@@ -43,7 +44,11 @@ def by_hand(start: Start, watch: Watch) -> tuple[int, kinds.Found, Simulation]:
     scene, atoms = start.case.scene, start.atoms
     made = [
         Simulation(
-            reference.model(scene, atoms, ""), reference.box(scene, atoms), reference.state(scene, atoms), (), Fast
+            reference_side.model(scene, atoms, ""),
+            reference_side.box(scene, atoms),
+            reference_side.state(scene, atoms),
+            (),
+            Fast,
         )
         for _ in range(2)
     ]
@@ -176,7 +181,7 @@ def test_mistakes_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytes
     def mistaken(*arguments: object) -> None:
         raise TypeError("a mistake")
 
-    monkeypatch.setattr(engine, "read", mistaken)
+    monkeypatch.setattr(session, "read", mistaken)
     with pytest.raises(TypeError, match="a mistake"):
         followed(resting(5), Watch(), "lammps", living)
     monkeypatch.setattr(ReferenceRun, "look", mistaken)
@@ -237,7 +242,7 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workers]:
     site = tmp_path_factory.mktemp("site")
     package = site / "lammps"
     package.mkdir()
-    real = engine.package_directory()
+    real = session.package_directory()
     (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
     (package / "liblammps.so").symlink_to(real / "liblammps.so")
     with Workers(str(site), 1) as workers:

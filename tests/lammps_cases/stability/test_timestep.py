@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lammps_cases.stability import kinds
-from lammps_cases.stability.maps import timestep
-from lammps_cases.stability.maps.timestep import LIMITS, box, growth, growth_limit, sound_limit, viscous_limit, watch
-from lammps_cases.stability.model import ENGINES, Cell, Engine
-from lammps_cases.stability.probe import follow
-from lammps_cases.stability.runs import Living, open_run
+from lammps_cases.studies.stability import kinds
+from lammps_cases.studies.stability.maps import timestep
+from lammps_cases.studies.stability.maps.timestep import (
+    LIMITS,
+    box,
+    growth,
+    growth_limit,
+    sound_limit,
+    viscous_limit,
+    watch,
+)
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.probe import follow
+from lammps_cases.studies.stability.runs import Living, open_run
 
 TINY = 1e-9  # Mach number at which the scheme is linear
 

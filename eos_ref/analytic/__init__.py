@@ -1,0 +1,1 @@
+"""Analytic solutions of flows."""

@@ -1,0 +1,1 @@
+"""The sums over neighbours compiled: neighbours, loops, corrections, forces."""

@@ -1,0 +1,133 @@
+"""Registers that hold a short vector, in LLVM's terms: what `eos_ref.compiled.vectors` is made of.
+
+A vector lies in registers of eight doubles; the last is as wide as the next power of two, as others do not stay in
+registers from one iteration to the next. What its lanes hold beyond the vector has no meaning.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+
+DOUBLE, LANE = ir.DoubleType(), ir.IntType(32)
+WIDTH = 8  # doubles in the widest registers
+
+
+def widths(size: int) -> list[int]:
+    """Registers that hold a vector. The last may be wider than what is left: only powers of two stay in registers."""
+    left = size % WIDTH
+    return [WIDTH] * (size // WIDTH) + ([1 << (left - 1).bit_length()] if left else [])
+
+
+def unpacked(builder: Any, vector: Any) -> list[Any]:
+    """Registers of a vector."""
+    return [builder.extract_value(vector, k) for k in range(len(vector.type.elements))]
+
+
+def packed(builder: Any, registers: list[Any]) -> Any:
+    """Vector of registers."""
+    found = ir.Constant(ir.LiteralStructType([register.type for register in registers]), ir.Undefined)
+    for k, register in enumerate(registers):
+        found = builder.insert_value(found, register, k)
+    return found
+
+
+def constants(numbers: list[float]) -> list[Any]:
+    """Registers of numbers that are known."""
+    found = []
+    for k, width in enumerate(widths(len(numbers))):
+        part = numbers[k * WIDTH : (k + 1) * WIDTH]
+        found.append(ir.Constant(ir.VectorType(DOUBLE, width), part + [0.0] * (width - len(part))))
+    return found
+
+
+# --- lanes
+
+
+def shuffled(builder: Any, register: Any, other: Any, lanes: list[int | None]) -> Any:
+    """Lanes of a register, and those of another counted on; None: of no meaning, the first of the other."""
+    mask = [ir.Constant(LANE, register.type.count if lane is None else lane) for lane in lanes]
+    return builder.shuffle_vector(register, other, ir.Constant(ir.VectorType(LANE, len(mask)), mask))
+
+
+def resized(builder: Any, register: Any, size: int) -> Any:
+    """The first lanes of a register, or the register with lanes of no meaning."""
+    kept = min(size, register.type.count)
+    lanes: list[int | None] = [*range(kept)]
+    return shuffled(builder, register, ir.Constant(register.type, ir.Undefined), lanes + [None] * (size - kept))
+
+
+def picked(builder: Any, registers: list[Any], places: list[int]) -> list[Any]:
+    """Registers of the components at these places."""
+    found, start = [], 0
+    for width in widths(len(places)):
+        wanted = dict(enumerate(places[start : start + width]))
+        parts: Any = None
+        for k, register in enumerate(registers):
+            lanes = {lane: place - k * WIDTH for lane, place in wanted.items() if place // WIDTH == k}
+            if not lanes:
+                continue
+            nothing = ir.Constant(register.type, ir.Undefined)
+            part = shuffled(builder, register, nothing, [lanes.get(lane) for lane in range(width)])
+            choice: list[int | None] = [lane + width * (lane in lanes) for lane in range(width)]
+            parts = part if parts is None else shuffled(builder, parts, part, choice)
+        found.append(parts)
+        start += width
+    return found
+
+
+# --- arithmetic
+
+
+def added(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
+    """Sums of lanes."""
+    return [builder.fadd(x, y) for x, y in zip(a, b, strict=True)]
+
+
+def multiplied(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
+    """Products of lanes."""
+    return [builder.fmul(x, y) for x, y in zip(a, b, strict=True)]
+
+
+def sum_of_pieces(builder: Any, registers: list[Any], pieces: list[list[int]]) -> list[Any]:
+    """Sum of vectors picked from one, from the first on."""
+    total = picked(builder, registers, pieces[0])
+    for piece in pieces[1:]:
+        total = added(builder, total, picked(builder, registers, piece))
+    return total
+
+
+# --- memory
+
+
+def addresses(context: Any, builder: Any, signature: Any, args: Any, size: int) -> list[Any]:
+    """Where a row's parts lie, one for each register; the array is contiguous, its rows as long as the vector."""
+    array = context.make_array(signature.args[0])(context, builder, value=args[0])
+    k = context.cast(builder, args[1], signature.args[1], types.intp)
+    first = builder.mul(k, context.get_constant(types.intp, size))
+    found = []
+    for start in range(0, size, WIDTH):
+        cell = builder.gep(array.data, [builder.add(first, context.get_constant(types.intp, start))])
+        part = ir.VectorType(array.data.type.pointee, min(size - start, WIDTH))
+        found.append(builder.bitcast(cell, part.as_pointer()))
+    return found
+
+
+def loaded(builder: Any, places: list[Any], align: int) -> list[Any]:
+    """Registers of a row; whole numbers become doubles."""
+    found = []
+    for place in places:
+        register = builder.load(place, align=align)
+        size = register.type.count
+        if not isinstance(register.type.element, ir.DoubleType):
+            register = builder.sitofp(register, ir.VectorType(DOUBLE, size))
+        found.append(resized(builder, register, *widths(size)))
+    return found
+
+
+def store(builder: Any, registers: list[Any], places: list[Any], align: int) -> None:
+    """Write a row."""
+    for register, place in zip(registers, places, strict=True):
+        builder.store(resized(builder, register, place.type.pointee.count), place, align=align)

@@ -1,0 +1,297 @@
+"""Short vectors for compiled loops, kept in registers: their length, a dimension, is known when a loop is compiled.
+
+A row of a two-dimensional array becomes a vector and back. ``+``, ``-``, ``*`` and ``/`` act on every component at
+once, ``*`` also with a number; numba by itself would treat the components one after the other. Which row length is
+meant is said by a tuple of that length (``like``). Nothing here is a formula of the model. All functions exist in
+compiled code only.
+"""
+
+# mypy: disable-error-code="untyped-decorator,no-untyped-def,misc"
+
+from __future__ import annotations
+
+import operator
+from itertools import combinations_with_replacement
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.cgutils import get_or_insert_function
+from numba.extending import intrinsic, models, overload, register_model
+
+from eos_ref.compiled.registers import (
+    DOUBLE,
+    LANE,
+    added,
+    addresses,
+    constants,
+    loaded,
+    multiplied,
+    packed,
+    picked,
+    resized,
+    shuffled,
+    store,
+    sum_of_pieces,
+    unpacked,
+    widths,
+)
+
+
+class Vector(types.Type):
+    """Type of a vector of doubles."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__(f"Vector({size})")
+        self.size = size
+
+
+@register_model(Vector)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, vector: Vector) -> None:
+        super().__init__(manager, vector, ir.LiteralStructType([ir.VectorType(DOUBLE, w) for w in widths(vector.size)]))
+
+
+def graded(dimension: int, degree: int) -> list[tuple[int, ...]]:
+    """Monomials up to a degree, each as the axes that it multiplies, by degree: (), (0,), (1,), (0, 0), (0, 1), ..."""
+    return [axes for k in range(degree + 1) for axes in combinations_with_replacement(range(dimension), k)]
+
+
+# --- arithmetic
+
+
+def _componentwise(operation: str) -> Any:
+    @intrinsic
+    def function(typing_context, a, b):
+        def code(context, builder, signature, args):
+            pairs = zip(*(unpacked(builder, arg) for arg in args), strict=True)
+            return packed(builder, [getattr(builder, operation)(x, y) for x, y in pairs])
+
+        return a(a, b), code
+
+    return function
+
+
+_plus, _minus, _times, _over = map(_componentwise, ("fadd", "fsub", "fmul", "fdiv"))
+
+
+@intrinsic
+def _scaled(typing_context, factor, a):
+    def code(context, builder, signature, args):
+        nothing = ir.Constant(ir.VectorType(DOUBLE, 1), ir.Undefined)
+        number = [builder.insert_element(nothing, args[0], LANE(0))]
+        return packed(builder, multiplied(builder, picked(builder, number, [0] * a.size), unpacked(builder, args[1])))
+
+    return a(types.float64, a), code
+
+
+@overload(operator.add)
+def _add(a, b):
+    return (lambda a, b: _plus(a, b)) if isinstance(a, Vector) else None
+
+
+@overload(operator.sub)
+def _sub(a, b):
+    return (lambda a, b: _minus(a, b)) if isinstance(a, Vector) else None
+
+
+@overload(operator.mul)
+def _mul(a, b):
+    if not isinstance(b, Vector):
+        return None
+    return (lambda a, b: _times(a, b)) if isinstance(a, Vector) else (lambda a, b: _scaled(a, b))
+
+
+@overload(operator.truediv)
+def _truediv(a, b):
+    return (lambda a, b: _over(a, b)) if isinstance(a, Vector) and isinstance(b, Vector) else None
+
+
+@intrinsic
+def roots(typing_context, a):
+    """Square root of every component."""
+
+    def code(context, builder, signature, args):
+        found = []
+        for register in unpacked(builder, args[0]):
+            form = ir.FunctionType(register.type, [register.type])
+            root = get_or_insert_function(builder.module, form, f"llvm.sqrt.v{register.type.count}f64")
+            found.append(builder.call(root, [register]))
+        return packed(builder, found)
+
+    return a(a), code
+
+
+@intrinsic
+def vector(typing_context, parts):
+    """Vector of the numbers in a tuple, as many as fit one register."""
+    (width,) = widths(len(parts))
+
+    def code(context, builder, signature, args):
+        found = ir.Constant(ir.VectorType(DOUBLE, width), ir.Undefined)
+        for k in range(len(parts)):
+            found = builder.insert_element(found, builder.extract_value(args[0], k), LANE(k))
+        return packed(builder, [found])
+
+    return Vector(len(parts))(parts), code
+
+
+@intrinsic
+def zero(typing_context, like):
+    """Vector of zeros."""
+    found = Vector(len(like))
+
+    def code(context, builder, signature, args):
+        return ir.Constant(context.get_value_type(found), None)
+
+    return found(like), code
+
+
+@intrinsic
+def joined(typing_context, a, b):
+    """Components of one vector followed by those of another of the same length, each in one register."""
+
+    def code(context, builder, signature, args):
+        (left,), (right,) = (unpacked(builder, arg) for arg in args)
+        width = left.type.count
+        lanes: list[int | None] = [*range(a.size), *range(width, width + a.size)]
+        return packed(builder, [resized(builder, shuffled(builder, left, right, lanes), *widths(2 * a.size))])
+
+    return Vector(2 * a.size)(a, b), code
+
+
+@intrinsic
+def outer(typing_context, a, b):
+    """All products a[k]*b[l], the second index running fastest."""
+    size = a.size * b.size
+
+    def code(context, builder, signature, args):
+        left = picked(builder, unpacked(builder, args[0]), [k // b.size for k in range(size)])
+        right = picked(builder, unpacked(builder, args[1]), [k % b.size for k in range(size)])
+        return packed(builder, multiplied(builder, left, right))
+
+    return Vector(size)(a, b), code
+
+
+@intrinsic
+def dot(typing_context, a, b):
+    """Scalar product, summed from the first component on."""
+
+    def code(context, builder, signature, args):
+        product = multiplied(builder, *(unpacked(builder, arg) for arg in args))
+        (total,) = sum_of_pieces(builder, product, [[k] for k in range(a.size)])
+        return builder.extract_element(total, LANE(0))
+
+    return types.float64(a, b), code
+
+
+@intrinsic
+def matrix_times(typing_context, matrix, a):
+    """Matrix, given row after row, times a vector."""
+    rows, size = matrix.size // a.size, a.size
+
+    def code(context, builder, signature, args):
+        repeated = picked(builder, unpacked(builder, args[1]), [k % size for k in range(matrix.size)])
+        product = multiplied(builder, unpacked(builder, args[0]), repeated)
+        return packed(builder, sum_of_pieces(builder, product, [[*range(k, matrix.size, size)] for k in range(size)]))
+
+    return Vector(rows)(matrix, a), code
+
+
+@intrinsic
+def columns_times(typing_context, matrix, a):
+    """Matrix, given column after column, times a vector."""
+    rows, size = matrix.size // a.size, a.size
+
+    def code(context, builder, signature, args):
+        repeated = picked(builder, unpacked(builder, args[1]), [k // rows for k in range(matrix.size)])
+        product = multiplied(builder, unpacked(builder, args[0]), repeated)
+        return packed(
+            builder, sum_of_pieces(builder, product, [[*range(k * rows, (k + 1) * rows)] for k in range(size)])
+        )
+
+    return Vector(rows)(matrix, a), code
+
+
+# --- monomials
+
+
+def _degree(dimension: int, count: int) -> int:
+    return next(k for k in range(9) if len(graded(dimension, k)) == count)
+
+
+@intrinsic
+def monomials(typing_context, u, like):
+    """Products of components in the order of `graded`, as many as ``like`` has entries."""
+    degree = _degree(u.size, len(like))
+
+    def code(context, builder, signature, args):
+        (x,) = unpacked(builder, args[0])
+        (ones,), width = constants([1.0] * u.size), x.type.count
+        lanes: list[int | None] = [0, *range(width, width + u.size)]
+        found = [resized(builder, shuffled(builder, ones, x, lanes), *widths(len(lanes)))]
+        known = 1
+        while known < degree:  # the product of any two is one of twice the degree
+            parts, known = graded(u.size, known), min(2 * known, degree)
+            wanted = graded(u.size, known)
+            left = [parts.index(axes[: len(axes) // 2]) for axes in wanted]
+            right = [parts.index(axes[len(axes) // 2 :]) for axes in wanted]
+            found = multiplied(builder, picked(builder, found, left), picked(builder, found, right))
+        return packed(builder, found)
+
+    return Vector(len(like))(u, like), code
+
+
+@intrinsic
+def mirrored(typing_context, products, u):
+    """The monomials of -u, given those of u."""
+    sign = [(-1.0) ** len(axes) for axes in graded(u.size, _degree(u.size, products.size))]
+
+    def code(context, builder, signature, args):
+        return packed(builder, multiplied(builder, unpacked(builder, args[0]), constants(sign)))
+
+    return products(products, u), code
+
+
+# --- rows of arrays
+
+
+def _bytes(array: Any) -> int:
+    """What a row is aligned to: one entry."""
+    return int(array.dtype.bitwidth // 8)
+
+
+@intrinsic
+def row(typing_context, array_nc, k, like):
+    """Row k as a vector of as many components as ``like``; whole numbers become doubles."""
+
+    def code(context, builder, signature, args):
+        places = addresses(context, builder, signature, args, len(like))
+        return packed(builder, loaded(builder, places, _bytes(array_nc)))
+
+    return Vector(len(like))(array_nc, k, like), code
+
+
+@intrinsic
+def put(typing_context, array_nc, k, vector):
+    """Store a vector as row k."""
+
+    def code(context, builder, signature, args):
+        places = addresses(context, builder, signature, args, vector.size)
+        store(builder, unpacked(builder, args[2]), places, _bytes(array_nc))
+        return context.get_dummy_value()
+
+    return types.none(array_nc, k, vector), code
+
+
+@intrinsic
+def add_to(typing_context, array_nc, k, vector):
+    """Add a vector to row k."""
+
+    def code(context, builder, signature, args):
+        places = addresses(context, builder, signature, args, vector.size)
+        found = loaded(builder, places, _bytes(array_nc))
+        store(builder, added(builder, found, unpacked(builder, args[2])), places, _bytes(array_nc))
+        return context.get_dummy_value()
+
+    return types.none(array_nc, k, vector), code

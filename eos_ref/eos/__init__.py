@@ -1,0 +1,1 @@
+"""Equations of state: the laws, their rounding bounds, rigorous values, compiled loops."""

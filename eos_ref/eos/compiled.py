@@ -1,0 +1,282 @@
+"""Compiled loops over particles: the laws of `eos_ref.eos.laws` at the speed of memory.
+
+Nothing is written twice: numba compiles the bodies in `laws`, and the elementary functions they call are
+registered here for compiled code. `powm1` is branch-free (one division, two polynomials, explicit fused
+multiply-adds), so that the loop over particles runs in vector registers and gives the same bits on every
+machine; the few ratios outside its range are counted and left to the caller.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload
+
+from eos_ref.eos import laws
+from eos_ref.jit import cached, inline
+from eos_ref.numbers import elementary
+
+_jit = cached()
+LINEAR, CUBIC, TAIT_WATER, TAIT_GENERAL, IDEAL_GAS = range(5)
+BLOCK = 2048  # particles handled at a time: all arrays of a block fit the first-level cache
+
+
+@intrinsic
+def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """a*b + c with one rounding, on every machine."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return types.float64(types.float64, types.float64, types.float64), code
+
+
+@intrinsic
+def _bits(typing_context: Any, x: Any) -> Any:
+    """The 64 bits of a double."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return types.uint64(types.float64), code
+
+
+@intrinsic
+def _from_bits(typing_context: Any, x: Any) -> Any:
+    """The double with these 64 bits."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.DoubleType())
+
+    return types.float64(types.uint64), code
+
+
+# ln 2 in two doubles; the first has 11 trailing zero bits, so that k*ln2 is exact for |k| < 2**11.
+_LN2_HIGH = float.fromhex("0x1.62e42fefa3800p-1")
+_LN2_LOW = float.fromhex("0x1.ef35793c76730p-45")
+_INVERSE_LN2 = 1 / math.log(2)
+_ROUND = 1.5 * 2.0**52  # adding it rounds a double to a whole number, held in the lowest bits
+_BIAS = 1023
+_MANTISSA = np.uint64(52)
+_TWO_52 = np.uint64(0x4330000000000000)  # bits of 2**52
+_SQRT_HALF = np.uint64(0x3FF0000000000000 - 0x3FE6A09E667F3BCD)  # bits of 1 less those of sqrt(1/2)
+_FLIP = np.uint64(2 * _BIAS)
+_HALF = np.uint64(_BIAS - 1)
+_L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9, _L10 = (1 / (2 * k + 1) for k in range(1, 11))
+_E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1 / math.factorial(k) for k in range(2, 14))
+
+
+@inline
+def _log_ratio(a: float, b: float) -> float:
+    """ln(a/b) for ratios within 2**-1000 to 2**1000, relative error below 2 eps.
+
+    a is scaled by a power of two to within sqrt(2) of b, where a - b is exact; then
+    ln(a/b) = 2 atanh(s), s = (a-b)/(a+b), by its series (s**2 < 0.0295, remainder below 2**-58).
+    """
+    exponent = (_bits(a * (1 / b)) + _SQRT_HALF) >> _MANTISSA
+    k = _from_bits(exponent | _TWO_52) - (2.0**52 + _BIAS)
+    a = a * _from_bits((_FLIP - exponent) << _MANTISSA)
+    s = (a - b) / (a + b)
+    z = s * s
+    zz = z * z
+    low = _fma(_fma(_L6, z, _L5), zz, _fma(_L4, z, _L3))
+    high = _fma(_fma(_L10, z, _L9), zz, _fma(_L8, z, _L7))
+    series = _fma(_fma(high, zz * zz, low), zz, _fma(_L2, z, _L1))
+    t = s + s
+    return _fma(k, _LN2_HIGH, t + _fma(t * z, series, k * _LN2_LOW))  # type: ignore[no-any-return]
+
+
+@inline
+def _expm1(y: float) -> float:
+    """exp(y) - 1, relative error below 2 eps; infinite above 709.8, NaN stays NaN."""
+    y = 710.0 if y > 710.0 else y
+    y = -700.0 if y < -700.0 else y
+    shifted = _fma(y, _INVERSE_LN2, _ROUND)
+    n = shifted - _ROUND
+    r = _fma(n, -_LN2_LOW, _fma(n, -_LN2_HIGH, y))
+    rr = r * r
+    low = _fma(_fma(_E5, r, _E4), rr, _fma(_E3, r, _E2))
+    high = _fma(_fma(_E13, r, _E12), rr, _fma(_E11, r, _E10))
+    middle = _fma(_fma(_E9, r, _E8), rr, _fma(_E7, r, _E6))
+    series = _fma(_fma(high, rr * rr, middle), rr * rr, low)
+    q = _fma(rr, series, r)
+    # 2**(n-1), so that n = 1024 does not overflow
+    half_scale = _from_bits((_bits(shifted) + _HALF) << _MANTISSA)
+    return 2.0 * _fma(half_scale, q, half_scale - 0.5)  # type: ignore[no-any-return]
+
+
+@overload(elementary.powm1)
+def _powm1(rho: Any, rho0: Any, gamma: Any) -> Any:
+    def code(rho: Any, rho0: Any, gamma: Any) -> Any:
+        return _expm1(gamma * _log_ratio(float(rho), float(rho0)))
+
+    return code
+
+
+@overload(elementary.maximum)
+def _maximum(a: Any, b: Any) -> Any:
+    def code(a: Any, b: Any) -> Any:
+        return a if (a >= b) | (a != a) else b  # as in numpy, either's NaN is the result
+
+    return code
+
+
+@overload(elementary.minimum)
+def _minimum(a: Any, b: Any) -> Any:
+    def code(a: Any, b: Any) -> Any:
+        return a if (a <= b) | (a != a) else b
+
+    return code
+
+
+@overload(elementary.where)
+def _where(condition: Any, a: Any, b: Any) -> Any:
+    def code(condition: Any, a: Any, b: Any) -> Any:
+        return a if condition else b
+
+    return code
+
+
+@overload(elementary.root1p)
+def _root1p(y: Any, gamma: Any) -> Any:
+    def code(y: Any, gamma: Any) -> Any:
+        return math.exp(math.log1p(y) / gamma)
+
+    return code
+
+
+def _register(name: str) -> None:
+    compiled = getattr(math, name)
+
+    @overload(getattr(elementary, name))
+    def _unary(x: Any) -> Any:
+        def code(x: Any) -> Any:
+            return compiled(x)
+
+        return code
+
+
+for _name in ("asin", "asinh", "exp", "log1p", "sin", "sinh", "sqrt"):
+    _register(_name)
+
+_linear, _cubic, _water, _general, _ideal = (
+    inline(law) for law in (laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas)
+)
+
+
+def power_range(rho0: float) -> tuple[float, float]:
+    """Least and greatest density for which the compiled powm1 holds; an empty interval for extreme rho0."""
+    if not 2.0**-1000 <= rho0 <= 2.0**1000:  # 1/rho0 would not be a normal number
+        return math.inf, -math.inf
+    # Neither end may be rounded to 0 or to infinity, where the ratio has no exponent.
+    return max(rho0 * 2.0**-1000, 2.0**-1074), min(rho0 * 2.0**1000, 2.0**1023)
+
+
+_power_range = inline(power_range)
+
+
+@_jit
+def _one_type(
+    style: int, rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any
+) -> int:
+    """Pressure of particles that share one type; returns how many ratios lie outside the range of powm1."""
+    n = rho_n.size
+    outside = 0
+    if style == LINEAR:
+        for i in range(n):
+            out_n[i] = _linear(rho_n[i], rho0, cs) + background
+    elif style == CUBIC:
+        for i in range(n):
+            out_n[i] = _cubic(rho_n[i], rho0, cs, parameter) + background
+    elif style == TAIT_WATER:
+        for i in range(n):
+            out_n[i] = _water(rho_n[i], rho0, cs) + background
+    elif style == TAIT_GENERAL:
+        for i in range(n):
+            out_n[i] = _general(rho_n[i], rho0, cs, parameter) + background
+        low, high = _power_range(rho0)
+        for i in range(n):
+            outside += not (rho_n[i] >= low and rho_n[i] <= high)
+    else:
+        for i in range(n):
+            out_n[i] = _ideal(rho_n[i], e_n[i], parameter) + background
+    return outside
+
+
+@numba.njit(error_model="numpy")
+def _extremes(type_b: Any) -> tuple[int, int]:
+    """Lowest and highest type of a block."""
+    low = high = type_b[0]
+    for i in range(type_b.size):
+        low = type_b[i] if type_b[i] < low else low
+        high = type_b[i] if type_b[i] > high else high
+    return low, high
+
+
+@numba.njit(error_model="numpy")
+def _pick(value_b: Any, type_b: Any, t: int, out_b: Any) -> None:
+    """Take the values of one type's particles; by bit masks, as a branch on shuffled types is mispredicted."""
+    for i in range(value_b.size):
+        keep = np.uint64(type_b[i] == t) - np.uint64(1)
+        out_b[i] = _from_bits((_bits(out_b[i]) & keep) | (_bits(value_b[i]) & ~keep))
+
+
+@_jit
+def pressure(
+    rho_n: Any,
+    e_n: Any,
+    type_n: Any,
+    style_t: Any,
+    rho0_t: Any,
+    cs_t: Any,
+    parameter_t: Any,
+    background_t: Any,
+    out_n: Any,
+) -> int:
+    """Pressure of every particle from the law of its type, in blocks that stay in the first-level cache.
+
+    Per-type arrays are indexed by type - 1. A block of one type is evaluated in place; in a mixed block each
+    law runs over the whole block and its type's particles are picked, which keeps every loop vectorised.
+    Returns the number of particles outside the range of `powm1`, whose pressure is for the caller to set.
+    """
+    scratch = np.empty(BLOCK)
+    outside = 0
+    for start in range(0, rho_n.size, BLOCK):
+        stop = min(start + BLOCK, rho_n.size)
+        e_b = e_n[start:stop] if e_n.size else e_n
+        low, high = _extremes(type_n[start:stop])
+        for t in range(low - 1, high):
+            target = out_n[start:stop] if low == high else scratch[: stop - start]
+            outside += _one_type(
+                style_t[t],
+                rho_n[start:stop],
+                e_b,
+                rho0_t[t],
+                cs_t[t],
+                parameter_t[t],
+                background_t[t],
+                target,
+            )
+            if low != high:
+                _pick(target, type_n[start:stop], t + 1, out_n[start:stop])
+    return outside
+
+
+@_jit
+def pressure_of_one_type(
+    rho_n: Any, e_n: Any, style: int, rho0: float, cs: float, parameter: float, background: float, out_n: Any
+) -> int:
+    """Pressure of particles that all have the same law; see `pressure`."""
+    outside = 0
+    for start in range(0, rho_n.size, BLOCK):
+        stop = min(start + BLOCK, rho_n.size)
+        e_b = e_n[start:stop] if e_n.size else e_n
+        outside += _one_type(style, rho_n[start:stop], e_b, rho0, cs, parameter, background, out_n[start:stop])
+    return outside

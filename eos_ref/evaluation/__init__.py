@@ -1,0 +1,1 @@
+"""Force evaluation and time step, in arrays of any number type."""

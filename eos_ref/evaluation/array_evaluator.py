@@ -1,0 +1,307 @@
+r"""The particle model in plain array operations: readable, and for several number types.
+
+Pairs are directed: every pair within the cutoff stands twice, once for each particle that collects. A finding is
+reproduced by a subclass that replaces one small method. Array names as in `eos_ref.evaluation.stages`, whose sums
+these are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eos_ref.eos import rounded_eos
+from eos_ref.errors import InputError
+from eos_ref.evaluation.pairs import directed_pairs
+from eos_ref.evaluation.stages import Stages
+from eos_ref.model import interactions, kernels
+from eos_ref.model.parameters import BoolArray, Gradients, PairTerms
+from eos_ref.numbers.columns import Axes, Number, axes, dot, joined, matrix
+from eos_ref.numbers.elementary import sqrt, where
+from eos_ref.numbers.matrices import cholesky, solve_unit
+from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, value
+
+
+class Plain(Stages):
+    """Stages of a force evaluation in plain array operations; see `Stages` for the parameters."""
+
+    # --- pairs, kernel values, coordination
+
+    def move(self, x_nc: Number) -> None:
+        """Find the pairs of new positions and evaluate the kernel once for all sums."""
+        model, cut = self.model, self.model.cut
+        if not np.isfinite(value(x_nc).astype(float)).all():
+            raise InputError("positions", "must be finite; the time step may be too long")
+        self.i, self.j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut)
+        x = axes(x_nc)
+        self.x = [x_n[self.i] - (x_n[self.j] + shift_pc[:, a]) for a, x_n in enumerate(x)]
+        self.rr = dot(self.x, self.x)
+        self.r = sqrt(self.rr)
+        sigma = self.constant(kernels.normalisation(model.dimension, cut))
+        q = self.r / model.h
+        self.w = sigma * kernels.quintic(q)
+        slope = sigma / model.h * kernels.quintic_slope(q)
+        self.gradw = [slope * x_p / self.r for x_p in self.x]
+        self.g = self.gradw
+        self.coordination_n = np.bincount(self.i, minlength=self.n)
+        self.corrected_n = np.zeros(self.n, bool)
+
+    def constant(self, factor: Number) -> Number:
+        """A parameter's value; its evaluation rounds at most nine times on either side (kernel: pi, h, powers)."""
+        return Rounded(factor, 5 * ROUNDING * abs(factor)) if isinstance(self.r, Rounded) else factor
+
+    def total(self, term_p: Number) -> Number:
+        """Sum over the neighbours of every particle."""
+        if isinstance(term_p, Rounded):
+            return term_p.sum_by(self.i, self.n)
+        if term_p.dtype == np.float64:
+            return np.bincount(self.i, term_p, self.n)
+        total_n = np.zeros(self.n, term_p.dtype)
+        np.add.at(total_n, self.i, term_p)
+        return total_n
+
+    def kernel_sum(self, weight_n: Number = None) -> Number:
+        """See `Stages.kernel_sum`."""
+        return self.total(self.w if weight_n is None else weight_n[self.j] * self.w)
+
+    # --- reproducing kernels
+
+    def correct(self, rho_n: Number) -> None:
+        r"""Gradients of the reproducing kernels RK1 and RK2, for both sides of every pair.
+
+        :math:`\mathbf M_i=\sum_jV_jW_{ij}\mathbf H\mathbf H^T`,
+        :math:`(\widetilde\nabla W_{ij})_a=-\frac1{r_c}W_{ij}\mathbf H\cdot\mathbf M_i^{-1}\mathbf e_{1+a}`: the moving
+        least-squares derivative. A particle with fewer than zmin neighbours, or whose matrix has no Cholesky factor,
+        keeps the quintic spline. RK0 has no unique gradient and keeps it too.
+
+        Source: Bonet & Lok, CMAME 180, 97 (1999); Palermo et al. (2024).
+        """
+        if not self.model.corrects_gradients:
+            return
+        h, m = self.moments(rho_n)
+        factor, definite_n = cholesky(m)
+        used_n = definite_n & (self.coordination_n >= self.model.fix.zmin)
+        self.corrected_n = used_n.answer & ~used_n.open if isinstance(used_n, Decision) else used_n
+        used_p = used_n[self.i]
+        self.g = []
+        for a in range(self.model.dimension):
+            c = solve_unit(factor, 1 + a)
+            product = h[0] * c[0][self.i]
+            for h_b, c_b in zip(h[1:], c[1:], strict=True):
+                product = product + h_b * c_b[self.i]
+            self.g.append(where(used_p, -(self.w * product) / self.model.cut, self.gradw[a]))
+
+    def moments(self, rho_n: Number) -> tuple[list[Number], list[list[Number]]]:
+        """Basis of every pair, and by rows of its lower triangle the moment matrix of every particle; see `correct`."""
+        volume_p = self.volume_of_wall(rho_n)[self.j]
+        h = kernels.basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
+        weight = volume_p * self.w
+        return h, [[self.total(weight * h[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
+
+    # --- walls
+
+    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
+        """See `Stages.wall_sums`."""
+        i, j = self.i, self.j
+        reach = dot([a_n[j] - a_n[i] for a_n in axes(acceleration_nc)], self.x)
+        wall_p = self.solid_n[i] & ~self.solid_n[j]
+        support_n = self.total(where(wall_p, self.w, 0.0))
+        sum_n = self.total(where(wall_p, self.w * (pressure_n[j] + rho_n[j] * reach), 0.0))
+        return *self.phase_sums(), support_n, sum_n
+
+    def same_phase(self) -> Number:
+        """Same-phase fraction alone, without the densities of walls; see `Stages.same_fraction`."""
+        return self.same_fraction(*self.phase_sums())
+
+    def phase_sums(self) -> tuple[Number, Number]:
+        """Sums of the kernel over all neighbours, and over those of the same phase."""
+        same_p = self.solid_n[self.i] == self.solid_n[self.j]
+        return self.total(self.w), self.total(where(same_p, self.w, 0.0))
+
+    def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
+        """Densities of both particles as the pair sees them; see `apparent_density`, solids see rho0 of each other."""
+        i, j = self.i, self.j
+        if not self.walls:
+            return rho_n[i], rho_n[j]
+        apparent_n = self.apparent_density(rho_n)
+        both = self.solid_n[i] & self.solid_n[j]
+        return tuple(where(both, self.rho0_n[k], apparent_n[k]) for k in (i, j))
+
+    def velocity_difference(self, v_nc: Number, chi_n: Number) -> Axes:
+        """Velocity of i less that of j, a solid's as its fluid partner sees it (no slip at the interface)."""
+        v = axes(v_nc)
+        if not self.walls:
+            return [v_n[self.i] - v_n[self.j] for v_n in v]
+        solid_i, solid_j = self.solid_n[self.i], self.solid_n[self.j]
+        chi_i, chi_j = chi_n[self.i], chi_n[self.j]
+        ratio = self.no_slip(where(solid_i, chi_i, chi_j), where(solid_i, chi_j, chi_i))
+        difference = []
+        for v_i, v_j in ((v_n[self.i], v_n[self.j]) for v_n in v):
+            seen_i = where(solid_i & ~solid_j, self.wall_velocity(v_i, v_j, ratio), v_i)
+            seen_j = where(solid_j & ~solid_i, self.wall_velocity(v_j, v_i, ratio), v_j)
+            difference.append(seen_i - seen_j)
+        return difference
+
+    def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
+        r"""Velocity of a solid as a fluid particle sees it, :math:`\mathbf v_s+(\mathbf v_s-\mathbf v_f)k`."""
+        return v_solid + (v_solid - v_fluid) * ratio
+
+    def no_slip(self, chi_solid: Number, chi_fluid: Number) -> Number:
+        """Factor of the velocity extrapolation; see `interactions.no_slip_ratio`."""
+        return interactions.no_slip_ratio(chi_solid, chi_fluid, self.model.cut)
+
+    # --- gradients
+
+    def gradients(
+        self,
+        chi_n: Number = None,
+        v_nc: Number = None,
+        rho_n: Number = None,
+        energy_n: Number = None,
+        viscosity_n: Number = None,
+        want: Sequence[str] = ("v", "rho"),
+    ) -> Gradients:
+        r"""Gradients :math:`(\nabla f)_i=\sum_jV_j(f_j-f_i)\widetilde\nabla W_{ij}` of the fields wanted."""
+        rho_i, rho_j = self.density_pair(rho_n)
+        volume = self.mass_n[self.j] / rho_j
+        found = Gradients()
+        if "v" in want:
+            v = self.velocity_difference(v_nc, chi_n)
+            found.v_ncc = joined([[self.total(-(volume * v_a) * g_b) for g_b in self.g] for v_a in v])
+        if "rho" in want:
+            found.rho_nc = self._gradient(volume, rho_j - rho_i)
+        if "energy" in want:
+            found.energy_nc = self._gradient(volume, energy_n[self.j] - energy_n[self.i])
+        if "viscosity" in want:
+            found.viscosity_nc = self._gradient(volume, viscosity_n[self.j] - viscosity_n[self.i])
+        return found
+
+    def _gradient(self, volume_p: Number, difference_p: Number) -> Number:
+        return joined([self.total(volume_p * difference_p * g_a) for g_a in self.g])
+
+    # --- shifting, surfaces
+
+    def shift_sums(self, volume_n: Number, w_h: Number) -> Axes:
+        """See `Stages.shift_sums`."""
+        weight = volume_n[self.j] * interactions.shift_weight(self.w, w_h)
+        return [self.total(weight * g_a) for g_a in self.gradw]
+
+    def color_sums(self, volume_n: Number) -> tuple[Axes, Number, Number]:
+        """See `Stages.color_sums`."""
+        other, volume = self.type_n[self.i] != self.type_n[self.j], volume_n[self.j]
+        gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
+        return gradient, self.total(where(other, volume * self.w, 0.0)), self.same_type_support(other)
+
+    def same_type_support(self, other: BoolArray) -> Number:
+        r"""Support by particles of the same type, :math:`\sum_jW_{ij}\delta_{ij}` (manual)."""
+        return self.total(where(other, 0.0, self.w))
+
+    def surface_sums(self, rho_n: Number) -> tuple[Axes, Number]:
+        """See `Stages.surface_sums`."""
+        volume = self.mass_n[self.j] / self.density_pair(rho_n)[1]
+        return [self.total(volume * g_a) for g_a in self.gradw], self.total(-(volume * dot(self.x, self.gradw)))
+
+    def nearest(self, class_n: Number) -> Number:
+        """See `Stages.nearest`; open where rounding leaves the class of a neighbour open."""
+        near = (value(class_n) == 1)[self.j]
+        nearest_n = np.full(self.n, self.model.cut)
+        np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
+        if isinstance(self.r, Rounded):
+            open_n = np.bincount(self.i[(error(class_n) > 0)[self.j]], minlength=self.n) > 0
+            return Rounded(nearest_n, self.r.error.max(initial=0.0) + open_n * self.model.cut)
+        return nearest_n
+
+    # --- properties of a particle
+
+    def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
+        """See `Stages.eos_pressure`."""
+        return rounded_eos.by_type(rounded_eos.pressure, self.model.eos, self.type_n, rho_n, e_n)
+
+    # --- pair terms
+
+    def pair_terms(
+        self,
+        v_nc: Number,
+        rho_n: Number,
+        pressure_n: Number,
+        viscosity_n: Number,
+        sound_n: Number,
+        chi_n: Number,
+        grad: Gradients,
+        temperature_n: Number = None,
+    ) -> PairTerms:
+        """Forces, density diffusion and heat flow of pair_style rheo; see `eos_ref.model.interactions`.
+
+        ``pressure_n`` is that of the `apparent_density`.
+        """
+        model, i, j = self.model, self.i, self.j
+        rho_i, rho_j = self.density_pair(rho_n)
+        volume_i, volume_j = self.collecting_volume(rho_i), self.mass_n[j] / rho_j
+        F = dot(self.x, self.g) / self.rr
+        mechanical = ~(self.solid_n[i] & self.solid_n[j])
+        mean = interactions.harmonic_mean if model.pair.harmonic_means else interactions.arithmetic_mean
+        sound = interactions.arithmetic_mean(sound_n[i], sound_n[j])
+        p_sum = pressure_n[i] + pressure_n[j]
+        if model.pair.artificial_viscosity:
+            p_sum = p_sum + self.artificial(v_nc, rho_n, sound, grad)
+        coefficient = where(mechanical, interactions.pressure_term(volume_i, volume_j, p_sum), 0.0)
+        pressure_force = [self.total(coefficient * g_a) for g_a in self.g]
+        eta = mean(viscosity_n[i], viscosity_n[j])
+        coefficient = where(mechanical, interactions.viscous_term(eta, volume_i, volume_j, F), 0.0)
+        force = [
+            f_a + self.total(coefficient * v_a)
+            for f_a, v_a in zip(pressure_force, self.velocity_difference(v_nc, chi_n), strict=True)
+        ]
+        if self.walls:
+            repulsion = self.repulsion(chi_n, sound) / self.r
+            force = [f_a + self.total(repulsion * x_a) for f_a, x_a in zip(force, self.x, strict=True)]
+        heat_n = None
+        if model.thermal is not None:
+            kappa_n = self.conduction()
+            kappa = mean(kappa_n[i], kappa_n[j])
+            flow = interactions.heat_term(kappa, self.heated_volume(rho_i, rho_j), volume_j, F)
+            heat_n = self.total(flow * (temperature_n[i] - temperature_n[j]))
+        drho_n = self.diffusion(rho_n, volume_j, F, grad)
+        return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n)
+
+    def collecting_volume(self, rho_i: Number) -> Number:
+        """Volume of the particle that a pair's force acts on."""
+        return self.mass_n[self.i] / rho_i
+
+    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
+        """Volume of the particle that a pair's heat flows into."""
+        return self.mass_n[self.i] / rho_i
+
+    def artificial(self, v_nc: Number, rho_n: Number, sound: Number, grad: Gradients) -> Number:
+        """Artificial viscous pressure of every pair; not between fluid and reconstructed solid."""
+        i, j = self.i, self.j
+        u = [v_n[i] - v_n[j] for v_n in axes(v_nc)]
+        G = [[0.5 * (c_n[i] + c_n[j]) for c_n in row] for row in matrix(grad.v_ncc)]
+        u = [u_a - dot(G_a, self.x) for u_a, G_a in zip(u, G, strict=True)]
+        zeta = self.model.pair.artificial_viscosity
+        q = interactions.artificial_term(zeta, sound, dot(u, self.x), self.rr, self.model.h, rho_n[i] + rho_n[j])
+        return where(self.solid_n[i] != self.solid_n[j], 0.0, q) if self.walls else q
+
+    def repulsion(self, chi_n: Number, sound: Number) -> Number:
+        """Extra repulsion of fluid and solid close to each other; see `interactions.repulsion_term`."""
+        i, j = self.i, self.j
+        solid_i = self.solid_n[i]
+        chi = where(solid_i, chi_n[i], chi_n[j])
+        rho0 = where(solid_i, self.rho0_n[i], self.rho0_n[j])
+        term = interactions.repulsion_term(chi, self.r, rho0, sound, self.model.cut)
+        return where(solid_i != self.solid_n[j], term, 0.0)
+
+    def diffusion(self, rho_n: Number, volume_j: Number, F: Number, grad: Gradients) -> Number:
+        """Rate of density by rho/damp, between fluid particles."""
+        xi = self.model.pair.rho_damp
+        if not xi:
+            return np.zeros(self.n)
+        i, j = self.i, self.j
+        if self.model.corrects_gradients:
+            slope = [0.5 * (g_n[i] + g_n[j]) for g_n in axes(grad.rho_nc)]
+            difference = rho_n[j] - rho_n[i] + dot(slope, self.x)
+        else:
+            difference = (rho_n[j] - self.rho0_n[j]) - (rho_n[i] - self.rho0_n[i])
+        fluid = ~self.solid_n[i] & ~self.solid_n[j]
+        return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, F), 0.0))

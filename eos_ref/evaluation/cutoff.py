@@ -1,0 +1,41 @@
+"""Pairs at the cutoff: where rounding decides whether they count, the coordination is open."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos import bounds
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.pairs import directed_pairs
+from eos_ref.numbers.rounded import Rounded, value
+
+
+class AtCutoff(Plain):
+    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
+
+    def move(self, x_nc: Any) -> None:
+        """Count the pairs, and those that may as well be on the other side."""
+        super().move(x_nc)
+        cut = self.model.cut
+        # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
+        # on either side; so are the squares, their sum and the root.
+        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + max(self.box.edge_c)
+        width = 8 * bounds.EPS * (reach + cut)
+        i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
+        x = value(x_nc)
+        r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
+        near_n = np.bincount(i[r > cut - width], minlength=self.n)
+        self.counted_n: Any = Rounded(self.coordination_n.astype(float), near_n.astype(float))
+        if near_n.any():
+            certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
+            # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
+            # some of them are less and some are not.
+            open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
+            self.coordination_n = open_
+
+
+def at_cutoff(stages: type[Plain]) -> type[Plain]:
+    """Stages whose coordination is open where rounding decides."""
+    return type("Counted", (AtCutoff,) if stages is Plain else (stages, AtCutoff), {})

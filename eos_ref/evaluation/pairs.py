@@ -1,0 +1,58 @@
+"""Directed pairs of particles in a box: each pair stands twice, once for each particle that collects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.parameters import Box, IntArray
+
+
+def compacted(x_n: FloatArray, reach: float) -> FloatArray:
+    """Coordinates along an open axis from 0 on, with empty stretches longer than two reaches shortened to that.
+
+    Who is whose neighbour within a reach does not change. A cell list covers all the space between particles, and one
+    particle far away from the others would ask for more cells than there can be.
+    """
+    order_n = np.argsort(x_n, kind="stable")
+    sorted_n = x_n[order_n]
+    begins_n = np.flatnonzero(np.concatenate([[True], np.diff(sorted_n) > 2 * reach]))
+    ends_n = np.append(begins_n[1:], len(x_n))
+    spans = sorted_n[ends_n - 1] - sorted_n[begins_n]
+    origins = np.concatenate([[0.0], np.cumsum(spans[:-1] + 2 * reach)])
+    found_n = np.empty(len(x_n))
+    sizes = ends_n - begins_n
+    found_n[order_n] = (sorted_n - np.repeat(sorted_n[begins_n], sizes)) + np.repeat(origins, sizes)
+    return found_n
+
+
+def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
+    """All ordered pairs and images with r < cut: indices i, j and the displacement of j's image.
+
+    A box shorter than two cutoffs gives every image of its own, a particle's own images among them.
+    """
+    import vesin
+
+    n, d = x_nc.shape
+    edge = np.array(box.edge_c)
+    # Periodic images are counted from inside the box; vesin needs a third axis and some extent along open ones.
+    low = np.array(box.low_c)
+    wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
+    points, extent = np.zeros((n, 3)), np.full(3, 4.0 * cut)
+    points[:, :d] = x_nc + wrap_nc
+    for a in (a for a in range(d) if not box.periodic[a] and n):
+        points[:, a] = compacted(points[:, a], cut)
+    span = np.ptp(points[:, :d], axis=0) + 4 * cut
+    extent[:d] = np.where(box.periodic, edge, span)
+    periodic = [*box.periodic, *([False] * (3 - d))]
+    wide = vesin.NeighborList(cutoff=cut * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
+    i, j, s_pc = wide.compute(points, np.diag(extent), periodic, "ijS")
+    i, j = i.astype(np.int64), j.astype(np.int64)
+    shift_pc = s_pc[:, :d] * edge + (wrap_nc[j] - wrap_nc[i])
+    r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
+    near = r < cut
+    i, j, shift_pc = i[near], j[near], shift_pc[near]
+    order = np.lexsort((*shift_pc.T, j, i))
+    return i[order], j[order], shift_pc[order]

@@ -1,0 +1,283 @@
+r"""Stages of a force evaluation: what becomes of a particle's sums over its neighbours, for several number types.
+
+One method per stage. The sums themselves are left to two evaluators with the same results:
+`eos_ref.evaluation.array_evaluator`, readable array operations, and `eos_ref.compiled.evaluator`, compiled loops.
+Tests hold the two against each other. With positions that are `eos_ref.numbers.rounded` arrays every result of the
+former carries its rounding bound.
+
+Array names end in ``_n`` particle, ``_p`` directed pair, ``_c`` Cartesian axis. Source: manual, fix rheo; Palermo et
+al., Phys. Fluids 36, 113337 (2024); the papers named at each stage.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos import rounded_eos
+from eos_ref.model import interactions, kernels, per_atom
+from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
+from eos_ref.numbers.columns import Axes, Number, axes, dot, joined, matrix
+from eos_ref.numbers.elementary import maximum, sqrt, where
+from eos_ref.numbers.rounded import Decision, Rounded, placed, value
+
+WALL_FLOOR = 10  # a reconstructed solid has at least rho0 over this
+
+
+def is_class(class_n: Number, wanted: int) -> Any:
+    """Whether particles are of a surface class; open where rounding leaves the class open."""
+    if isinstance(class_n, Rounded):
+        return Decision(class_n.value == wanted, class_n.error > 0)
+    return class_n == wanted
+
+
+class Stages(ABC):
+    """Stages of a force evaluation for particles of a model in a box.
+
+    Parameters
+    ----------
+    model : Model
+    box : Box
+    type_n : (n,) types, 1 to N
+    solid_n : (n,) whether a particle is solid; may be set anew when phases change
+
+    Attributes
+    ----------
+    coordination_n : (n,) number of neighbours, from `move` on
+    corrected_n : (n,) whether a particle has the gradients of a reproducing kernel, from `correct` on
+    """
+
+    coordination_n: Any
+    corrected_n: Any
+
+    def __init__(self, model: Model, box: Box, type_n: IntArray, solid_n: BoolArray) -> None:
+        self.model, self.box, self.solid_n = model, box, solid_n
+        self.type_n = np.asarray(type_n)
+        self.n = len(self.type_n)
+        self.mass_n, self.rho0_n, self.cs_n = map(self.of_type, (model.mass, model.rho0, model.cs))
+        self.walls = model.fix.interface_reconstruct
+
+    def of_type(self, values_t: Iterable[Any]) -> Any:
+        """Values given per type, for every particle."""
+        return np.asarray(values_t if isinstance(values_t, np.ndarray) else list(values_t))[self.type_n - 1]
+
+    def constant(self, factor: Number) -> Number:
+        """A parameter's value, of the number type of the evaluation."""
+        return factor
+
+    # --- sums over neighbours, left to the evaluators
+
+    @abstractmethod
+    def move(self, x_nc: Number) -> None:
+        """Find the pairs of new positions and evaluate the kernel once for all sums."""
+
+    @abstractmethod
+    def correct(self, rho_n: Number) -> None:
+        """Gradients of the reproducing kernels, for both sides of every pair."""
+
+    @abstractmethod
+    def kernel_sum(self, weight_n: Number = None) -> Number:
+        r"""Sum :math:`\sum_jw_jW_{ij}`; without weights :math:`\sum_jW_{ij}`."""
+
+    @abstractmethod
+    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
+        r"""Four sums: of :math:`W_{ij}` over all neighbours, and over those of the same phase; over a solid's fluid
+        neighbours of :math:`W_{sf}`, and of :math:`W_{sf}[P_f+\rho_f(\mathbf a_f-\mathbf a_s)\cdot\mathbf x_{sf}]`.
+        """
+
+    @abstractmethod
+    def shift_sums(self, volume_n: Number, w_h: Number) -> Axes:
+        r"""Sum :math:`\sum_jV_j[1+\frac15(W_{ij}/W(h))^4]\nabla_iW_{ij}`."""
+
+    @abstractmethod
+    def color_sums(self, volume_n: Number) -> tuple[Axes, Number, Number]:
+        r"""Over other types :math:`\sum_jV_j\nabla_iW_{ij}` and :math:`\sum_jV_jW_{ij}`; over the own
+        :math:`\sum_jW_{ij}`.
+        """
+
+    @abstractmethod
+    def surface_sums(self, rho_n: Number) -> tuple[Axes, Number]:
+        r"""Sums :math:`\nabla C=\sum_jV_j\nabla_iW_{ij}` and
+        :math:`\nabla\cdot\mathbf r=-\sum_jV_j\mathbf x_{ij}\cdot\nabla_iW_{ij}`.
+        """
+
+    @abstractmethod
+    def nearest(self, class_n: Number) -> Number:
+        """Distance to the nearest neighbour of class 1, at most the cutoff."""
+
+    @abstractmethod
+    def gradients(self, *fields: Any, **options: Any) -> Gradients:
+        """Gradients of the fields wanted."""
+
+    @abstractmethod
+    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
+        """Forces, density diffusion and heat flow of pair_style rheo."""
+
+    # --- density by summation
+
+    def density_sum(self) -> Number:
+        r"""Density of rho/sum: :math:`m_iW(0)+\sum_jm_jW_{ij}`; with self/mass :math:`m_i` for :math:`m_j`.
+
+        Source: manual; self/mass as Hu & Adams, J. Comput. Phys. 213, 844 (2006).
+        """
+        w0 = self.constant(kernels.self_value(self.model.dimension, self.model.cut))
+        if self.model.fix.self_mass:
+            return self.mass_n * (w0 + self.kernel_sum())
+        return self.mass_n * w0 + self.kernel_sum(self.mass_n)
+
+    # --- walls
+
+    def apparent_density(self, rho_n: Number) -> Number:
+        """Density with which a particle meets one of the other phase."""
+        return where(self.solid_n, maximum(rho_n, self.rho0_n), rho_n) if self.walls else rho_n
+
+    def volume_of_wall(self, rho_n: Number) -> Number:
+        """Volume of every particle; a reconstructed solid is never thinner than its equilibrium density."""
+        return self.mass_n / self.apparent_density(rho_n)
+
+    def interface(self, rho_n: Number, acceleration_nc: Number, energy_n: Number = None) -> tuple[Number, Number]:
+        r"""Same-phase fraction chi of all particles, and densities with those of solids extrapolated from the fluid.
+
+        :math:`P_s=\sum_fW_{sf}[P_f+\rho_f(\mathbf g_f-\mathbf a_s)\cdot\mathbf x_{sf}]/\sum_fW_{sf}`,
+        :math:`\rho_s=\mathrm{EOS}_s^{-1}(P_s)`, at least :math:`\rho_0/10`; :math:`\rho_0` without fluid neighbours.
+        ``acceleration_nc`` holds the fluid's acceleration without pressure, and the solid's own.
+
+        Source: Adami, Hu & Adams, J. Comput. Phys. 231, 7057 (2012); Palermo et al. (2024).
+        """
+        all_n, same_n, support_n, sum_n = self.wall_sums(self.pressure(rho_n, energy_n), rho_n, acceleration_nc)
+        met = np.flatnonzero(value(support_n) > 0)
+        wall = self.wall_density(met, sum_n[met] / support_n[met], energy_n)
+        return self.same_fraction(all_n, same_n), placed(wall, met, where(self.solid_n, self.rho0_n, rho_n))
+
+    def wall_density(self, at: IntArray, p: Number, energy_n: Number) -> Number:
+        """Densities of the solids ``at`` whose fluid neighbours give them a pressure."""
+        table, type_of = self.model.eos, self.type_n[at]
+        e = None if energy_n is None else energy_n[at] / self.mass_n[at]
+        rho = rounded_eos.by_type(rounded_eos.density, table, type_of, p, e)
+        # Below the pressure of vacuum Tait's law has no density: the lower limit applies.
+        background = np.array([law.background for law in table])[type_of - 1]
+        torn = np.isnan(value(rho)) & (value(p) < background)
+        return maximum(where(torn, 0.0, rho), self.constant(self.rho0_n[at] / WALL_FLOOR))
+
+    def same_fraction(self, all_n: Number, same_n: Number) -> Number:
+        r"""Same-phase fraction :math:`\chi_i=\sum_{s_j=s_i}W_{ij}/\sum_jW_{ij}`; 0 without neighbours."""
+        return same_n / where(value(self.coordination_n) == 0, 1.0, all_n)
+
+    # --- shifting
+
+    def shift(self, v_nc: Number, rho_n: Number) -> Number:
+        r"""Shifting velocity :math:`-2h|\mathbf v_i|\sum_jV_j[1+\frac15(W_{ij}/W(h))^4]\nabla_iW_{ij}`, 0 for solids.
+
+        Types of exclude/type get none; scale/cross/type scales it along the normal of the color function, and turns it
+        off where too little of a particle's own type supports it. Source: manual; Lind et al., J. Comput. Phys. 231,
+        1499 (2012); Yang et al., J. Comput. Phys. 458, 111079 (2022).
+        """
+        shift = self.raw_shift(axes(v_nc), rho_n)
+        setting = self.model.fix.shift
+        if setting and setting.scale_cross_type:
+            shift = self._cross_type(shift, rho_n, *setting.scale_cross_type)
+        return joined(shift)
+
+    def raw_shift(self, v: Axes, rho_n: Number) -> Axes:
+        """Shifting velocity before any scaling."""
+        model = self.model
+        w_h = self.constant(kernels.normalisation(model.dimension, model.cut)) * float(kernels.quintic(1.0))
+        scale = -2 * model.h * sqrt(dot(v, v))
+        moves = ~self.solid_n & self.of_type(model.shifted_t)
+        return [where(moves, scale * sum_n, 0.0) for sum_n in self.shift_sums(self.volume_of_wall(rho_n), w_h)]
+
+    def _cross_type(self, shift: Axes, rho_n: Number, keep: float, cmin: float, wmin: float) -> Axes:
+        gradient, color_n, same_n = self.color_sums(self.volume_of_wall(rho_n))
+        normal = self.cross_type_normal(gradient)
+        along = (1 - keep) * dot(normal, shift)
+        scaled = [s - n * along for s, n in zip(shift, normal, strict=True)]
+        return [
+            where(same_n < wmin, 0.0, where(color_n >= cmin, new, old)) for new, old in zip(scaled, shift, strict=True)
+        ]
+
+    def cross_type_normal(self, gradient: Axes) -> Axes:
+        """Unit normal of the interface between types, the direction of the color function's gradient; or 0."""
+        size = sqrt(dot(gradient, gradient))
+        none = value(size) == 0
+        return [where(none, 0.0, c / where(none, 1.0, size)) for c in gradient]
+
+    # --- surfaces
+
+    def surface(self, rho_n: Number, shift_nc: Number = None) -> tuple[Surface, Number]:
+        r"""Free surfaces, and the shift without its outward part there.
+
+        Fluid whose coordination, or :math:`\nabla\cdot\mathbf r`, is below the limit is splash (2) with fewer than
+        limit/splash neighbours, else surface (1), with the normal :math:`-\nabla C/(|\nabla C|+10^{-10})`. See
+        `surface_sums`. Source: manual; Palermo et al. (2024).
+        """
+        setting = self.model.fix.surface_detection
+        assert setting is not None
+        gradient, divr_n = self.surface_sums(rho_n)
+        size = sqrt(dot(gradient, gradient)) + interactions.NORMAL_SOFTENING
+        low = (self.coordination_n if setting.style == "coordination" else divr_n) < setting.limit
+        candidate = ~self.solid_n & low
+        splash = self.coordination_n < setting.splash
+        class_n = where(candidate, where(splash, 2.0, 1.0), 0.0)
+        normal = [where(is_class(class_n, 1), -(c / size), 0.0) for c in gradient]
+        # Distance to the surface: 0 on it, the cutoff for solids.
+        distance_n = where(self.solid_n, self.model.cut, where(~is_class(class_n, 0), 0.0, self.nearest(class_n)))
+        if shift_nc is not None:
+            shift_nc = joined(self._inward(axes(shift_nc), normal, class_n))
+        return Surface(class_n, distance_n, joined(normal), divr_n), shift_nc
+
+    def _inward(self, shift: Axes, normal: Axes, class_n: Number) -> Axes:
+        outward = maximum(dot(normal, shift), 0.0)
+        return [where(is_class(class_n, 2), 0.0, s - n * outward) for s, n in zip(shift, normal, strict=True)]
+
+    # --- properties of a particle
+
+    def viscosity(self, gradient_ncc: Number = None) -> Number:
+        """Viscosity of every particle; the style power needs the velocity gradient."""
+        laws = self.model.viscosity
+        eta_n = self.of_type(law.eta for law in laws)
+        if all(law.style == "constant" for law in laws):
+            return eta_n
+        gd0_n, K_n, power_n = (self.of_type(getattr(law, k) for law in laws) for k in ("gd0", "K", "n"))
+        rate = per_atom.strain_rate(matrix(gradient_ncc))
+        power = self.of_type(law.style == "power" for law in laws)
+        gd0_n = np.where(power, gd0_n, 1.0)  # any rate but 0, which the style constant has
+        return where(power, per_atom.power_viscosity(eta_n, gd0_n, K_n, power_n, rate), eta_n)
+
+    def pressure(self, rho_n: Number, energy_n: Number = None) -> Number:
+        """Pressure of every particle from a density; the energy is that of the particle."""
+        return self.eos_pressure(rho_n, None if energy_n is None else energy_n / self.mass_n)
+
+    @abstractmethod
+    def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
+        """Pressure of every particle by the law of its type, from density and energy per mass."""
+
+    def sound_speed(self, energy_n: Number = None) -> Number:
+        r"""Speed of sound for the pair terms: that of fix rheo, and :math:`\sqrt{(\gamma-1)e}` of an ideal gas."""
+        laws = self.model.eos
+        if energy_n is None or not laws.needs_energy:
+            return self.cs_n
+        gas = self.of_type(law.needs_energy for law in laws)
+        squared = (where(gas, self.of_type(law.gamma for law in laws), 1.0) - 1) * (energy_n / self.mass_n)
+        return where(gas, sqrt(maximum(squared, 0.0)), self.cs_n)
+
+    def temperature(self, energy_n: Number) -> Number:
+        """Temperature of every particle from its stored energy."""
+        thermal = self.model.thermal
+        assert thermal is not None
+        cv_n = self.of_type(p.specific_heat for p in thermal)
+        latent_n = self.of_type(p.latent_heat for p in thermal)
+        freezes = self.of_type(p.T_freeze is not None for p in thermal)
+        T_freeze = self.of_type(p.T_freeze or 0.0 for p in thermal)
+        return per_atom.temperature(self.specific_energy(energy_n), cv_n, latent_n, freezes, T_freeze)
+
+    def specific_energy(self, energy_n: Number) -> Number:
+        """Energy per unit mass, of which the temperature is a function."""
+        return energy_n / self.mass_n
+
+    def conduction(self) -> Number:
+        """Conductivity of every particle."""
+        assert self.model.thermal is not None
+        return self.of_type(p.conductivity for p in self.model.thermal)

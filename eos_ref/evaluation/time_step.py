@@ -1,0 +1,348 @@
+r"""Force evaluation and time step of fix rheo, in the documented order.
+
+`Simulation` holds a state and the results of its last force evaluation; the stages themselves belong to an evaluator
+(`eos_ref.evaluation.array_evaluator.Plain` or `eos_ref.compiled.evaluator.Fast`). Only what the plan names is evaluated
+(`eos_ref.model.quantities`).
+Source: manual, fix rheo, and Palermo et al., Phys. Fluids 36, 113337 (2024); the order and the reuse of old values
+are LAMMPS' to define.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.errors import InputError
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.model import per_atom, quantities
+from eos_ref.model.parameters import Box, Gradients, Model, State, check_state
+from eos_ref.numbers.columns import axes, dot, joined, matrix
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.rounded import Rounded, value
+
+Array = Any
+Evaluator = Callable[..., Any]
+_GRADIENT = {"v": "v_ncc", "rho": "rho_nc", "energy": "energy_nc"}
+LAYER, SURFACE, SPLASH, BULK = 8, 16, 32, 4  # bits of LAMMPS' status; 1 is solid
+
+
+class Simulation:
+    """A fluid of a model in a box.
+
+    Parameters
+    ----------
+    model : Model
+    box : Box
+    state : State
+        Copied; checked once.
+    fields : iterable of str
+        What is wanted of an evaluation, by LAMMPS' names; empty: what time steps need.
+    evaluator : class
+        `Plain`, a variant of it, or `eos_ref.compiled.evaluator.Fast`.
+
+    Attributes
+    ----------
+    state : State
+        After `evaluate`, with summed and reconstructed densities.
+    fields : dict
+        Results of the last evaluation by LAMMPS' names: ``coordination``, ``grad/v`` (n, d, d), ``f`` (n, d), ...
+
+    Raises
+    ------
+    InputError
+        See `check_state`; a field that the model does not have.
+    """
+
+    def __init__(
+        self, model: Model, box: Box, state: State, fields: Iterable[str] = (), evaluator: Evaluator = Plain
+    ) -> None:
+        check_state(model, box, state)
+        if isinstance(fields, str):
+            raise InputError("fields", "must be a list of names", fields)
+        self.model, self.box, self.state = model, box, state.copy()
+        self.asked = tuple(fields) or quantities.needed_to_step(model)
+        self.plan = quantities.required(model, self.asked)
+        self.evaluator = evaluator(model, box, self.state.type_n, self.state.solid_n)
+        self.mass_n = model.mass[self.state.type_n - 1]
+        self.other_nc: Array = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
+        self.fields: dict[str, Array] = {}
+        self.gradient = Gradients()
+        self.chi_n: Array = None
+        self.pressure_force_nc: Array = None
+        self.set_n = np.zeros(len(state.x_nc), bool)
+        self.fresh = True  # no step taken yet
+        self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
+
+    # --- force evaluation
+
+    def evaluate(self) -> dict[str, Array]:
+        """Evaluate everything the plan names, for the state as it is (F of the documentation)."""
+        s, e, plan = self.state, self.evaluator, self.plan
+        self.fields, self.evaluated = {}, replace(s)
+        self.gradient, self.pressure_force_nc = Gradients(), None
+        if "pairs" in plan:
+            e.move(s.x_nc)
+            self.fields["coordination"] = e.coordination_n
+        self._densities()
+        want = [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]
+        if want:
+            self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, None, want)
+            self.fields |= {f"grad/{name}": getattr(self.gradient, _GRADIENT[name]) for name in want}
+        self._surfaces()
+        self._properties()
+        if "f" in plan or "heatflow" in plan or "drho" in plan:
+            self._forces()
+        return self.fields
+
+    def _densities(self) -> None:
+        s, e, plan = self.state, self.evaluator, self.plan
+        if "rho" in plan and self.model.fix.rho_sum:
+            s.rho_n = e.density_sum()
+        if "correction" in plan:
+            e.correct(s.rho_n)
+        if "chi" in plan:
+            self.reconstruct()
+
+    def reconstruct(self) -> None:
+        """Same-phase fraction and densities of walls, from the accelerations kept."""
+        s = self.state
+        self.chi_n, s.rho_n = self.evaluator.interface(s.rho_n, self.other_nc, s.energy_n)
+        self.fields["chi"] = self.chi_n
+
+    def _surfaces(self) -> None:
+        s, e, found = self.state, self.evaluator, self.fields
+        shift_nc = e.shift(s.v_nc, s.rho_n) if "shift/v" in self.plan else None
+        if "surface" in self.plan:
+            surface, shift_nc = e.surface(s.rho_n, shift_nc)
+            found["surface"], found["surface/r"] = surface.class_n, surface.r_n
+            found["surface/n"], found["surface/divr"] = surface.normal_nc, surface.divr_n
+        if shift_nc is not None:
+            found["shift/v"] = shift_nc
+
+    def _properties(self) -> None:
+        s, e, found, plan = self.state, self.evaluator, self.fields, self.plan
+        if "viscosity" in plan:
+            found["viscosity"] = e.viscosity(self.gradient.v_ncc)
+        if "pressure" in plan:
+            found["pressure_used"] = e.pressure(s.rho_n, s.energy_n)
+        if "temperature" in plan:
+            found["temperature"] = e.temperature(s.energy_n)
+
+    def _forces(self) -> None:
+        s, e, found = self.state, self.evaluator, self.fields
+        zero_n = np.zeros(len(self.mass_n))
+        pressure_n = e.pressure(e.apparent_density(s.rho_n), s.energy_n) if "f" in self.plan else zero_n
+        viscosity_n = found.get("viscosity", zero_n)
+        sound_n = e.sound_speed(s.energy_n)
+        terms = e.pair_terms(
+            s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, found.get("temperature")
+        )
+        found["drho"] = terms.drho_n
+        if terms.heat_n is not None:
+            found["heatflow"] = terms.heat_n
+        if "f" in self.plan:
+            self.pressure_force_nc = terms.pressure_force_nc
+            found["f"] = self._external(terms.force_nc)
+
+    def _external(self, force_nc: Array) -> Array:
+        """Forces of other fixes, in their order."""
+        for force in self.model.forces:
+            acts_n = force.acts_on(self.state.type_n)
+            if force.style == "setforce":
+                self.set_n = self.set_n | acts_n
+            rows = acts_n[:, None]
+            keep_c = np.array([v is None for v in force.vector])
+            vector_c = np.array([0.0 if v is None else v for v in force.vector])
+            if force.style == "gravity":
+                force_nc = force_nc + np.where(rows, self.mass_n[:, None] * vector_c, 0.0)
+            elif force.style == "addforce":
+                force_nc = force_nc + np.where(rows, vector_c, 0.0)
+            else:
+                force_nc = where(rows & ~keep_c, vector_c + np.zeros(force_nc.shape), force_nc)
+        return force_nc
+
+    def setup(self) -> None:
+        """The evaluation before the first step, without a history of forces."""
+        self.evaluate()
+
+    # --- time step
+
+    def keep_forces(self) -> None:
+        """Keep the accelerations that the extrapolation to walls needs.
+
+        Of fluid: force without the pairs' pressure and artificial viscosity, over mass. Of a solid whose force is set,
+        that force; of another solid as of fluid.
+        """
+        mass = self.mass_n[:, None]
+        force_nc = self.fields["f"]
+        given = (self.set_n & self.state.solid_n)[:, None]
+        self.other_nc = np.where(given, force_nc, force_nc - self.pressure_force_nc) / mass
+
+    def step(self, dt: float) -> None:
+        """One step of length dt (velocity Verlet with the half-step gradients at old positions)."""
+        s, model = self.state, self.model
+        self._check_steps()
+        if not self.fields:
+            self.setup()
+        self.fresh = False
+        fluid = ~s.solid_n
+        s.v_nc = s.v_nc + 0.5 * dt * (self.fields["f"] / self.mass_n[:, None])
+        before = self.fields  # the last evaluation's; the next one makes a dictionary of its own
+        if model.fix.interface_reconstruct:
+            self.keep_forces()
+            self.reconstruct()
+        gradient = self._half_step_gradients()
+        s.x_nc = s.x_nc + dt * s.v_nc
+        if not model.fix.rho_sum:
+            self._continuity(0.5 * dt, before["drho"], gradient)
+        if model.fix.shift:
+            self._shift(dt, np.where(fluid[:, None], before["shift/v"], 0.0), gradient)
+        if model.thermal is not None:
+            s.energy_n = s.energy_n + 0.5 * dt * before["heatflow"]
+            self._change_phase()
+        del before, gradient  # a hundred bytes per particle that the next evaluation can use
+        self.evaluate()
+        s.v_nc = s.v_nc + 0.5 * dt * (self.fields["f"] / self.mass_n[:, None])
+        if not model.fix.rho_sum:
+            self._continuity(0.5 * dt, self.fields["drho"], self.gradient)
+        if model.thermal is not None:
+            s.energy_n = s.energy_n + 0.5 * dt * self.fields["heatflow"]
+
+    def run(self, steps: int, dt: float) -> None:
+        """Take steps of length dt.
+
+        Raises
+        ------
+        InputError
+            A number of steps that is negative or not whole, or a length that is not positive and finite.
+        """
+        if not isinstance(steps, int | np.integer) or isinstance(steps, bool) or steps < 0:
+            raise InputError("steps", "must be a whole number, at least 0", steps)
+        if not (isinstance(dt, int | float | np.floating) and np.isfinite(dt) and (dt > 0 or steps == 0)):
+            raise InputError("time step", "must be a positive, finite number", dt)
+        if not self.fields:
+            self.setup()
+        for _ in range(steps):
+            self.step(dt)
+
+    def rounded(self, evaluator: Evaluator = Plain) -> Simulation:
+        """The last evaluation once more in `eos_ref.numbers.rounded` arrays: every field with its rounding bound."""
+        return self._evaluated_in(Rounded, evaluator)
+
+    def precise(self, evaluator: Evaluator = Plain) -> Simulation:
+        """The last evaluation once more in longdoubles, where these have more digits than doubles.
+
+        The inverse of an equation of state, which walls need, stays in doubles.
+        """
+        return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator)
+
+    def _evaluated_in(self, number: Callable[[Any], Array], evaluator: Evaluator) -> Simulation:
+        s = self.evaluated
+        twin: Simulation = copy.copy(self)
+        energy_n = None if s.energy_n is None else number(s.energy_n)
+        twin.state = State(number(s.x_nc), number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n)
+        twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
+        twin.other_nc = number(self.other_nc)
+        twin.setup() if self.fresh else twin.evaluate()
+        return twin
+
+    def _check_steps(self) -> None:
+        missing = [field for field in quantities.needed_to_step(self.model) if field not in self.plan]
+        if missing:
+            raise InputError("fields", f"must name what time steps need: {', '.join(missing)}", ", ".join(self.asked))
+
+    def _half_step_gradients(self) -> Gradients:
+        s, fix = self.state, self.model.fix
+        want = [] if fix.rho_sum and not fix.shift else ["v"]
+        if fix.shift:
+            want += [] if fix.rho_sum else ["rho"]
+            want += ["energy"] if fix.thermal else []
+        if not want:
+            return Gradients()
+        found: Gradients = self.evaluator.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, None, want)
+        return found
+
+    def _continuity(self, dt: float, drho_n: Array, gradient: Gradients) -> None:
+        s = self.state
+        trace_n = gradient.v_ncc[:, 0, 0].copy()  # np.trace takes five times as long
+        for a in range(1, self.model.dimension):
+            trace_n += gradient.v_ncc[:, a, a]
+        s.rho_n = np.where(s.solid_n, s.rho_n, s.rho_n + dt * (drho_n - s.rho_n * trace_n))
+
+    def _shift(self, dt: float, shift_nc: Array, gradient: Gradients) -> None:
+        s = self.state
+        s.x_nc = s.x_nc + dt * shift_nc
+        shift = axes(shift_nc)  # sums over a short last axis take ten times as long as sums of columns
+        s.v_nc = s.v_nc + dt * joined([dot(row, shift) for row in matrix(gradient.v_ncc)])
+        if gradient.rho_nc is not None:
+            s.rho_n = s.rho_n + dt * dot(axes(gradient.rho_nc), shift)
+        if gradient.energy_nc is not None:
+            s.energy_n = s.energy_n + dt * dot(axes(gradient.energy_nc), shift)
+
+    def _change_phase(self) -> None:
+        """Melt solids above their freezing temperature, freeze fluid below it."""
+        s, thermal = self.state, self.model.thermal
+        assert thermal is not None
+        if all(p.T_freeze is None for p in thermal):
+            return
+        T_n = self.evaluator.temperature(s.energy_n)
+        T_freeze = np.array([np.nan if p.T_freeze is None else p.T_freeze for p in thermal])[s.type_n - 1]
+        s.solid_n = np.where(T_n < T_freeze, True, np.where(T_n > T_freeze, False, s.solid_n))
+        self.evaluator.solid_n = s.solid_n
+
+    # --- outputs
+
+    def output(self, field: str) -> Array:
+        """A field as LAMMPS reports it now: of the state, or of the last force evaluation.
+
+        Raises
+        ------
+        InputError
+            A field that this simulation did not evaluate.
+        """
+        s, e, found = self.state, self.evaluator, self.fields
+        match field:
+            case "x" | "v":
+                return s.x_nc if field == "x" else s.v_nc
+            case "energy" if s.energy_n is None:
+                raise InputError("field", "is not part of this model (see the keywords of fix rheo)", field)
+            case "rho" | "energy":
+                return s.rho_n if field == "rho" else s.energy_n
+            case "phase":
+                return s.solid_n.astype(float)
+            case "pressure":
+                return e.pressure(s.rho_n, s.energy_n)
+            case "conductivity" | "cv":
+                return self._thermal_property("conductivity" if field == "conductivity" else "specific_heat")
+            case "status":
+                return self._status()
+            case "stress/v" | "stress/t":
+                return self._stress(field == "stress/t")
+        if field not in found:
+            raise InputError("field", "was not evaluated: name it in fields", field)
+        return found[field]
+
+    def _thermal_property(self, name: str) -> FloatArray:
+        assert self.model.thermal is not None
+        values: FloatArray = np.array([getattr(p, name) for p in self.model.thermal])[self.state.type_n - 1]
+        return values
+
+    def _stress(self, total: bool) -> Array:
+        """Stress of the last gradients and viscosities, and of the pressure of the state."""
+        viscosity_n, p_n = self.fields["viscosity"], self.output("pressure") if total else None
+        return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))
+
+    def _status(self) -> FloatArray:
+        """Bits: 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
+        s = self.state
+        if "surface" not in self.fields:
+            return s.solid_n.astype(float)
+        class_n, r_n = value(self.fields["surface"]), value(self.fields["surface/r"])
+        layer = ~s.solid_n & (class_n == 0) & (r_n < self.model.cut)
+        bits = np.select([class_n == 2, class_n == 1, layer], [SPLASH, SURFACE, LAYER], BULK)
+        return np.asarray(bits + s.solid_n, float)

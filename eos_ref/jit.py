@@ -1,0 +1,52 @@
+"""Compilation by numba, with compiled code kept on disk.
+
+Files are named by their path below ``eos_ref``.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from eos_ref.cache import cache_folder
+
+SOURCES = ("jit.py", "numbers/elementary.py", "eos/laws.py", "eos/compiled.py")
+
+
+def _cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:
+    # numba notices changes of the file that holds a loop, but not of the law it calls: key the cache by both.
+    digest = hashlib.sha256()
+    for name in sources:
+        digest.update((Path(__file__).parent / name).read_bytes())
+    return cache_folder(f"numba/{digest.hexdigest()[:16]}")
+
+
+def announce_first_use(loop: Any) -> None:
+    """Say that loops have to be compiled, if this one of theirs is not on disk yet."""
+    if not loop.signatures and next(Path(loop.stats.cache_path).glob(f"*{loop.__name__}*.nbi"), None) is None:
+        logging.getLogger("eos_ref").warning("eos-ref: compiling the particle model, once on this machine (some 20 s)")
+
+
+def cached(*sources: str) -> Any:
+    """Decorator of a compiled loop kept on disk until one of these files, or of `SOURCES`, changes."""
+    folder = str(_cache_directory((*SOURCES, *sources)))
+
+    def decorate(loop: Any) -> Any:
+        # Other packages' functions stay where they were: the setting is read when a loop is decorated.
+        users, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
+        try:
+            return numba.njit(cache=True, error_model="numpy", nogil=True)(loop)
+        finally:
+            numba.config.CACHE_DIR = users
+
+    return decorate
+
+
+# LLVM does not inline a body as long as a power of its own accord, and a loop with a call in it stays scalar.
+inline = numba.njit(error_model="numpy", forceinline=True)

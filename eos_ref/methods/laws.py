@@ -1,0 +1,215 @@
+r"""Ways to evaluate an equation of state.
+
+A method prepares, for one law and an interval of densities, a function of densities and energies that returns
+pressures in float64. `eos_ref.eos.laws` holds the law itself; the forms here are the alternatives to it that one meets
+elsewhere (textbooks, LAMMPS, tables, single precision), to be measured, and to be used where a scene's tolerance
+allows (`eos_ref.methods.choice`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eos_ref import EOS
+from eos_ref.eos import lammps_rounding
+from eos_ref.eos.table import STYLES, FloatArray, Style
+
+Evaluate = Callable[[FloatArray, FloatArray | None], FloatArray]
+TAIT: tuple[Style, ...] = ("tait/water", "tait/general")
+NODES = 4096  # of a table: 32 kB of values and slopes each
+
+
+@dataclass(frozen=True)
+class LawMethod:
+    """One way to evaluate a law.
+
+    Attributes
+    ----------
+    prepare : function of a law and the ends of an interval of densities; returns ``evaluate(rho_n, e_n)``
+    applies : whether a law can be evaluated so
+    conditioning : rank among the methods that cost the same, 0 the best conditioned one
+    store : of a law and float64 densities: what the method keeps of them, if not those
+    """
+
+    name: str
+    reason: str
+    prepare: Callable[[EOS, float, float], Evaluate]
+    applies: Callable[[EOS], bool] = lambda law: True
+    conditioning: int = 1
+    store: Callable[[EOS, FloatArray], Any] | None = None
+
+    def stored(self, law: EOS, rho_n: FloatArray) -> Any:
+        """Densities as the method keeps them between evaluations."""
+        return rho_n if self.store is None else self.store(law, rho_n)
+
+    def function(self, law: EOS, low: float, high: float) -> Evaluate:
+        """Pressures of float64 densities, whatever the method keeps of them."""
+        evaluate = self.prepare(law, low, high)
+        return lambda rho_n, e_n: np.asarray(evaluate(self.stored(law, rho_n), e_n), float)
+
+
+def _compiled(law: EOS, low: float, high: float) -> Evaluate:
+    return law.pressure
+
+
+def _two_threads(law: EOS, low: float, high: float) -> Evaluate:
+    """Each thread takes one half of the states; compiled loops let go of Python's lock."""
+    from eos_ref.eos import compiled
+
+    pool = ThreadPoolExecutor(2)
+    settings = STYLES.index(law.style), law.rho0, law.cs, float(law.parameter or 0.0), law.background
+
+    def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
+        e_n, p_n = np.empty(0) if e_n is None else e_n, np.empty(rho_n.shape)
+
+        def part(part_n: slice) -> int:
+            return int(compiled.pressure_of_one_type(rho_n[part_n], e_n[part_n], *settings, p_n[part_n]))
+
+        half = len(rho_n) // 2
+        outside = sum(pool.map(part, (slice(0, half), slice(half, None))))
+        return law.pressure(rho_n, e_n) if outside else p_n
+
+    return evaluate
+
+
+def _numpy(law: EOS, low: float, high: float) -> Evaluate:
+    return lambda rho_n, e_n: np.asarray(law.evaluate(rho_n, e_n))
+
+
+def _textbook(law: EOS, low: float, high: float) -> Evaluate:
+    c2, rho0, parameter, background = law.cs**2, law.rho0, law.gamma, law.background
+
+    def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
+        match law.style:
+            case "cubic":
+                p_n = c2 * ((rho_n - rho0) + parameter * (rho_n - rho0) ** 3)
+            case _:
+                with np.errstate(all="ignore"):
+                    p_n = c2 * rho0 / parameter * ((rho_n / rho0) ** parameter - 1)
+        return np.asarray(p_n + background)
+
+    return evaluate
+
+
+def _as_lammps(law: EOS, low: float, high: float) -> Evaluate:
+    return lambda rho_n, e_n: lammps_rounding.pressure_of_law(law, rho_n, e_n, np.ones(1))
+
+
+def _polynomial(law: EOS, low: float, high: float) -> Evaluate:
+    r"""With :math:`d = \rho/\rho_0 - 1`, :math:`(1+d)^\gamma - 1 = d\,(\gamma + \binom\gamma2 d + \dots)` by Horner."""
+    gamma = int(law.gamma)
+    coefficients = [math.comb(gamma, k) for k in range(1, gamma + 1)]
+    scale = law.cs**2 * law.rho0 / gamma
+
+    def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
+        d_n = (rho_n - law.rho0) / law.rho0
+        sum_n = np.full_like(d_n, coefficients[-1])
+        for c in coefficients[-2::-1]:
+            sum_n *= d_n
+            sum_n += c
+        return np.asarray(scale * (sum_n * d_n) + law.background)
+
+    return evaluate
+
+
+def _has_polynomial(law: EOS) -> bool:
+    return law.style in TAIT and law.gamma == round(law.gamma) and 2 <= law.gamma <= 64
+
+
+def _series(law: EOS, low: float, high: float) -> Evaluate:
+    from eos_ref.methods import series
+
+    coefficient_k = series.coefficients(law, max(abs(low / law.rho0 - 1), abs(high / law.rho0 - 1)))
+    return lambda rho_n, e_n: series.pressure(law, coefficient_k, rho_n)
+
+
+def _expm1(law: EOS, low: float, high: float) -> Evaluate:
+    scale = law.cs**2 * law.rho0 / law.gamma
+
+    def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
+        with np.errstate(all="ignore"):
+            return np.asarray(scale * np.expm1(law.gamma * np.log1p((rho_n - law.rho0) / law.rho0)) + law.background)
+
+    return evaluate
+
+
+def _float32(law: EOS, low: float, high: float) -> Evaluate:
+    return lambda rho_n, e_n: np.asarray(law.evaluate(rho_n, e_n))
+
+
+def _float32_state(law: EOS, low: float, high: float) -> Evaluate:
+    from eos_ref.methods import single
+
+    return lambda state_n, e_n: single.pressure(law, state_n, e_n, excess=False)
+
+
+def _float32_excess(law: EOS, low: float, high: float) -> Evaluate:
+    from eos_ref.methods import single
+
+    return lambda state_n, e_n: single.pressure(law, state_n, e_n, excess=True)
+
+
+def _single(law: EOS, rho_n: FloatArray) -> Any:
+    return rho_n.astype(np.float32)
+
+
+def _single_excess(law: EOS, rho_n: FloatArray) -> Any:
+    return (rho_n - law.rho0).astype(np.float32)
+
+
+def _linear_table(law: EOS, low: float, high: float) -> Evaluate:
+    rho_k = np.linspace(low, high, NODES)
+    p_k = np.asarray(law.evaluate(rho_k))
+    return lambda rho_n, e_n: np.interp(rho_n, rho_k, p_k)
+
+
+def _cubic_table(law: EOS, low: float, high: float) -> Evaluate:
+    from eos_ref.methods.table import Table
+
+    return Table(law, low, high, NODES).pressure
+
+
+def _any(law: EOS) -> bool:
+    return True
+
+
+def _is_tait(law: EOS) -> bool:
+    return law.style in TAIT
+
+
+def _has_textbook(law: EOS) -> bool:
+    return law.style in ("cubic", *TAIT)
+
+
+def _of_density_alone(law: EOS) -> bool:
+    return not law.needs_energy
+
+
+METHODS: tuple[LawMethod, ...] = (
+    LawMethod("compiled", "the reference's loops: power vectorised, one pass over memory", _compiled, conditioning=0),
+    LawMethod("compiled, 2 threads", "both halves of the states at once", _two_threads, conditioning=0),
+    LawMethod("numpy", "the reference's law in numpy: nothing to compile or load", _numpy, conditioning=0),
+    LawMethod("expm1/log1p", "any gamma: expm1(gamma log1p(d)), no cancellation near rho0", _expm1, _is_tait),
+    LawMethod(
+        "series", "any gamma near rho0: binomial series in d, compiled, as many terms as needed", _series, _is_tait
+    ),
+    LawMethod("polynomial", "whole gamma: binomial series in d = rho/rho0 - 1", _polynomial, _has_polynomial),
+    LawMethod("textbook", "the formula as printed, numpy's power", _textbook, _has_textbook, 3),
+    LawMethod("in LAMMPS' order", "LAMMPS' roundings, for the verdict exact", _as_lammps, conditioning=3),
+    LawMethod("float32 excess", "rho - rho0 kept in single, law in double", _float32_excess, _any, 2, _single_excess),
+    LawMethod("float32 state", "density kept in single, law in double", _float32_state, _any, 4, _single),
+    LawMethod("float32", "all in single precision", _float32, _any, 5, _single),
+    LawMethod("table, cubic", f"{NODES} values and slopes a side", _cubic_table, _of_density_alone, 6),
+    LawMethod("table, linear", f"{NODES} values", _linear_table, _of_density_alone, 7),
+)
+
+
+def methods_of(law: EOS) -> list[LawMethod]:
+    """The methods that can evaluate a law."""
+    return [method for method in METHODS if method.applies(law)]

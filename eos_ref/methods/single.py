@@ -1,0 +1,44 @@
+"""Densities kept in single precision, the law in double precision: compiled."""
+
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from eos_ref import EOS
+from eos_ref.eos import compiled
+from eos_ref.eos.table import STYLES, FloatArray
+
+
+def pressure(law: EOS, state_n: Any, e_n: FloatArray | None, excess: bool) -> FloatArray:
+    """Pressures (n,) in float64 of float32 densities, or of float32 differences to rho0."""
+    p_n = np.empty(state_n.shape)
+    settings = STYLES.index(law.style), law.rho0, law.cs, float(law.parameter or 0.0), law.background
+    _widened(state_n, np.empty(0) if e_n is None else e_n, law.rho0 if excess else 0.0, *settings, p_n)
+    return p_n
+
+
+@numba.njit(error_model="numpy", cache=True, nogil=True)
+def _widened(
+    state_n: Any,
+    e_n: Any,
+    origin: float,
+    style: int,
+    rho0: float,
+    cs: float,
+    parameter: float,
+    background: float,
+    out_n: Any,
+) -> None:
+    rho_b = np.empty(compiled.BLOCK)  # stays in the first-level cache
+    for start in range(0, state_n.size, rho_b.size):
+        size = min(rho_b.size, state_n.size - start)
+        for k in range(size):
+            rho_b[k] = origin + state_n[start + k]
+        part = slice(start, start + size)
+        e_b = e_n[part] if e_n.size else e_n
+        compiled.pressure_of_one_type(rho_b[:size], e_b, style, rho0, cs, parameter, background, out_n[part])

@@ -1,0 +1,1 @@
+"""The particle model: its parameters, kernels, pair terms, particle properties, and what depends on what."""

@@ -1,0 +1,377 @@
+r"""The particle model that a deck defines: everything fixed before the first step, the box, and the state.
+
+One `Model` holds what fix rheo, pair_style rheo, fix rheo/viscosity, fix rheo/pressure, fix rheo/thermal and the
+external forces say; one `State` what a time step changes. Quantities are in any consistent units in which force over
+mass is an acceleration (lj, si, cgs, micro, nano).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.eos.table import EOSTable, FloatArray
+from eos_ref.errors import InputError
+from eos_ref.model import kernels
+from eos_ref.syntax.fixes import FixRheo
+from eos_ref.syntax.ranges import type_range
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.integer[Any]]
+ORDER = {"quintic": -1, "RK0": 0, "RK1": 1, "RK2": 2}
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangular box; ``periodic`` holds one flag per axis. In 2D the third axis is without meaning."""
+
+    low_c: tuple[float, ...]
+    high_c: tuple[float, ...]
+    periodic: tuple[bool, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.low_c) == len(self.high_c) == len(self.periodic) in (2, 3):
+            raise InputError("box", "needs low, high and periodic for 2 or 3 axes", len(self.low_c))
+        for low, high in zip(self.low_c, self.high_c, strict=True):
+            if not (math.isfinite(low) and math.isfinite(high) and low < high):
+                raise InputError("box", "needs finite edges with low < high", (low, high))
+
+    @property
+    def edge_c(self) -> tuple[float, ...]:
+        """Edge lengths."""
+        return tuple(high - low for low, high in zip(self.low_c, self.high_c, strict=True))
+
+
+@dataclass(frozen=True)
+class Viscosity:
+    r"""Viscosity of one type (fix rheo/viscosity): ``constant`` eta, or ``power`` with eta, gd0, K, n.
+
+    power: :math:`\eta` up to the strain rate :math:`\dot\gamma_0`, beyond it
+    :math:`K\dot\gamma^{n-1} + \tau_0/\dot\gamma` with :math:`\tau_0 = \eta\dot\gamma_0 - K\dot\gamma_0^n`.
+    """
+
+    style: Literal["constant", "power"]
+    eta: float
+    gd0: float = 0.0
+    K: float = 0.0
+    n: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("eta", "gd0", "K", "n"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"{name} of rheo/viscosity", "must be a finite number", getattr(self, name))
+        for name in ("eta", "gd0", "K"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} of rheo/viscosity", "must not be negative", getattr(self, name))
+        if self.style not in ("constant", "power"):
+            raise InputError("style of rheo/viscosity", "must be constant or power", self.style)
+        if self.style == "power" and self.gd0 == 0:
+            raise InputError("gd0 of rheo/viscosity", "must be positive for power", self.gd0)
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """Conductivity, specific heat and, optionally, latent heat and freezing temperature of one type."""
+
+    conductivity: float
+    specific_heat: float
+    latent_heat: float = 0.0
+    T_freeze: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.conductivity) and self.conductivity >= 0):
+            raise InputError("conductivity", "must be finite and not negative", self.conductivity)
+        if not (math.isfinite(self.specific_heat) and self.specific_heat > 0):
+            raise InputError("specific/heat", "must be positive", self.specific_heat)
+        if not (math.isfinite(self.latent_heat) and self.latent_heat >= 0):
+            raise InputError("latent/heat", "must be finite and not negative", self.latent_heat)
+        if self.T_freeze is not None and not math.isfinite(self.T_freeze):
+            raise InputError("Tfreeze", "must be a finite number", self.T_freeze)
+        if self.latent_heat and self.T_freeze is None:
+            raise InputError("latent/heat", "needs a freezing temperature (Tfreeze)")
+
+
+@dataclass(frozen=True)
+class PairRheo:
+    """Arguments of pair_style rheo; 0 turns a term off."""
+
+    cut: float
+    artificial_viscosity: float = 0.0
+    rho_damp: float = 0.0
+    harmonic_means: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("artificial_viscosity", "rho_damp"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"{name} of pair rheo", "must be finite and not negative", value)
+
+
+@dataclass(frozen=True)
+class Force:
+    """An external fix on some types (None: all), applied in the order of `Model.forces`.
+
+    ``gravity``: acceleration; ``addforce``: force added; ``setforce``: force set, None leaves a component.
+    """
+
+    style: Literal["gravity", "addforce", "setforce"]
+    vector: tuple[float | None, ...]
+    types: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.style not in ("gravity", "addforce", "setforce"):
+            raise InputError("force", "must be one of gravity, addforce, setforce", self.style)
+        for component in self.vector:
+            if component is None and self.style != "setforce":
+                raise InputError(self.style, "needs a number for every axis (None is for setforce)", self.vector)
+            if component is not None and not math.isfinite(component):
+                raise InputError(self.style, "needs finite components", component)
+
+    def acts_on(self, type_n: IntArray) -> BoolArray:
+        """Which particles it acts on."""
+        return np.ones(type_n.shape, bool) if self.types is None else np.isin(type_n, self.types)
+
+
+@dataclass(frozen=True)
+class Model:
+    """What the commands of a deck define.
+
+    Parameters
+    ----------
+    dimension : {2, 3}
+    fix : FixRheo
+        Kernel, cutoff, options, equilibrium densities and speeds of sound.
+    mass_t : sequence of float
+        Mass per type.
+    eos : EOSTable
+    pair : PairRheo
+    viscosity : sequence of Viscosity, one per type
+    thermal : sequence of Thermal or None
+    forces : sequence of Force
+
+    Raises
+    ------
+    InputError
+        Options that contradict each other, cutoffs that differ, a list without one value per type.
+    """
+
+    dimension: Literal[2, 3]
+    fix: FixRheo
+    mass_t: tuple[float, ...]
+    eos: EOSTable
+    pair: PairRheo
+    viscosity: tuple[Viscosity, ...]
+    thermal: tuple[Thermal, ...] | None = None
+    forces: tuple[Force, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.dimension not in (2, 3):
+            raise InputError("dimension", "must be 2 or 3", self.dimension)
+        n = len(self.mass_t)
+        for what, values in (("equation of state", self.eos), ("viscosity", self.viscosity), ("thermal", self.thermal)):
+            if values is not None and len(values) != n:
+                raise InputError(what, f"needs one value per atom type ({n})", len(values))
+        for mass in self.mass_t:
+            if not (math.isfinite(mass) and mass > 0):
+                raise InputError("mass", "must be positive", mass)
+        if self.fix.kernel not in ORDER:
+            raise InputError("kernel", f"must be one of {', '.join(ORDER)}", self.fix.kernel)
+        if not (math.isfinite(self.fix.cut) and self.fix.cut > 0):
+            raise InputError("cut", "must be positive", self.fix.cut)
+        if self.pair.cut != self.fix.cut:
+            raise InputError(
+                "cutoff of pair_style rheo", f"must equal that of fix rheo ({self.fix.cut:g})", self.pair.cut
+            )
+        if self.fix.self_mass and not self.fix.rho_sum:
+            raise InputError("self/mass", "is an argument of rho/sum")
+        if self.fix.thermal != (self.thermal is not None):
+            rule = "needs fix rheo/thermal" if self.fix.thermal else "needs the keyword thermal of fix rheo"
+            raise InputError("thermal", rule)
+        for law in self.eos:
+            if law.needs_energy and not self.fix.thermal:
+                raise InputError("ideal/gas", "needs particles with energy (keyword thermal)")
+        for what, values_t in (("density", self.fix.rho0), ("speed/sound", self.fix.cs)):
+            if values_t is not None and len(values_t) != n:
+                raise InputError(what, f"needs one value per atom type ({n})", len(values_t))
+            for number in values_t or ():
+                if not (math.isfinite(number) and number > 0):
+                    raise InputError(what, "must be positive", number)
+        if self.fix.shift:
+            for types in self.fix.shift.exclude_types:
+                type_range(types, n, "exclude/type")
+        for force in self.forces:
+            if len(force.vector) != self.dimension:
+                raise InputError(force.style, f"needs {self.dimension} components", len(force.vector))
+            for t in force.types or ():
+                if not 1 <= t <= n:
+                    raise InputError(f"types of {force.style}", f"must lie within 1 to {n}", t)
+
+    @property
+    def cut(self) -> float:
+        """Support radius of the kernel."""
+        return self.fix.cut
+
+    @property
+    def h(self) -> float:
+        """Smoothing length, cut/3."""
+        return self.fix.cut / kernels.SUPPORT
+
+    @property
+    def order(self) -> int:
+        """Order of the reproducing kernel; -1 for the quintic spline."""
+        return ORDER[self.fix.kernel]
+
+    @property
+    def corrects_gradients(self) -> bool:
+        """Whether gradients are those of a reproducing kernel (RK1, RK2); RK0 has no unique gradient."""
+        return self.order >= 1
+
+    @cached_property
+    def mass(self) -> FloatArray:
+        """Mass, indexed by type - 1, as are the following."""
+        return np.array(self.mass_t)
+
+    @cached_property
+    def rho0(self) -> FloatArray:
+        """Equilibrium density."""
+        return np.array(self.fix.rho0 or (1.0,) * len(self.mass_t))
+
+    @cached_property
+    def cs(self) -> FloatArray:
+        """Speed of sound given in fix rheo."""
+        return np.array(self.fix.cs or (1.0,) * len(self.mass_t))
+
+    @cached_property
+    def shifted_t(self) -> BoolArray:
+        """Which types are shifted (exclude/type)."""
+        shifted_t = np.ones(len(self.mass_t), bool)
+        for types in self.fix.shift.exclude_types if self.fix.shift else ():
+            shifted_t[[t - 1 for t in type_range(types, len(self.mass_t))]] = False
+        return shifted_t
+
+
+@dataclass
+class State:
+    """What a step changes, one row per particle.
+
+    Attributes
+    ----------
+    x_nc, v_nc : (n, d) positions and velocities
+    rho_n : (n,) densities; overwritten by the sum if the model sums them
+    type_n : (n,) types, 1 to N
+    solid_n : (n,) whether a particle is solid
+    energy_n : (n,) energy of the particle (not per mass), with a thermal model
+    """
+
+    x_nc: Any  # float arrays, or `eos_ref.numbers.rounded` ones
+    v_nc: Any
+    rho_n: Any
+    type_n: IntArray
+    solid_n: BoolArray
+    energy_n: Any = None
+
+    def copy(self) -> State:
+        """A state that shares no array with this one."""
+        energy_n = None if self.energy_n is None else self.energy_n.copy()
+        return replace(
+            self,
+            x_nc=self.x_nc.copy(),
+            v_nc=self.v_nc.copy(),
+            rho_n=self.rho_n.copy(),
+            type_n=self.type_n.copy(),
+            solid_n=self.solid_n.copy(),
+            energy_n=energy_n,
+        )
+
+
+@dataclass(frozen=True)
+class PairTerms:
+    """What the pairs give: force, its pressure and artificial part, density diffusion, heat flow."""
+
+    force_nc: Any
+    pressure_force_nc: Any
+    drho_n: Any
+    heat_n: Any
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Result of surface detection: 0 bulk, 1 surface, 2 splash; distance; normal; divergence of positions."""
+
+    class_n: Any
+    r_n: Any
+    normal_nc: Any
+    divr_n: Any
+
+
+@dataclass
+class Gradients:
+    """Gradients of one evaluation; None where nothing asked for them. G[a, b] is d v_a / d x_b."""
+
+    v_ncc: Any = None
+    rho_nc: Any = None
+    energy_nc: Any = None
+    viscosity_nc: Any = None
+
+
+def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
+    """Check a state against its model, once, at the edge.
+
+    Raises
+    ------
+    InputError
+        Arrays of the wrong shape, values that are not finite, particles outside the box or on the same spot, densities
+        that are not positive, energies missing for a thermal model.
+    """
+    n, d = len(state.x_nc), model.dimension
+    if n == 0:
+        raise InputError("particles", "must be at least one", n, where)
+    if len(box.low_c) != d:
+        raise InputError("box", f"needs {d} axes", len(box.low_c), where)
+    shapes: Sequence[tuple[str, Any, tuple[int, ...]]] = (
+        ("positions", state.x_nc, (n, d)),
+        ("velocities", state.v_nc, (n, d)),
+        ("density", state.rho_n, (n,)),
+        ("type", state.type_n, (n,)),
+        ("solid", state.solid_n, (n,)),
+        *([("energy", state.energy_n, (n,))] if state.energy_n is not None else []),
+    )
+    for what, values, shape in shapes:
+        if np.shape(values) != shape:
+            raise InputError(what, f"must have the shape {shape}", np.shape(values), where)
+        finite = np.isfinite(np.asarray(values, float)).reshape(n, -1).all(axis=1)
+        if not finite.all():
+            raise InputError(what, f"must be finite, but is not for particle {int(np.argmin(finite)) + 1}", where=where)
+    kinds = (("type", state.type_n, "iu", "whole numbers"), ("solid", state.solid_n, "b", "flags"))
+    for what, values, kind, rule in kinds:
+        if values.dtype.kind not in kind:
+            raise InputError(what, f"must be {rule}", str(values.dtype), where)
+    if state.type_n.min() < 1 or state.type_n.max() > len(model.mass_t):
+        found = int(state.type_n.min() if state.type_n.min() < 1 else state.type_n.max())
+        raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", found, where)
+    if model.thermal is not None and state.energy_n is None:
+        raise InputError("energy", "must be given for every particle of a thermal model", where=where)
+    if not model.fix.rho_sum and not (state.rho_n > 0).all():
+        k = int(np.argmin(state.rho_n > 0))
+        raise InputError("density", f"must be positive, but is not for particle {k + 1}", float(state.rho_n[k]), where)
+    low_c, high_c = np.array(box.low_c), np.array(box.high_c)
+    outside = ((state.x_nc < low_c) | (state.x_nc > high_c)).any(axis=1)
+    if outside.any():
+        k = int(np.argmax(outside))
+        raise InputError("position", f"of particle {k + 1} must lie in the box", tuple(state.x_nc[k].tolist()), where)
+    wrapped_nc = np.where(np.array(box.periodic) & (state.x_nc == high_c), low_c, state.x_nc)  # one spot, two names
+    unique, first = np.unique(wrapped_nc, axis=0, return_index=True)
+    if len(unique) < n:
+        k = int(np.setdiff1d(np.arange(n), first)[0])
+        raise InputError(
+            "position",
+            f"of particle {k + 1} must differ from those of all others",
+            tuple(state.x_nc[k].tolist()),
+            where,
+        )

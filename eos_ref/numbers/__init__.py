@@ -1,0 +1,1 @@
+"""Number types that formulas run on: elementary functions, rounding errors carried along, small matrices."""

@@ -1,0 +1,48 @@
+"""Small symmetric matrices, one per particle, for any number type: Cholesky factors and solutions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eos_ref.numbers.columns import Number
+from eos_ref.numbers.elementary import sqrt, where
+from eos_ref.numbers.rounded import value
+
+
+def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], Any]:
+    """Lower factors of many symmetric matrices at once, given by rows of their lower triangles; and which have one."""
+    size = len(m)
+    factor: list[list[Number]] = [[0.0] * size for _ in range(size)]
+    definite_n: Any = np.ones(np.shape(value(m[0][0])), bool)  # a Decision for numbers that carry errors
+    for a in range(size):
+        for b in range(a + 1):
+            rest = m[a][b]
+            for k in range(b):
+                rest = rest - factor[a][k] * factor[b][k]
+            if a == b:
+                positive = value(rest) > 0
+                definite_n = definite_n & (rest > 0)
+                factor[a][a] = sqrt(where(positive, rest, 1.0))
+            else:
+                factor[a][b] = rest / factor[b][b]
+    return factor, definite_n
+
+
+def solve_unit(factor: list[list[Number]], row: int) -> list[Number]:
+    """Solve for the unit vector of one row, given the lower factors."""
+    size = len(factor)
+    y: list[Number] = []
+    for a in range(size):
+        rest: Number = 1.0 if a == row else 0.0
+        for k in range(a):
+            rest = rest - factor[a][k] * y[k]
+        y.append(rest / factor[a][a])
+    x: list[Number] = [0.0] * size
+    for a in reversed(range(size)):
+        rest = y[a]
+        for k in range(a + 1, size):
+            rest = rest - factor[k][a] * x[k]
+        x[a] = rest / factor[a][a]
+    return x

@@ -1,0 +1,1 @@
+"""The manual's command text: type ranges and fix lines."""

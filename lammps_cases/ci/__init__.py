@@ -1,0 +1,1 @@
+"""Services for continuous integration: the pytest plugin and kits."""

@@ -1,0 +1,108 @@
+"""The kits: which template becomes which file, and how they are written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from eos_ref import InputError
+from lammps_cases.records.phrases import nearest
+from lammps_cases.records.run_record import write_atomically
+
+TEMPLATES = Path(__file__).with_name("templates")
+REPOSITORY = "@REPOSITORY@"  # in a template: owner and name of the repository that holds eos-ref
+
+
+@dataclass(frozen=True)
+class KitFile:
+    """A file for a repository of others."""
+
+    path: str
+    content: str
+    executable: bool
+
+
+@dataclass(frozen=True)
+class Kit:
+    """Files that belong together: path in the repository by template."""
+
+    name: str
+    about: str
+    files: Mapping[str, str]
+
+    def filled(self, repository: str) -> list[KitFile]:
+        """The files, with the place that eos-ref is installed from.
+
+        Raises
+        ------
+        InputError
+            That is no name of a repository.
+        """
+        if not re.fullmatch(r"[A-Za-z0-9][\w.-]*/[\w.-]+", repository, re.ASCII):
+            raise InputError("repository", "must be OWNER/NAME", repository)
+        found = []
+        for template, path in self.files.items():
+            content = (TEMPLATES / template).read_text(encoding="utf-8").replace(REPOSITORY, repository)
+            found.append(KitFile(path, content, executable=content.startswith("#!")))
+        return found
+
+    def __str__(self) -> str:
+        return f"{self.name:12s}{self.about} ({', '.join(self.files.values())})"
+
+
+KITS = (
+    Kit("github", "your own cases in GitHub Actions", {"github.yml": ".github/workflows/eos-ref.yml"}),
+    Kit("gitlab", "your own cases in GitLab CI", {"gitlab.yml": ".gitlab-ci.yml"}),
+    Kit(
+        "lammps",
+        "a build of LAMMPS in, a verdict out: a script and a workflow for LAMMPS' own repository",
+        {"verdict.sh": "tools/eos-ref/eos-ref.sh", "lammps.yml": ".github/workflows/eos-ref.yml"},
+    ),
+    Kit("decks", "an audit of every input deck of a repository", {"decks.yml": ".github/workflows/eos-ref-decks.yml"}),
+    Kit(
+        "pre-commit",
+        "the cases that a commit changes, before it is made",
+        {"pre-commit.yaml": ".pre-commit-config.yaml"},
+    ),
+)
+
+
+def kit(name: str) -> Kit:
+    """The kit of a name.
+
+    Raises
+    ------
+    InputError
+        There is none (the nearest is suggested).
+    """
+    known = {each.name: each for each in KITS}
+    if name not in known:
+        raise InputError("kit", f"must be one of {', '.join(known)}{nearest(name, known)}", name)
+    return known[name]
+
+
+def write(files: Sequence[KitFile], directory: Path) -> list[Path]:
+    """Write files into a repository, all or none; those that are there already with the same content stay.
+
+    Raises
+    ------
+    InputError
+        A file of another content is there, or one cannot be written.
+    """
+    for file in files:
+        path = directory / file.path
+        if path.exists() and (not path.is_file() or path.read_bytes() != file.content.encode()):
+            raise InputError("file of the kit", "must not be there yet, or be the same", where=str(path))
+    written = []
+    for file in files:
+        path = directory / file.path
+        try:
+            write_atomically(path, file.content)
+            if file.executable:
+                path.chmod(0o755)
+        except OSError as error:
+            raise InputError("file of the kit", f"cannot be written: {error.strerror}", where=str(path)) from None
+        written.append(path)
+    return written

@@ -1,0 +1,213 @@
+"""Case files as tests: what ``pytest --eos-ref`` collects, and how a case that fails is told."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from _pytest._code.code import ReprEntryNative, ReprExceptionInfo, ReprFileLocation, ReprTraceback
+
+from eos_ref import InputError
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine import forkserver
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.session import EngineMissing
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records import phrases
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, write_arrays
+from lammps_cases.report import wording
+from lammps_cases.report.annotations import case_lines
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+
+# Tags that must not become marks of the same name: those would skip a case, or are words of -m.
+TAKEN = {"filterwarnings", "parametrize", "skip", "skipif", "usefixtures", "xfail", *keyword.kwlist}
+
+
+class NotAsExpected(Exception):
+    """A case that leaves the session red."""
+
+    def __init__(self, record: CaseRecord) -> None:
+        super().__init__(record.message)
+        self.record = record
+
+
+class Abandoned(Exception):
+    """Something that was begun and is left without its end."""
+
+
+class Judge:
+    """One LAMMPS process for all cases, and what judges them; ``folder`` takes the arrays of a report."""
+
+    def __init__(self, engine: Engine, store: Store, strict: bool) -> None:
+        self.store = store
+        self.strict = strict
+        self.folder: Path | None = None
+        self.engine = EngineRecord(name=engine.name)
+        self._engine = engine
+        self._workers: Workers | None = None
+        self._living = ExitStack()
+
+    def start(self) -> None:
+        """Start LAMMPS, unless it lives.
+
+        Raises
+        ------
+        EngineMissing
+        """
+        if self._workers is None:
+            forkserver.context("lammps_cases.verdict.judgement")
+            self._workers = self._living.enter_context(Workers(self._engine.site, 1))
+        if not self.engine.version_string:
+            who = self._workers.outcome(self._workers.identify())
+            self.engine = campaign.engine_record(self._engine, {} if isinstance(who, Failure) else who)
+
+    def record(self, case: Case) -> CaseRecord:
+        """Run a case and judge it, after `start`.
+
+        Raises
+        ------
+        InputError
+            The scene is no good.
+        """
+        assert self._workers is not None
+        limit = case.scene.engine.time_limit
+        ready = campaign.prepare(case)
+        futures = [self._workers.submit(told, limit) for told in ready.jobs]
+        outcomes: campaign.Outcomes = []
+        for future in futures:
+            outcome = self._workers.outcome(future, limit)
+            outcomes.append(outcome)
+        arguments = (ready, outcomes, self.engine, self.store)
+        found = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))
+        if isinstance(found, Failure):
+            from lammps_cases.verdict.judgement import blank_record
+
+            lost = blank_record(case, ready.eos, ready.atoms, self.engine)
+            return lost.model_copy(update={"verdict": "error", "message": f"judging failed: {found.message}"})
+        record, arrays = found
+        if arrays and self.folder:
+            write_arrays(self.folder / "fields" / f"{record.case}.npz", arrays)
+        return record
+
+    def accepts(self, record: CaseRecord) -> bool:
+        """Whether a case leaves the session green."""
+        return record.as_expected and not (self.strict and record.verdict == "explained")
+
+    def stop(self, at_once: bool = False) -> None:
+        """End LAMMPS; at once, if it may be computing."""
+        with suppress(Abandoned), self._living:
+            if at_once:
+                raise Abandoned
+
+
+JUDGE = pytest.StashKey[Judge]()
+
+
+class CaseYaml(pytest.File):
+    """A case file."""
+
+    def collect(self) -> Iterator[CaseItem]:
+        """One test for each case, with its tags as marks."""
+        try:
+            cases = casefile.load_file(self.path, shipped=self.path.is_relative_to(casefile.SHIPPED))
+        except InputError as error:
+            raise self.CollectError(str(error)) from None
+        lines = case_lines(self.path)
+        known = {tag: mark_of(tag) for case in cases for tag in case.tags}
+        for tag, mark in known.items():
+            self.config.addinivalue_line("markers", f"{mark}: cases with the tag {tag}")
+        for case in cases:
+            item = CaseItem.from_parent(self, name=case.name, case=case, line=lines.get(case.name, 1))
+            for tag in case.tags:
+                item.add_marker(known[tag])
+            yield item
+
+
+class CaseItem(pytest.Item):
+    """A case."""
+
+    def __init__(self, *, case: Case, line: int, **options: Any) -> None:
+        super().__init__(**options)
+        self.case = case
+        self.line = line
+        self.record: CaseRecord | None = None
+
+    def setup(self) -> None:
+        """Start LAMMPS, once; that there is none is an error that ends the session, and no reason to skip a case."""
+        missing = ""
+        try:
+            self.config.stash[JUDGE].start()
+        except EngineMissing as error:
+            missing = f"{error} (eos-ref doctor says more)"
+        if missing:  # told outside the handler, so that pytest has no chain of tracebacks to show
+            self.session.shouldfail = "eos-ref: there is no LAMMPS to run"
+            pytest.fail(missing, pytrace=False)
+
+    def runtest(self) -> None:
+        """Run and judge the case."""
+        judge = self.config.stash[JUDGE]
+        self.record = judge.record(self.case)
+        ratio = wording.worst_ratio(self.record)
+        self.user_properties += [
+            ("verdict", self.record.verdict),
+            ("max_over_bound", "" if ratio is None else repr(ratio)),
+            ("engine", " ".join(filter(None, (judge.engine.name, judge.engine.distribution)))),
+        ]
+        if not judge.accepts(self.record):
+            raise NotAsExpected(self.record)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What is wrong with the case; a traceback only for a fault of eos-ref itself."""
+        error = excinfo.value
+        if isinstance(error, NotAsExpected):
+            return self._complaint(verdict_line(error.record), failure_lines(error.record))
+        if isinstance(error, InputError):
+            return self._complaint(str(error), [str(error)])
+        return super().repr_failure(excinfo, style)
+
+    def _complaint(self, message: str, lines: Iterable[str]) -> ReprExceptionInfo:
+        """Lines for the terminal and a message for the short summary, in the form that travels between processes."""
+        trace = ReprTraceback([ReprEntryNative([f"{line}\n" for line in lines])], None, "native")
+        return ReprExceptionInfo(trace, ReprFileLocation(str(self.path), self.line, message))
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """File, line from 0, and name."""
+        return self.path, self.line - 1, self.name
+
+
+def mark_of(tag: str) -> str:
+    """The mark that stands for a tag: letters, digits and underscores, and none that pytest gives a meaning."""
+    name = re.sub(r"\W", "_", tag)
+    return f"tag_{name}" if name in TAKEN or name.startswith("_") else name
+
+
+def named(item: CaseItem, config: pytest.Config) -> bool:
+    """Whether the command line names a case, or asks for long ones: by node id, -k or -m."""
+    words = re.findall(r"[^\s()]+", config.option.keyword)
+    chosen = any(word in item.name for word in words if word not in ("and", "or", "not"))
+    by_mark = re.search(r"\blong\b", config.option.markexpr) is not None
+    return chosen or by_mark or any(item.name in argument.split("::")[1:] for argument in config.args)
+
+
+def verdict_line(record: CaseRecord) -> str:
+    """The verdict and what it rests on: the first field, stage, step and atom to blame, or LAMMPS' words."""
+    return f"{record.verdict}: {record.message}" if record.message else record.verdict
+
+
+def failure_lines(record: CaseRecord) -> list[str]:
+    """The verdict, every field outside its bound, and the command that runs the case alone."""
+    lines = [verdict_line(record)]
+    for field in record.fields:
+        if field.verdict in ("differs", "explained"):
+            step = "" if field.worst_step is None else f"step {field.worst_step}, "
+            off = f"off by {phrases.number(field.max_abs)}, {phrases.number(field.max_over_bound)} x the bound"
+            why = f", explained by {field.explained_by}" if field.explained_by else ""
+            lines.append(f"  {field.field} (stage {field.stage}): worst at {step}atom {field.worst_id}, {off}{why}")
+    return [*lines, f"reproduce: {record.reproduce}"]

@@ -1,0 +1,33 @@
+"""The pytest plugin: ``pytest --eos-ref`` runs case files as tests.
+
+pytest loads the plugins of every installed package, so that nothing but pytest is imported here: what collects and
+judges is in `lammps_cases.ci.pytest_session` and `lammps_cases.ci.pytest_cases`, and comes with ``--eos-ref`` only.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options ``--eos-ref...``."""
+    add = parser.getgroup("eos-ref", "eos-ref: LAMMPS' RHEO package against an independent reference").addoption
+    add("--eos-ref", action="store_true", help="collect case files (*.yaml) and run their cases against LAMMPS")
+    add("--eos-ref-shipped", action="store_true", help="run the cases that come with eos-ref, beside what is named")
+    add("--eos-ref-engine", metavar="E", help="env, pypi:VERSION or path:DIR (default: env)")
+    add("--eos-ref-tag", metavar="T", help="only cases with this tag")
+    add("--eos-ref-strict", action="store_true", help="differences that the ledger explains are failures")
+    add("--eos-ref-fresh", action="store_true", help="compute every prediction of the reference anew")
+    add("--eos-ref-out", metavar="DIR", help="write the report of eos-ref run into this folder")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Take the plugin proper into use, if it was asked for."""
+    asked = sorted(name for name, value in vars(config.option).items() if name.startswith("eos_ref") and value)
+    if not asked:
+        return
+    if not {"eos_ref", "eos_ref_shipped"} & set(asked):
+        raise pytest.UsageError(f"--{asked[0].replace('_', '-')} needs --eos-ref or --eos-ref-shipped")
+    from lammps_cases.ci.pytest_session import SessionPlugin
+
+    config.pluginmanager.register(SessionPlugin(config), "eos-ref-session")

@@ -1,0 +1,1 @@
+"""The command ``eos-ref``: one module per command."""

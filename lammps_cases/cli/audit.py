@@ -1,0 +1,107 @@
+"""eos-ref audit."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import click
+
+from lammps_cases.cli.shared import Bar, engine_option, finish, json_option, strict_option
+from lammps_cases.records.run_record import CaseRecord
+
+
+@click.command("audit", short_help="Check a LAMMPS input deck while LAMMPS runs it, unchanged.")
+@click.argument("deck", type=click.Path(path_type=Path))
+@click.option("--every", default=10, show_default=True, metavar="M", help="Look at all atoms every M time steps.")
+@click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
+@click.option(
+    "--fields",
+    default="pressure",
+    show_default=True,
+    metavar="NAME,...",
+    help="What to check, by LAMMPS' names (coordination, rho, grad/v, surface, ...); all: whatever can be.",
+)
+@click.option("--timeout", type=float, metavar="S", help="Stop after S seconds.  [default: none]")
+@click.option("--allow-shell", is_flag=True, help="Let the deck run shell commands, Python and plugins.")
+@click.option("--out", type=click.Path(path_type=Path), help="Report folder.  [default: reports/audit-DECK]")
+@engine_option
+@strict_option
+@json_option
+def audit_command(
+    deck: Path,
+    every: int,
+    steps: int | None,
+    fields: str,
+    timeout: float | None,
+    allow_shell: bool,
+    out: Path | None,
+    engine: str,
+    strict: bool,
+    as_json: bool,
+) -> int:
+    """Check the pressure, or other fields, of every atom while LAMMPS runs DECK, unchanged, in a copy of its folder.
+
+    Checked is P = EOS(rho, e), with the laws that fix rheo and fix rheo/pressure hold at that moment, where the
+    forces use it; with --fields whatever else a force evaluation makes of positions, velocities, densities, energies
+    and phases. Loops, includes, several runs and redefined fixes are followed.
+
+    \b
+    Examples: eos-ref audit in.deck --every 10 --steps 1000
+              eos-ref audit in.deck --fields pressure,surface,grad/v
+    """
+    from lammps_cases.audit import AuditOptions, audit_deck
+    from lammps_cases.engine import installations
+    from lammps_cases.records.run_record import write_arrays
+    from lammps_cases.run import campaign
+
+    chosen = installations.resolve(engine)
+    directory = out or Path("reports") / f"audit-{deck.name}"
+    with Bar(quiet=as_json) as bar, campaign.output_folder(directory) as folder:
+
+        def progress(done: int, total: int | None) -> None:
+            bar.show(done, total, "steps")
+
+        names = tuple(name.strip() for name in fields.split(",") if name.strip())
+        options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, progress, fields=names)
+        result = audit_deck(deck, options)
+        run = campaign.provenance(campaign.engine_record(chosen, result.who), campaign.command_line())
+        run.cases, run.seconds, run.strict = result.record.cases, result.record.seconds, strict
+        if result.arrays:
+            write_arrays(folder / "fields" / f"{run.cases[0].case}.npz", result.arrays)
+        campaign.write_run(run.counted(), folder)
+    if not as_json:
+        for line in report_lines(run.cases[0]):
+            click.echo(line)
+    return finish(run, directory, as_json)
+
+
+def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
+    """A table of the fields, the looks at which one was outside its bound, what was not checked, and the message."""
+    looks = Counter((check.field, check.type) for check in case.checks)
+    atoms = {(check.field, check.type): check.natoms for check in case.checks}
+    table = [
+        f"{record.field:12s} {record.atom_type or 'all':>4} {looks[record.field, record.atom_type or 0]:6d} "
+        f"{atoms[record.field, record.atom_type or 0]:7d} "
+        f"{record.max_abs:14.3g} {record.max_over_bound:10.3g} {record.worst_step:9d} {record.worst_id:10d}  "
+        f"{record.verdict}" + (f" by {record.explained_by}" if record.explained_by else "")
+        for record in case.fields
+    ]
+    bad = [check for check in case.checks if check.verdict == "differs"]
+    outside = [
+        f"outside: {check.field} of type {check.type or 'all'}, run {check.run}, step {check.step}: "
+        f"{check.max_abs:.3g} = {check.max_over_bound:.3g} x bound at atom {check.worst_id}"
+        for check in bad[:most]
+    ]
+    if len(bad) > most:
+        outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
+    head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
+    reasons: dict[str, list[str]] = {}
+    for line in case.not_checked:
+        name, _, reason = line.partition(": ")
+        reasons.setdefault(reason, []).append(name)
+    unchecked = [f"not checked: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
+    warnings = [f"warning: {line}" for line in case.warnings]
+    warnings += [f"stability: {line}" for line in case.stability]
+    end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
+    return [head, *table, *outside, *unchecked, *warnings, f"{end}: {case.message}" if case.message else end]

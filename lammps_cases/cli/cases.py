@@ -1,0 +1,212 @@
+"""eos-ref list, explain, ledger."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lammps_cases.cli.shared import json_option, paths_option, table, tag_option
+
+
+@click.command("list", short_help="List the cases.")
+@click.argument("names", nargs=-1, metavar="[CASE]...")
+@tag_option
+@paths_option
+@json_option
+def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
+    """List the cases with their tags.
+
+    \b
+    Example:  eos-ref list --tag quick
+    """
+    from lammps_cases.scene import casefile
+
+    cases = casefile.load(paths)
+    if names or tag:
+        cases = casefile.select(cases, names, tag)
+    if as_json:
+        click.echo(json.dumps({"cases": [{"case": c.name, "tags": list(c.tags)} for c in cases]}, indent=1))
+        return 0
+    rows = [
+        (
+            c.name,
+            ", ".join(c.tags),
+            ", ".join(dict.fromkeys(law.style for law in c.scene.pressure)),
+            c.scene.units,
+        )
+        for c in cases
+    ]
+    table(("case", "tags", "laws", "units"), rows, f"{len(cases)} cases")
+    return 0
+
+
+@click.command("explain", short_help="What a case models, and why.")
+@click.argument("name", metavar="CASE")
+@paths_option
+@json_option
+def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
+    """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
+
+    \b
+    Example:  eos-ref explain near-rho0.tait-water.2d
+    """
+    from lammps_cases.scene import casefile
+
+    explanations = [_explanation(case) for case in casefile.select(casefile.load(paths), (name,))]
+    if as_json:
+        click.echo(json.dumps({"cases": explanations}, indent=1))
+        return 0
+    for explanation in explanations:
+        _show(explanation)
+    return 0
+
+
+def _explanation(case: Any) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from eos_ref.eos import bounds
+    from lammps_cases.run.campaign import prepare
+    from lammps_cases.setup import twins
+    from lammps_cases.setup.plan import plan
+
+    ready, the_plan = prepare(case), plan(case.scene)
+    laws = [
+        {
+            "type": t,
+            "style": law.style,
+            "rho0": law.rho0,
+            "cs": law.cs,
+            "parameter": law.parameter,
+            "background": law.background,
+            "defined": [str(end) for end in law.defined],
+            "monotone": [str(end) for end in law.monotone],
+            "bound": bounds.comparison_derivation(law),
+        }
+        for t, law in enumerate(ready.eos.laws if ready.eos else (), 1)
+    ]
+    return {
+        "case": case.name,
+        "about": case.about,
+        "source": str(case.source),
+        "particles": len(ready.atoms),
+        "expects": case.scene.expect.refused if case.scene.expect else None,
+        "laws": laws,
+        "methods": _methods(case, ready),
+        "reference": [asdict(item) for item in the_plan.reference],
+        "lammps": [asdict(item) for item in the_plan.lammps],
+        "stability": _stability(case, ready),
+        "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
+        "commands": _commands(ready.jobs[0]),
+        "commands_of_twin": _commands(ready.jobs[1]) if case.scene.twin else None,
+    }
+
+
+def _methods(case: Any, ready: Any) -> list[dict[str, str]]:
+    """How the reference evaluates a scene, and why: the law of every type, or the stages of the model."""
+    from lammps_cases.comparison.trajectory import own_stages
+    from lammps_cases.verdict.judgement import methods_of, particles_of
+
+    scene, atoms = case.scene, ready.atoms
+    if scene.expect:
+        return []
+    if scene.whole_model:
+        stages = own_stages(particles_of(scene, atoms, case.where, scene.snapshots)).__name__
+        why = (
+            "as the scene says"
+            if scene.method in ("plain", "compiled")
+            else "the least time for all runs, start included"
+        )
+        return [{"of": "all stages", "method": "plain" if stages == "Plain" else "compiled", "why": why}]
+    if atoms.rho_n is None or scene.evolve:
+        why = "chosen for the densities that LAMMPS answers with"
+        return [{"of": "every law", "method": scene.method, "why": why}]
+    e_n = None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
+    choices = methods_of(case, ready.eos, atoms.type_n, atoms.rho_n, e_n)
+    return [
+        {"of": f"type {t}", "method": chosen.method.name, "why": f"{chosen.why} ({chosen.method.reason})"}
+        for t, chosen in enumerate(choices, 1)
+    ]
+
+
+def _stability(case: Any, ready: Any) -> list[str]:
+    """How far the scene lies from where it would fail."""
+    from lammps_cases.setup import reference_side
+    from lammps_cases.studies.stability.advice import advice
+
+    scene, atoms = case.scene, ready.atoms
+    if scene.expect or not scene.interacts:
+        return []
+    timestep = scene.evolve.timestep if scene.evolve and scene.evolve.steps else None
+    model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)
+    return advice(model, box, reference_side.state(scene, atoms, case.where), timestep)
+
+
+def _commands(told: Any) -> list[str]:
+    per_atom = f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}"
+    ranks = [f"# on {told.ranks} ranks"] if told.ranks > 1 else []
+    return [*ranks, *told.setup, per_atom, *told.commands, *(run.command for run in told.runs)]
+
+
+def _show(explanation: dict[str, Any]) -> None:
+    click.secho(f"{explanation['case']}  ({explanation['particles']} particles, {explanation['source']})", bold=True)
+    click.echo(explanation["about"])
+    if explanation["expects"]:
+        click.echo(f"LAMMPS is expected to refuse this scene with: {explanation['expects']}")
+    if explanation["twin"]:
+        click.echo(f"Compared with a second run of LAMMPS, its twin. {explanation['twin']}")
+    for law in explanation["laws"]:
+        parameters = ", ".join(f"{k} {law[k]}" for k in ("rho0", "cs", "parameter", "background") if law[k] is not None)
+        click.echo(f"type {law['type']}: {law['style']}, {parameters}")
+        click.echo(f"  grows with density within {' to '.join(law['monotone'])}")
+        click.echo(f"  bound: {law['bound']}")
+    if explanation["methods"]:
+        rows = [(method["of"], method["method"], method["why"]) for method in explanation["methods"]]
+        table(("what", "method", "why"), rows, "evaluated by")
+    if explanation["stability"]:
+        click.echo("stability:")
+        click.echo("\n".join(f"  {line}" for line in explanation["stability"]))
+    for side in ("reference", "lammps"):
+        rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
+        table(("", "what", "why"), rows, "modelled by the reference" if side == "reference" else "told to LAMMPS")
+    click.echo("LAMMPS commands:")
+    click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
+    if explanation["commands_of_twin"]:
+        click.echo("LAMMPS commands of the twin:")
+        click.echo("\n".join(f"  {line}" for line in explanation["commands_of_twin"]))
+
+
+@click.command("ledger", short_help="List the findings.")
+@json_option
+def ledger_command(as_json: bool) -> int:
+    """List the findings: where LAMMPS differs from its manual, with the argument and what to do meanwhile.
+
+    \b
+    Example:  eos-ref ledger
+    """
+    from lammps_cases.findings import LEDGER
+
+    if as_json:
+        entries = [
+            {
+                "id": entry.id,
+                "title": entry.title,
+                "severity": entry.severity,
+                "engines": list(entry.engines),
+                "cases": list(entry.cases),
+                "variant": entry.named_variant,
+            }
+            for entry in LEDGER
+        ]
+        click.echo(json.dumps({"entries": entries}, indent=1))
+        return 0
+    for entry in LEDGER:
+        click.secho(f"{entry.id} ({entry.severity}): {entry.title}", bold=True)
+        for key in ("documented", "observed", "argument", "workaround"):
+            click.echo(f"  {key}: {getattr(entry, key)}")
+        if entry.scene:
+            click.echo(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}")
+        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {', '.join(entry.cases)}")
+    return 0

@@ -1,0 +1,51 @@
+"""eos-ref chart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from lammps_cases.cli.shared import Bar, json_option
+
+SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
+
+
+@click.command("chart", short_help="Speed against accuracy, measured and drawn.")
+@click.argument("sections", nargs=-1, type=click.Choice(SECTIONS))
+@click.option("--quick", is_flag=True, help="Fewer methods, regimes and resolutions: about a minute.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default="reports/chart", show_default=True, help="Folder of the chart."
+)
+@click.option("--save-costs", is_flag=True, help="Keep the laws' times as those by which method: auto chooses.")
+@json_option
+def chart_command(sections: tuple[str, ...], quick: bool, out: Path, save_costs: bool, as_json: bool) -> int:
+    """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
+
+    SECTIONS: laws, sums, kernels, searches, timestep, flows; all by default. Writes report.html, chart.json,
+    points.csv, convergence.csv and figures/ as SVG and PNG.
+
+    \b
+    Example:  eos-ref chart --quick
+              eos-ref chart laws flows --out reports/chart
+    """
+    from lammps_cases.run.campaign import command_line
+    from lammps_cases.studies.chart import collect, record
+
+    with Bar(quiet=as_json) as bar:
+        chart = collect.collect(sections, quick, out, command_line(), bar.show)
+        if save_costs:
+            from lammps_cases.studies.chart import costs
+
+            costs.save(bar.show)
+    if as_json:
+        click.echo(json.dumps(record.points_document(chart), indent=1))
+        return 0
+    for section in chart.sections:
+        best = sum(not p.dominated_by for panel in section.panels for p in panel.points)
+        total = sum(len(panel.points) for panel in section.panels)
+        flows = f", {len({run.flow for run in section.flows})} flows" if section.flows else ""
+        click.echo(f"{section.title:28s} {total:4d} points, {best} on a frontier{flows} ({section.seconds:.0f} s)")
+    click.echo(f"report: {out / 'report.html'}")
+    return 0

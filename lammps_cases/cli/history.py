@@ -1,0 +1,247 @@
+"""eos-ref history."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from lammps_cases.cli.shared import Bar, json_option, page_folder, table
+from lammps_cases.records.phrases import brief, counted, plain
+
+if TYPE_CHECKING:
+    from lammps_cases.history.order import Line
+    from lammps_cases.history.store import History
+    from lammps_cases.history.views import CaseView, RunLine
+
+SCHEMA = "eos-ref/history/1"
+SHOWN = 20  # runs listed unless told otherwise
+Only = Literal["verdicts", "times", "errors"]
+
+
+@click.command("history", short_help="How verdicts, errors and times went over versions.")
+@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.option("--field", default="", help="Errors of this field alone (a name or pattern).")
+@click.option("--engine", default="", help="Only engines whose name or version fits this pattern, or holds it.")
+@click.option("--since", metavar="DATE", default="", help="Only runs from this day on (2026-01-31).")
+@click.option("--last", type=click.IntRange(1), help=f"Only the last N runs (list of runs: {SHOWN}).")
+@click.option(
+    "--add", "added", multiple=True, type=click.Path(path_type=Path), help="Report folder to keep; repeatable."
+)
+@click.option("--verdicts", "only", flag_value="verdicts", help="Of cases, show the verdicts alone.")
+@click.option("--times", "only", flag_value="times", help="Of cases, show LAMMPS' seconds alone.")
+@click.option("--errors", "only", flag_value="errors", help="Of cases, show the errors alone.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default="reports/history", show_default=True, help="Folder of the page."
+)
+@click.option("--db", type=click.Path(path_type=Path), help="Another history than EOS_REF_HISTORY, or the user's own.")
+@click.option("--forget", metavar="DATE", default="", help="Drop the runs before this day, and do nothing else.")
+@json_option
+def history_command(
+    names: tuple[str, ...],
+    field: str,
+    engine: str,
+    since: str,
+    last: int | None,
+    added: tuple[Path, ...],
+    only: Only | None,
+    out: Path,
+    db: Path | None,
+    forget: str,
+    as_json: bool,
+) -> int:
+    """Show the runs kept and what changed from one to the next; with names, how these cases went.
+
+    Every run is kept in the user's data folder (EOS_REF_HISTORY names another file, or is off). A name selects a case,
+    or all below it, or a pattern. Versions are in their natural order, builds of one's own by date. Writes
+    history.html into the folder of --out.
+
+    \b
+    Example:  eos-ref history
+              eos-ref history near-rho0.linear.2d --field pressure
+              eos-ref history 'forces.*' --times --engine 2025.7.22
+              eos-ref history --add reports/latest --last 5
+    """
+    from lammps_cases.history import views
+    from lammps_cases.history.order import engines
+    from lammps_cases.history.store import History
+
+    with Bar(quiet=as_json) as bar, History(_file(db, bool(added))) as history:
+        if forget:
+            return _forget(history, _day(forget, "--forget"), as_json)
+        for k, folder in enumerate(added):
+            bar.show(k, len(added), str(folder))
+            _add(history, folder)
+        bar.show(0, None, "reading the history")
+        every = history.runs()
+        runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))
+        lines = views.run_lines(history, runs, every)
+        known = history.cases()
+        cases = views.chosen_cases(known, names) if names else known
+        found = views.case_views(history, runs, cases, field)
+        labels = _labels(engines(every), runs)
+        page = _page(out, lines, found, labels, bool(names)) if runs else None
+    if as_json:
+        click.echo(json.dumps(_document(history.path, lines, found if names else None), indent=1, allow_nan=False))
+        return 0
+    if not every:
+        click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN those of before")
+    elif not names:
+        _show_runs(lines, len(every))
+    elif len(found) == 1:
+        _show_case(found[0], only)
+    else:
+        _show_cases(found, labels, only)
+    if page:
+        click.echo(f"page: {page}")
+    return 0
+
+
+def _file(db: Path | None, added: bool) -> Path:
+    from eos_ref import InputError
+    from lammps_cases.history.store import OFF, VARIABLE, history_file
+
+    if db is not None and not db.exists() and not added:
+        raise InputError("history", "does not exist", where=str(db))
+    place = db or history_file()
+    if place is None:
+        raise InputError("history", f"is switched off: {VARIABLE} is {OFF}; name a file with --db")
+    return place
+
+
+def _day(text: str, option: str) -> str:
+    import datetime
+
+    from eos_ref import InputError
+
+    try:
+        return datetime.date.fromisoformat(text).isoformat() if text else ""
+    except ValueError:
+        raise InputError("date", "must be a day such as 2026-01-31", text, option) from None
+
+
+def _add(history: History, folder: Path) -> None:
+    from lammps_cases.records.run_record import read_run
+
+    folder = folder.parent if folder.name == "run.json" else folder
+    run = read_run(folder)
+    history.add(run, (folder / "run.json").read_bytes())
+
+
+def _forget(history: History, before: str, as_json: bool) -> int:
+    count = history.forget(before)
+    told = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
+    click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else told)
+    return 0
+
+
+def _labels(lines: Sequence[Line], runs: Sequence[Any]) -> list[str]:
+    shown = {run.engine.key for run in runs}
+    return [line.label for line in lines if line.key in shown]
+
+
+def _page(out: Path, lines: Any, found: Any, labels: list[str], pictured: bool) -> Path:
+    from lammps_cases.history import page
+
+    page_folder(out)
+    return page.write(out, lines, found, labels, pictured)
+
+
+def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | None) -> dict[str, Any]:
+    """Everything as one document; numbers that JSON has not are text, as in run.json."""
+    from dataclasses import asdict
+
+    document: dict[str, Any] = {"schema": SCHEMA, "file": str(path), "runs": [plain(asdict(line)) for line in lines]}
+    if found is not None:
+        document["cases"] = [plain(asdict(view)) for view in found]
+    return document
+
+
+def _show_runs(lines: Sequence[RunLine], every: int) -> None:
+    rows = [
+        (
+            line.run.date[:16].replace("T", " "),
+            line.label,
+            ", ".join(f"{count} {kind}" for kind, count in line.run.ordered_counts.items()),
+            f"{line.run.seconds:.1f}",
+            line.same.sentence if line.same else "first run",
+            f"{line.before.label}: {line.before.sentence}" if line.before else "",
+        )
+        for line in lines
+    ]
+    table(("date", "engine", "cases", "seconds", "against the same engine", "against the engine before"), rows)
+    if len(lines) < every:
+        click.echo(f"{len(lines)} of {every} runs (--last {every} lists all)")
+
+
+def _show_case(view: CaseView, only: Only | None) -> None:
+    from lammps_cases.history.draw import spark
+
+    errors = spark([span.outcome.worst for span in view.spans], logarithmic=True)
+    times = spark([span.lammps.median for span in view.spans])
+    click.secho(f"{view.case}   error {errors}   LAMMPS {times}", bold=True)
+    rows = []
+    for span in view.spans:
+        ended = span.outcome
+        row = [span.label, _days(span.since, span.until), str(span.lammps.count)]
+        row += [ended.kind] if only in (None, "verdicts") else []
+        row += [brief(ended.worst), ended.worst_field] if only in (None, "errors") else []
+        row += [_seconds(span.lammps), _seconds(span.reference)] if only in (None, "times") else []
+        rows.append(row)
+    columns = ["engine", "date", "runs"]
+    columns += ["verdict"] if only in (None, "verdicts") else []
+    columns += ["diff/bound", "worst field"] if only in (None, "errors") else []
+    columns += ["LAMMPS s", "reference s"] if only in (None, "times") else []
+    table(columns, rows)
+    for text in _changes(view):
+        click.echo(text)
+
+
+def _changes(view: CaseView) -> list[str]:
+    """One line for every engine that changed a case."""
+    from lammps_cases.history.page import findings, steps
+
+    told = []
+    for k, step in enumerate(steps([view])):
+        changes = step.cases[view.case]
+        parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
+        parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in findings(changes)]
+        bits = [c.field for c in changes if c.kind == "bits"]
+        parts += [f"other bits of {', '.join(bits)}"] if bits else []
+        fields = [c.field for c in changes if c.kind == "verdict" and c.field]
+        parts += [f"verdict of {', '.join(fields)}"] if fields else []
+        judge = " (judged by another eos-ref)" if changes[0].other_judge else ""
+        told.append(
+            f"{'then' if k else 'first'} changed in {step.engine}, from {step.before}: {'; '.join(parts)}{judge}"
+        )
+    return told or ["the same on every engine" if len(view.times) > 1 else "run on one engine"]
+
+
+def _show_cases(found: Sequence[CaseView], labels: Sequence[str], only: Only | None) -> None:
+    from lammps_cases.history.draw import spark
+
+    rows = []
+    for view in found:
+        cells = []
+        for label in labels:
+            ended, spread = view.latest.get(label), view.times.get(label)
+            parts = [ended.kind] if ended and only in (None, "verdicts") else []
+            parts += [brief(ended.worst)] if ended and only in (None, "errors") else []
+            parts += [_seconds(spread)] if spread and only == "times" else []
+            cells.append(" ".join(parts))
+        first = next((change.engine for change in view.changes if change.first), "")
+        values = [span.lammps.median if only == "times" else span.outcome.worst for span in view.spans]
+        rows.append((view.case, spark(values, logarithmic=only != "times"), *cells, first))
+    table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
+
+
+def _days(since: str, until: str) -> str:
+    return since[:10] if since[:10] == until[:10] else f"{since[:10]} to {until[:10]}"
+
+
+def _seconds(spread: Any) -> str:
+    text = f"{spread.median:.3g}"
+    return f"{text} ({spread.low:.3g} to {spread.high:.3g})" if spread.count > 1 else text

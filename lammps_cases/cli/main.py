@@ -1,0 +1,135 @@
+"""The command ``eos-ref``. Modules of the commands are imported when a command is run, so that --help is quick."""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+from typing import Any
+
+import click
+
+# command: (module, one line of help); the module holds a click command of the same name
+COMMANDS: dict[str, tuple[str, str]] = {
+    "run": ("lammps_cases.cli.run", "Run cases against LAMMPS and write a report: the main job."),
+    "audit": ("lammps_cases.cli.audit", "Check a LAMMPS input deck while LAMMPS runs it, unchanged."),
+    "list": ("lammps_cases.cli.cases", "List the cases."),
+    "explain": ("lammps_cases.cli.cases", "Show what a case models, what it does not, and why."),
+    "ledger": ("lammps_cases.cli.cases", "List the findings: where LAMMPS differs from its manual."),
+    "report": ("lammps_cases.cli.run", "Render the report of a finished run again."),
+    "merge": ("lammps_cases.cli.run", "Join the shards of a run."),
+    "compare": (
+        "lammps_cases.cli.regression",
+        "Compare two engines, two runs, or a run and a baseline, field by field.",
+    ),
+    "accept": ("lammps_cases.cli.regression", "Take a run as the accepted baseline of its engine, with a reason."),
+    "bisect": ("lammps_cases.cli.regression", "Name the first of several engines that changed."),
+    "history": ("lammps_cases.cli.history", "Show how errors, times and verdicts went over versions."),
+    "claims": ("lammps_cases.cli.claims", "The manual's claims: which hold, on which engine, by which cases."),
+    "power": ("lammps_cases.cli.mutation", "Plant faults and say which case catches each, and what goes unseen."),
+    "kit": ("lammps_cases.cli.kit", "Write the files that run this in a CI service."),
+    "chart": ("lammps_cases.cli.chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
+    "stability": ("lammps_cases.cli.stability", "Map where methods fail, on LAMMPS and on the reference."),
+    "bench": ("lammps_cases.cli.bench", "Measure speed against peers, as ratios."),
+    "doctor": (
+        "lammps_cases.cli.doctor",
+        "Say what is installed, what works, and what to do about the rest.",
+    ),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported on use."""
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        """Names in order of importance."""
+        return list(COMMANDS)
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        """Import the module of a command."""
+        if name not in COMMANDS:
+            return None
+        command: click.Command = getattr(importlib.import_module(COMMANDS[name][0]), f"{name}_command")
+        return command
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def resolve_command(self, context: click.Context, args: list[str]) -> Any:
+        """Suggest the nearest command for an unknown one."""
+        import difflib
+
+        if args and args[0] not in COMMANDS:
+            close = difflib.get_close_matches(args[0], COMMANDS, 1)
+            hint = f" (did you mean {close[0]}?)" if close else ""
+            raise click.UsageError(f"no such command: {args[0]}{hint}")
+        return super().resolve_command(context, args)
+
+
+@click.group(cls=LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="eos-ref")
+@click.pass_context
+def group(context: click.Context) -> None:
+    """Validate fluids of LAMMPS' RHEO package against an independent reference.
+
+    \b
+    Example:  eos-ref run                     every equation of state against LAMMPS
+              eos-ref audit in.deck           your own deck, checked live
+
+    Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+def main() -> None:
+    """Entry point: bad input is one line on standard error and exit code 2; a missing engine exit code 3."""
+    # A cancelled CI job, or a closed terminal, is like Ctrl-C: workers stopped, nothing half-written left behind.
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is not signal.SIG_IGN:
+            signal.signal(getattr(signal, name), signal.default_int_handler)
+    try:
+        code = group.main(prog_name="eos-ref", standalone_mode=False)
+    except click.ClickException as error:
+        click.echo(f"eos-ref: {_one_line(error)}", err=True)
+        code = 2
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("eos-ref: interrupted; nothing half-written", err=True)
+        code = 130
+    except Exception as error:
+        code = _exit_code(error)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _one_line(error: click.ClickException) -> str:
+    """Wrong usage in one line, with the place of the right one."""
+    text = " ".join(error.format_message().split()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    return f"{text} ({context.command_path} --help shows the usage)" if context else text
+
+
+def _exit_code(error: Exception) -> int:
+    """Say a foreseen failure in one line; anything else is a fault of this program and keeps its traceback."""
+    from eos_ref.errors import InputError  # here, not above: importing the reference loads numpy
+    from lammps_cases.engine.session import EngineMissing
+
+    if isinstance(error, InputError):
+        click.echo(f"eos-ref: {error}", err=True)
+        return 2
+    if isinstance(error, EngineMissing):
+        click.echo(f"eos-ref: {error} (eos-ref doctor says more)", err=True)
+        return 3
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        click.echo(f"eos-ref: {error.filename}: cannot be used: {error.strerror}", err=True)
+        return 2
+    import traceback
+
+    traceback.print_exception(error)
+    click.echo("eos-ref: this is a fault of eos-ref itself, not a verdict on LAMMPS", err=True)
+    return 3
+
+
+if __name__ == "__main__":
+    main()

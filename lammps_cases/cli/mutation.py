@@ -1,0 +1,98 @@
+"""eos-ref power."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lammps_cases.cli.shared import Bar, engine_option, json_option, page_folder
+
+if TYPE_CHECKING:
+    from lammps_cases.studies.mutation.record import Power
+
+FAMILIES = ("told", "read", "formula", "source")
+SECTIONS = ("faults", "resolution", "alarms")
+
+
+@click.command("power", short_help="Plant faults, and say which case catches each.")
+@click.argument("names", nargs=-1, metavar="[SECTION|FAULT]...")
+@click.option("--family", type=click.Choice(FAMILIES), help="Only faults of this family.")
+@click.option("--quick-only", is_flag=True, help="Only the quick cases.")
+@click.option("--sample", type=click.IntRange(1), help="So many of the faults, the same ones each time.")
+@click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only the first.")
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default="reports/power", show_default=True, help="Folder of the report."
+)
+@engine_option
+@json_option
+def power_command(
+    names: tuple[str, ...],
+    family: str | None,
+    quick_only: bool,
+    sample: int | None,
+    every: bool,
+    jobs: int,
+    fresh: bool,
+    out: Path,
+    engine: str,
+    as_json: bool,
+) -> int:
+    """Plant faults in what LAMMPS is told, in what it answers and in the formulas, and report which case catches each.
+
+    Sections: faults, resolution (the smallest visible change of every parameter), alarms (reds although nothing is
+    wrong); all by default, the first alone if faults are named. Writes power.html and power.json; a run that was
+    stopped goes on where it was left.
+
+    \b
+    Families: told     LAMMPS is told something else         read    its answer is spoiled
+              formula  named mistakes in the formulas        source  mistakes made by machine in the source
+    Example:  eos-ref power
+              eos-ref power faults --quick-only
+              eos-ref power 'told.cs-*' --all
+    """
+    from lammps_cases.run.campaign import command_line
+    from lammps_cases.studies.mutation import collect, page, record
+
+    patterns = [name for name in names if name not in SECTIONS]
+    sections = [name for name in names if name in SECTIONS] or (
+        ["faults"] if patterns or family or sample else list(SECTIONS)
+    )
+    page_folder(out)
+    if fresh:
+        record.forget(out)
+    with Bar(quiet=as_json) as bar:
+        found = collect.collect(
+            sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar.show
+        )
+        record.write(found, out)
+        page.write(found, out)
+    if as_json:
+        click.echo(json.dumps(record.document(found), indent=1))
+    else:
+        _show(found, out)
+    return int(bool(found.complaints))
+
+
+def _show(found: Power, out: Path) -> None:
+    total = len(found.faults)
+    for control in found.controls:
+        own = [fault for fault in found.faults if fault.family == control.family]
+        caught, quick = sum(bool(fault.caught_by) for fault in own), sum(fault.quick for fault in own)
+        click.echo(f"{control.family:8s} {caught:4d} of {len(own):4d} caught, {quick:4d} by quick cases")
+    if total:
+        argued = sum(bool(fault.argued) for fault in found.missed)
+        text = f"{found.caught} of {total} faults caught ({found.caught / total:.1%}), {found.quick} by quick cases"
+        click.secho(f"{text} ({found.quick / total:.1%}); {argued} argued ({found.seconds:.0f} s)", bold=True)
+    for one in found.resolution:
+        where = f"{one.relative_change:.1e} in {one.case}" if one.relative_change is not None else "not seen"
+        click.echo(f"{one.parameter:28s} {where}")
+    for run in found.alarms:
+        click.echo(f"{run.kind:12s} {run.cases:4d} cases, {run.same_bits} the same bits, {run.false} false alarms")
+    for complaint in found.complaints:
+        click.secho(f"  {complaint}", fg="red")
+    click.echo(f"report: {out / 'power.html'}")

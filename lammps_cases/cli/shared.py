@@ -1,0 +1,133 @@
+"""What the commands share: options, a progress bar, and how a command that writes a report ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import click
+
+from lammps_cases.records.run_record import RunRecord
+
+PLAIN_EVERY = 5.0  # seconds between two plain lines
+WIDE = 160  # columns of a table that is printed into a file or a pipe
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
+engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
+strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
+out_option = click.option(
+    "--out", type=click.Path(path_type=Path), default="reports/latest", show_default=True, help="Report folder."
+)
+tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
+jobs_option = click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
+fresh_option = click.option(
+    "--fresh", is_flag=True, help="Compute every prediction of the reference anew, and store it again."
+)
+paths_option = click.option(
+    "--cases", "paths", multiple=True, type=click.Path(path_type=Path), help="Case file or folder of your own."
+)
+
+
+def page_folder(out: Path) -> None:
+    """Make the folder of a command that leaves a page, before anything takes long.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or is the report of a run, which would no longer be one.
+    """
+    from eos_ref import InputError
+
+    if (out / "run.json").exists():
+        raise InputError("output folder", "must not be the report of a run", str(out))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise InputError("output folder", f"cannot be written: {error.strerror}", str(out)) from None
+
+
+def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
+    """End of every command that writes a report: the verdict, where the report lies, the exit code."""
+    if as_json:
+        click.echo(run.to_json(), nl=False)
+        return run.exit_code
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
+    click.secho(f"{len(run.cases)} cases: {counts} ({run.seconds:.1f} s)", bold=True)
+    for case in run.cases:
+        if not case.as_expected:
+            click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")
+    explained = sum(case.verdict == "explained" for case in run.cases)
+    if explained:
+        click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")
+    if run.predictions.stored:
+        click.echo(f"  {run.predictions} (--fresh computes them anew)")
+    for note in run.notes:
+        click.secho(f"  {note}", fg="yellow")
+    click.echo(f"report: {directory / 'report.html'}")
+    from lammps_cases.report.annotations import announce
+
+    announce(run, directory, os.environ)
+    return run.exit_code
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None) -> None:
+    """Print a table; wide where there is no terminal to fit it into."""
+    from rich import box
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+    for column in columns:
+        made.add_column(column, overflow="fold")
+    for row in rows:
+        made.add_row(*map(escape, row))
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDE
+    console.print(made)
+
+
+class Bar:
+    """Progress on standard error: a bar on a terminal, now and then a plain line elsewhere; a context manager."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._bar: Any = None
+        self._task: Any = None
+        self._quiet = quiet
+        self._said = time.monotonic()
+        if not quiet and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+
+    def show(self, done: int, total: int | None, what: str, complaint: str = "") -> None:
+        """Move the bar; a complaint stays on the terminal above it."""
+        if self._bar:
+            self._bar.update(self._task, completed=done, total=total, description=what)
+            if complaint:
+                self._bar.console.print(complaint, style="red", highlight=False, markup=False)
+        elif not self._quiet and (complaint or time.monotonic() - self._said > PLAIN_EVERY):
+            self._said = time.monotonic()
+            click.echo(complaint or f"{done}/{total or '?'} {what}", err=True)
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._task = self._bar.add_task("starting LAMMPS", total=None)
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar:
+            self._bar.stop()

@@ -1,0 +1,1 @@
+"""LAMMPS' fields against the reference's predictions and their bounds."""

@@ -1,0 +1,218 @@
+"""Comparison of a field of LAMMPS with the reference: verdict, blame, digits lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref import EOSTable
+from eos_ref.eos import bounds, lammps_rounding, rigorous
+from eos_ref.eos.table import FloatArray
+from eos_ref.methods import choice
+from eos_ref.methods.choice import Choice
+from lammps_cases.records.run_record import DigitsLost, FieldRecord, Verdict, digest
+
+IntArray = npt.NDArray[np.integer]
+CERTIFIED = 24  # atoms per field whose error is certified with Arb: the worst by an extended-precision screening
+
+
+@dataclass(frozen=True)
+class State:
+    """Per-atom state on which the equation of state acts, sorted by id, as LAMMPS holds it.
+
+    ``energy_n`` is the energy of the whole particle (LAMMPS' esph), ``mass_n`` its mass; e = energy/mass.
+    """
+
+    id_n: IntArray
+    type_n: IntArray
+    rho_n: FloatArray
+    mass_n: FloatArray
+    energy_n: FloatArray | None = None
+
+    @property
+    def e_n(self) -> FloatArray | None:
+        """Internal energy per unit mass."""
+        return None if self.energy_n is None else self.energy_n / self.mass_n
+
+
+def evaluate(
+    table: EOSTable,
+    state: State,
+    number: type[np.floating[Any]] = np.float64,
+    choices: Sequence[Choice] | None = None,
+) -> npt.NDArray[Any]:
+    """The reference's pressure of a state in a floating type.
+
+    In float64 by the methods chosen for the types, by default the best conditioned ones that cost no more: compiled
+    loops are faster per particle, but loading them takes longer than most scenes do.
+    """
+    p_n = np.empty(state.rho_n.shape, number)
+    rho_n, e_n = state.rho_n.astype(number), state.e_n
+    with np.errstate(all="ignore"):
+        for t, law in enumerate(table.laws, 1):
+            of_type = state.type_n == t
+            rho, e = rho_n[of_type], None if e_n is None else e_n[of_type].astype(number)
+            if not rho.size:
+                continue
+            if number is np.float64:
+                method = choices[t - 1].method if choices else choice.default(law, rho.size)
+                p_n[of_type] = method.function(law, float(rho.min()), float(rho.max()))(rho, e)
+            else:
+                p_n[of_type] = law.evaluate(rho, e, number)
+    return p_n
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A field of both sides with its bound, and the verdict."""
+
+    record: FieldRecord
+    lammps_n: FloatArray
+    reference_n: FloatArray
+    bound_n: FloatArray
+
+
+def same_bits(a: FloatArray, b: FloatArray) -> bool:
+    """Whether all values agree in every bit; NaN is never the same as anything."""
+    return bool(np.all(a == b)) and bool(np.all(np.signbit(a) == np.signbit(b)))
+
+
+def excess(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Absolute difference and its ratio to the bound; both infinite where either side is not a finite number."""
+    with np.errstate(all="ignore"):
+        difference = np.abs(lammps_n - reference_n)
+        difference[~(np.isfinite(lammps_n) & np.isfinite(reference_n))] = np.inf
+        ratio = difference / bound_n
+        ratio[difference == 0] = 0.0
+        ratio[~np.isfinite(bound_n) | np.isinf(difference)] = np.inf
+    return difference, ratio
+
+
+def worst_component(values_n: FloatArray, ratio_n: FloatArray) -> FloatArray:
+    """The value of every particle's component of the largest ratio."""
+    if values_n.ndim == 1:
+        return values_n
+    n = len(values_n)
+    picked: FloatArray = values_n.reshape(n, -1)[np.arange(n), ratio_n.reshape(n, -1).argmax(axis=1)]
+    return picked
+
+
+def compare_field(
+    field: str,
+    stage: str,
+    id_n: IntArray,
+    lammps_n: FloatArray,
+    reference_n: FloatArray,
+    bound_n: FloatArray,
+    same_order_n: FloatArray | None = None,
+    derivation: str = "",
+) -> Comparison:
+    """Verdict on one field: `exact`, `pass` or `differs` (a ledger may turn the last into `explained`).
+
+    Parameters
+    ----------
+    lammps_n, reference_n, bound_n : (n, ...) arrays sorted by id
+        The two sides and the largest difference that rounding can make; of vectors and tensors the component that
+        comes closest to its bound stands for the particle.
+    same_order_n : (n,) array, optional
+        The reference in LAMMPS' order of operations; the same bits as either make the field `exact`.
+    """
+    difference, ratio = excess(lammps_n, reference_n, bound_n)
+    bound = worst_component(bound_n, ratio)
+    if difference.ndim > 1:
+        difference, ratio = (side.reshape(len(id_n), -1).max(axis=1) for side in (difference, ratio))
+    verdict: Verdict = "differs"
+    outside = ~(ratio <= 1)
+    if same_bits(lammps_n, reference_n) or (same_order_n is not None and same_bits(lammps_n, same_order_n)):
+        verdict = "exact"
+    elif not outside.any():
+        verdict = "pass"
+    if outside.any() or not ratio.size:  # LAMMPS' order of operations explains no more than the bound allows
+        verdict = "differs"
+    at = int(np.argmax(ratio)) if ratio.size else None
+    record = FieldRecord(
+        field=field,
+        stage=stage,
+        verdict=verdict,
+        max_abs=float(difference.max(initial=0.0)),
+        max_over_bound=float(ratio.max(initial=0.0)),
+        bound=None if at is None else float(bound[at]),
+        derivation=derivation,
+        worst_id=None if at is None else int(id_n[at]),
+        outside=int(outside.sum()),
+        first_id=int(id_n[outside].min()) if outside.any() else None,
+        digest=digest(lammps_n),
+    )
+    return Comparison(record, lammps_n, reference_n, bound_n)
+
+
+def compare_pressure(
+    table: EOSTable,
+    state: State,
+    pressure_n: FloatArray,
+    field: str = "pressure",
+    digits: bool = True,
+    choices: Sequence[Choice] | None = None,
+) -> Comparison:
+    """LAMMPS' pressure against the reference law of LAMMPS' own density and energy (stage `eos`).
+
+    What a scene's tolerance allows its method is added to the bound.
+    """
+    reference_n = evaluate(table, state, choices=choices)
+    bound_n = bounds.comparison(table, state.rho_n, state.type_n, state.e_n)
+    same_order_n = None
+    if not same_bits(pressure_n, reference_n):
+        same_order_n = lammps_rounding.pressure(table, state.rho_n, state.type_n, state.energy_n, state.mass_n)
+    types = np.flatnonzero(np.bincount(state.type_n)).tolist()
+    words = []
+    for t in types:
+        words.append(f"type {t}: {bounds.comparison_derivation(table[t])}")
+        if choices and choices[t - 1].allowed:
+            chosen, of_type = choices[t - 1], state.type_n == t
+            background = table[t].background
+            size_n = np.abs(reference_n[of_type] - background) + abs(background)
+            bound_n[of_type] += chosen.allowed * size_n
+            words[-1] += f" + {chosen.allowed:.2g} of the terms for the method {chosen.method.name} ({chosen.why})"
+    comparison = compare_field(
+        field, "eos", state.id_n, pressure_n, reference_n, bound_n, same_order_n, "; ".join(words)
+    )
+    if digits:
+        comparison.record.digits_lost = digits_lost(table, state, pressure_n, reference_n)
+    return comparison
+
+
+def digits_lost(
+    table: EOSTable, state: State, lammps_n: FloatArray, reference_n: FloatArray, certified: int = CERTIFIED
+) -> DigitsLost:
+    """Decimal digits that each side loses against the rigorous value, worst atom.
+
+    log10 of the relative error over eps, at least 0. All atoms are screened in extended precision; the worst ones
+    of either side, and evenly spaced others, are certified with Arb. ideal/gas takes e = energy/mass as given.
+    """
+    if not state.rho_n.size:
+        return DigitsLost()
+    screened = evaluate(table, state, np.longdouble)
+    even = np.linspace(0, state.rho_n.size - 1, certified // 2).astype(int)
+    picks = [even]
+    with np.errstate(all="ignore"):
+        for side in (lammps_n, reference_n):
+            relative = np.abs((side - screened) / screened).astype(float)
+            relative[~np.isfinite(relative)] = -1.0
+            picks.append(np.argpartition(relative, -min(certified // 4, relative.size))[-(certified // 4) :])
+    lost = {"lammps": 0.0, "reference": 0.0}
+    e_n = state.e_n
+    for i in np.unique(np.concatenate(picks)).tolist():
+        law = table[int(state.type_n[i])]
+        rho, e = float(state.rho_n[i]), None if e_n is None else float(e_n[i])
+        if not law.is_defined(rho):
+            continue
+        exact = rigorous.pressure(law, rho, e)
+        size = float(abs(exact).lower())
+        for name, value in (("lammps", float(lammps_n[i])), ("reference", float(reference_n[i]))):
+            ratio = rigorous.error(value, exact) / size if size else float(value != 0)
+            lost[name] = max(lost[name], float(np.log10(max(ratio / bounds.EPS, 1.0))))
+    return DigitsLost(**{name: round(min(value, 99.0), 2) for name, value in lost.items()})

@@ -1,0 +1,143 @@
+"""Keys of predictions: everything that a prediction depends on, in one hash, to the last bit.
+
+Beside the problem itself these are the sources of the reference, and the machine and libraries that round.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import platform
+from abc import ABC
+from dataclasses import fields, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from lammps_cases.comparison.store import Store, store_folder
+
+# The rooms of this package that predictions go through; with them all of eos_ref. A test follows the imports.
+ROOMS = ("records", "comparison", "findings", "verdict")
+LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy", "vesin")
+INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have code of its own
+SWITCHES = ("GLIBC_TUNABLES", "NPY_", "NUMBA_", "OPENBLAS_")  # environment variables that may change how code rounds
+
+
+class Unnamed(TypeError):
+    """Something that a key cannot name: its source is not part of the context."""
+
+
+class Digest(Protocol):
+    """What hashlib gives."""
+
+    def update(self, data: bytes, /) -> None:
+        """Take in bytes."""
+
+
+def fingerprint(*parts: object) -> str:
+    """SHA-256 of values, arrays and dataclasses, to the last bit.
+
+    Raises
+    ------
+    Unnamed
+        A value of any other kind, or a class that is not of the reference.
+    """
+    digest = hashlib.sha256()
+    _feed(digest, parts)
+    return digest.hexdigest()
+
+
+def _feed(digest: Digest, part: Any) -> None:
+    if isinstance(part, np.ndarray) and not part.dtype.hasobject:
+        digest.update(f"array {part.dtype.str} {part.shape};".encode())
+        digest.update(np.ascontiguousarray(part).tobytes())
+    elif isinstance(part, float):
+        digest.update(f"float {float(part).hex()};".encode())  # numpy's float64 is one
+    elif isinstance(part, np.generic):
+        _feed(digest, part.item())
+    elif part is None or isinstance(part, bool | int | str):
+        digest.update(f"{type(part).__name__} {part!r};".encode())
+    elif isinstance(part, tuple | list):
+        digest.update(f"sequence {len(part)};".encode())
+        for each in part:
+            _feed(digest, each)
+    elif isinstance(part, type):
+        for base in part.__mro__:
+            if base not in (object, ABC):
+                _feed(digest, _named(base))
+    elif is_dataclass(part):
+        _feed(digest, type(part).__qualname__)
+        for each in fields(part):
+            _feed(digest, (each.name, getattr(part, each.name)))
+    else:
+        raise Unnamed(f"no key can hold a {type(part).__name__}")
+
+
+def _named(cls: type) -> tuple[object, ...]:
+    """Module, name and settings of a class whose source the context holds; of no other."""
+    package, _, module = cls.__module__.partition(".")
+    if (
+        package != "eos_ref" and (package != "lammps_cases" or module.partition(".")[0] not in ROOMS)
+    ) or "<" in cls.__qualname__:
+        raise Unnamed(f"{cls.__module__}.{cls.__qualname__} is not part of the reference")
+    plain = {k: v for k, v in vars(cls).items() if isinstance(v, bool | int | float | str | tuple) and k[:2] != "__"}
+    return (cls.__module__, cls.__qualname__, *sorted(plain.items()))
+
+
+def hashed(root: Path) -> list[Path]:
+    """All files whose bytes decide what is predicted."""
+    folders = [root / "eos_ref", *(root / "lammps_cases" / room for room in ROOMS)]
+    sources = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    return [*sources, root / "eos_ref" / "methods" / "costs.json"]
+
+
+def context(root: Path = Path(__file__).parents[2]) -> str:
+    """SHA-256 of what every prediction depends on: sources, libraries, processor, switches."""
+    digest = hashlib.sha256()
+    for path in hashed(root):
+        source = path.read_bytes()
+        _feed(digest, (path.relative_to(root).as_posix(), len(source)))
+        digest.update(source)
+    simd: Any = np.show_config(mode="dicts")
+    machine = (platform.machine(), processor(), str(simd["SIMD Extensions"]))
+    _feed(digest, (platform.python_version(), *machine, *map(_version, LIBRARIES)))
+    _feed(digest, sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(SWITCHES)))
+    return digest.hexdigest()
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return ""
+
+
+def processor() -> str:
+    """The processor as far as it decides which instructions are used, and the C library with its functions."""
+    name, flags = platform.machine(), set[str]()
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as lines:
+            known: dict[str, str] = {}
+            for line in lines:
+                key, _, value = line.partition(":")
+                known.setdefault(key.strip(), value.strip())
+        name = known.get("model name", name)
+        flags = set(known.get("flags", known.get("Features", "")).split())
+        libc = os.confstr("CS_GNU_LIBC_VERSION") or ""
+    except (OSError, ValueError):
+        libc = ""
+    return ", ".join(filter(None, (name, " ".join(i for i in INSTRUCTIONS if i in flags), libc)))
+
+
+def open_store(fresh: bool = False) -> Store:
+    """The user's store, for the reference as it is."""
+    return Store(store_folder(), context(), fresh)
+
+
+@functools.cache
+def current(store: Store) -> bool:
+    """Whether a store's context is that of this process: sources may have changed since the store was opened."""
+    return store.context == context()

@@ -1,0 +1,115 @@
+"""What the reference predicts for a scene, computed once: within a case, and from run to run.
+
+A prediction follows from the problem (model, box, particles, time step, fields, steps), the variant, the seed of the
+moved runs, and what `lammps_cases.comparison.prediction_keys` adds to that: nothing else decides whether one is found
+again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.trajectory import Fields, Particles, Prediction, precise_setup, predict, visit, wanted
+
+Made = tuple[type[Plain], type[Simulation]]  # the stages and the stepping of a variant
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+@dataclass
+class Predictor:
+    """Gives what the reference predicts: from memory, from a store, or computed.
+
+    Attributes
+    ----------
+    store : where predictions are kept between runs; None: nowhere
+    computed, stored : how many were computed, and how many came from the store
+    """
+
+    store: Store | None = None
+    computed: int = 0
+    stored: int = 0
+    _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
+    _named: list[tuple[Particles, str]] = field(default_factory=list, repr=False)
+
+    def predict(self, scene: Particles, made: Made | None = None, seed: int = 0) -> Prediction:
+        """Fields with bounds, of the reference or of a variant; see `lammps_cases.comparison.trajectory.predict`."""
+
+        def compute() -> Arrays:
+            stages, stepping = made or (None, Simulation)
+            found = predict(scene, stages, stepping, seed)
+            return _rows("value", found.fields) | _rows("bound", found.bounds)
+
+        arrays = self._recall(("prediction", self._name(scene), made, seed), compute)
+        return Prediction(*(tuple(_columns(of, scene, arrays)) for of in ("value", "bound")))
+
+    def values(self, scene: Particles, made: Made) -> list[Fields]:
+        """Fields of a variant without their bounds."""
+
+        def compute() -> Arrays:
+            stages, stepping = made
+            sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
+            visited = visit(sim, scene.steps, scene.timestep)
+            return _rows("value", [{f: np.array(sim.output(f)) for f in scene.fields} for _ in visited])
+
+        return _columns("value", scene, self._recall(("values", self._name(scene), made), compute))
+
+    def precise(self, scene: Particles) -> Fields:
+        """Fields of the first evaluation in extended precision."""
+
+        def compute() -> Arrays:
+            return {f: np.asarray(x) for f, x in precise_setup(scene).items()}
+
+        return self._recall(("precise", self._name(scene)), compute)
+
+    def names(self, what: str, scene: Particles, compute: Callable[[], list[str]], seed: int) -> list[str]:
+        """Return names that follow from a scene and a seed, such as those of formulas it cannot tell apart."""
+
+        def made() -> Arrays:
+            return {"names": np.array(compute(), dtype=str)}
+
+        names: list[str] = self._recall((what, self._name(scene), seed), made)["names"].tolist()
+        return names
+
+    def _name(self, scene: Particles) -> str:
+        """The fingerprint of a scene, taken once."""
+        for known, name in self._named:
+            if known is scene:
+                return name
+        self._named.append((scene, fingerprint(scene)))
+        return self._named[-1][1]
+
+    def _recall(self, what: tuple[object, ...], compute: Callable[[], Arrays]) -> Arrays:
+        try:
+            key = fingerprint(*what)
+        except Unnamed:
+            self.computed += 1
+            return compute()
+        if key in self._known:
+            return self._known[key]
+        arrays = self.store.read(key) if self.store else None
+        if arrays is None:
+            arrays = compute()
+            self.computed += 1
+            if self.store:
+                self.store.write(key, arrays)
+        else:
+            self.stored += 1
+        self._known[key] = arrays
+        return arrays
+
+
+def _rows(name: str, steps: Any) -> Arrays:
+    return {f"{name} {k} {f}": np.asarray(array) for k, found in enumerate(steps) for f, array in found.items()}
+
+
+def _columns(name: str, scene: Particles, arrays: Arrays) -> list[Fields]:
+    return [{f: arrays[f"{name} {k} {f}"] for f in scene.fields} for k in range(len(scene.steps))]

@@ -1,0 +1,231 @@
+"""What the reference predicts for a scene of the particle model: fields at some steps, each with its bound.
+
+The bound of a single evaluation follows from its own formulas (`eos_ref.numbers.rounded`). Over steps rounding grows:
+the bound is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
+state by one unit of the last place, with random signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.bounds import EPS
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.cutoff import at_cutoff
+from eos_ref.evaluation.stages import Stages
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.methods import choice
+from eos_ref.model.parameters import Box, Gradients, Model, PairTerms, State
+from eos_ref.model.quantities import needed_to_step
+from eos_ref.numbers.rounded import Rounded, error
+
+Fields = dict[str, Any]
+MOVED_RUNS = 3
+DISCRETE = ("coordination", "surface", "phase", "status")
+
+
+@dataclass(frozen=True)
+class Particles:
+    """A scene as the reference takes it: what it is, the fields compared and the steps at which they are."""
+
+    model: Model
+    box: Box
+    state: State
+    timestep: float
+    fields: tuple[str, ...]
+    steps: tuple[int, ...]
+    method: str = "default"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Fields of the reference at the steps of a scene, and the bound of each."""
+
+    fields: tuple[Fields, ...]
+    bounds: tuple[Fields, ...]
+
+
+def wanted(scene: Particles) -> tuple[str, ...]:
+    """The fields compared, and what steps need if there are any."""
+    return tuple(dict.fromkeys((*scene.fields, *(needed_to_step(scene.model) if scene.steps[-1] else ()))))
+
+
+def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
+    """Run a simulation, halting at each of the steps (0 is the first evaluation)."""
+    sim.setup()
+    done = 0
+    for step in steps:
+        sim.run(step - done, dt)
+        done = step
+        yield step
+
+
+def predict(
+    scene: Particles,
+    evaluator: type[Plain] | None = None,
+    stepping: type[Simulation] = Simulation,
+    seed: int = 0,
+) -> Prediction:
+    """Fields at some steps with their bounds.
+
+    Parameters
+    ----------
+    evaluator, stepping : class
+        The stages, and the order in which a step takes them; a variant's, for a finding. By default the reference's
+        own stages, compiled if the scene is large enough to be worth loading them.
+    seed : int
+        Of the random signs of the moved runs.
+    """
+    fields, steps, last = scene.fields, scene.steps, scene.steps[-1]
+    stages = evaluator or own_stages(scene)
+    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
+    values, own, sizes = [], [], Sizes()
+    for step in visit(sim, steps, scene.timestep):
+        values.append({field: sim.output(field).copy() for field in fields})
+        errors = sim.rounded(at_cutoff(evaluator or Plain))
+        sizes.add(errors)
+        own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
+    runs = _moved_runs(scene, stages, stepping, sizes, seed) if last else []
+    spreads = _spread(runs, scene, values)
+    bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
+    return Prediction(tuple(values), bounds)
+
+
+def own_stages(scene: Particles) -> type[Stages]:
+    """The reference's stages, plain or compiled: as the scene says, or the cheaper ones for all its runs."""
+    name = scene.method
+    if name not in ("plain", "compiled"):
+        runs = 1 + MOVED_RUNS * bool(scene.steps[-1])
+        name = choice.stages(len(scene.state.x_nc) * (1 + scene.steps[-1]) * runs)
+    if name == "plain":
+        return Plain
+    from eos_ref.compiled.evaluator import Fast
+
+    return Fast
+
+
+# --- one evaluation
+
+
+def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -> Any:
+    if field in ("x", "v", "rho", "energy", "phase") and step > 0:
+        return np.zeros(np.shape(values))  # all of it is in the spread
+    if field == "coordination":
+        return error(twin.evaluator.counted_n)
+    return error(twin.output(field))
+
+
+class Sizes(dict[str, FloatArray]):
+    """Largest rounding error of every quantity that steps build on, over the evaluations seen."""
+
+    def add(self, twin: Simulation) -> None:
+        """Take in one evaluation."""
+        found = {name: twin.fields.get(name) for name in ("f", "drho", "heatflow", "shift/v", "chi")}
+        found["pressure force"], found["rho"] = twin.pressure_force_nc, twin.state.rho_n
+        for name in ("v", "rho", "energy"):
+            found[f"grad/{name}"] = getattr(twin.gradient, "v_ncc" if name == "v" else f"{name}_nc")
+        for name, quantity in found.items():
+            if isinstance(quantity, Rounded):
+                known = np.where(np.isnan(quantity.error), np.inf, quantity.error)
+                self[name] = np.maximum(self.get(name, 0.0), known)
+
+
+# --- many steps
+
+
+def moved(evaluator: type[Stages], sizes: Sizes, random: np.random.Generator) -> type[Stages]:
+    """The stages of an evaluator with every result moved by its bound, up or down at random."""
+
+    def move(quantity: Any, name: str) -> Any:
+        if quantity is None or name not in sizes:
+            return quantity
+        return quantity + random.choice((-1.0, 1.0), np.shape(quantity)) * sizes[name]
+
+    class Moved(evaluator):  # type: ignore[misc, valid-type]
+        def density_sum(self) -> Any:
+            return move(super().density_sum(), "rho")
+
+        def interface(self, rho_n: Any, acceleration_nc: Any, energy_n: Any = None) -> Any:
+            chi_n, new_n = super().interface(rho_n, acceleration_nc, energy_n)
+            return move(chi_n, "chi"), np.where(self.solid_n, move(new_n, "rho"), new_n)
+
+        def gradients(self, *arguments: Any, **options: Any) -> Gradients:
+            found: Gradients = super().gradients(*arguments, **options)
+            for name, field in (("v_ncc", "v"), ("rho_nc", "rho"), ("energy_nc", "energy")):
+                setattr(found, name, move(getattr(found, name), f"grad/{field}"))
+            return found
+
+        def shift(self, v_nc: Any, rho_n: Any) -> Any:
+            return move(super().shift(v_nc, rho_n), "shift/v")
+
+        def pair_terms(self, *arguments: Any, **options: Any) -> PairTerms:
+            found = super().pair_terms(*arguments, **options)
+            return PairTerms(
+                move(found.force_nc, "f"),
+                move(found.pressure_force_nc, "pressure force"),
+                move(found.drho_n, "drho"),
+                move(found.heat_n, "heatflow"),
+            )
+
+    return Moved
+
+
+def precise_setup(scene: Particles) -> Fields:
+    """Fields of the first evaluation in extended precision."""
+    twin = Simulation(scene.model, scene.box, scene.state, wanted(scene)).precise()
+    return {field: twin.output(field) for field in scene.fields}
+
+
+def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
+    """Steps after each of which the state moves by one unit of the last place."""
+
+    def signs(like: FloatArray) -> FloatArray:
+        return EPS * random.choice((-1.0, 1.0), like.shape)
+
+    class Shaken(stepping):  # type: ignore[misc, valid-type]
+        def step(self, dt: float) -> None:
+            super().step(dt)
+            s = self.state
+            reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a coordinate that wraps rounds so
+            s.x_nc = s.x_nc + signs(s.x_nc) * reach_c
+            s.v_nc = s.v_nc * (1 + signs(s.v_nc))
+            s.rho_n = s.rho_n * (1 + signs(s.rho_n))
+            if s.energy_n is not None:
+                s.energy_n = s.energy_n * (1 + signs(s.energy_n))
+
+    return Shaken
+
+
+def _moved_runs(
+    scene: Particles,
+    evaluator: type[Stages],
+    stepping: type[Simulation],
+    sizes: Sizes,
+    seed: int,
+) -> list[Simulation]:
+    runs = []
+    for k in range(MOVED_RUNS):
+        random = np.random.default_rng((seed, k))
+        steps = shaken(stepping, random)
+        stages = moved(evaluator, sizes, random)
+        runs.append(steps(scene.model, scene.box, scene.state, wanted(scene), stages))
+    return runs
+
+
+def _spread(runs: Sequence[Simulation], scene: Particles, values: Sequence[Fields]) -> list[Fields]:
+    """Largest distance of the moved runs from the reference, per field and step; 0 at step 0."""
+    largest: list[Fields] = [dict.fromkeys(scene.fields, 0.0) for _ in scene.steps]
+    for run in runs:
+        for at, step in enumerate(visit(run, scene.steps, scene.timestep)):
+            for field in scene.fields if step else ():
+                distance = np.abs(run.output(field) - values[at][field])
+                distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
+                # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.
+                far = distance if field in DISCRETE else distance.max(initial=0.0)
+                largest[at][field] = np.maximum(largest[at][field], far)
+    return largest

@@ -1,0 +1,1 @@
+"""LAMMPS: the session that imports it, worker processes, MPI ranks, installations."""

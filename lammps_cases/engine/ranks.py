@@ -1,0 +1,160 @@
+"""Jobs on several MPI ranks: mpiexec starts this module on each, each leaves its own atoms, `solve` joins them.
+
+``python -m lammps_cases.engine.ranks FOLDER SITE PARENT`` is what a rank runs, job after job. LAMMPS initialises MPI
+itself, and files carry the jobs and what the ranks found, so that nothing here needs an MPI of its own.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineMissing, Job, mpiexec, open_lammps, run
+
+PAUSE = 0.002  # seconds between two looks for a file
+
+
+def die_with(parent: int) -> None:
+    """End this process when another is gone: LAMMPS in a long run notices nothing of a closed pipe."""
+    while True:
+        try:
+            os.kill(parent, 0)
+        except OSError:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.5)
+
+
+class Ranks:
+    """LAMMPS on several processes of their own, which take one job after another and die with this one."""
+
+    def __init__(self, site: str | None, count: int) -> None:
+        self._count = count
+        self._asked = 0
+        self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
+        self._place = Path(self._folder.name)
+        # This package may lie beside the current folder, as in a checkout.
+        paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+        program = [sys.executable, "-m", "lammps_cases.engine.ranks", self._folder.name, site or "", str(os.getpid())]
+        with (self._place / "words").open("wb") as words:
+            self._process = subprocess.Popen(
+                [str(mpiexec(site)), "-launcher", "fork", "-n", str(count), *program],
+                stdin=subprocess.DEVNULL,
+                stdout=words,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            )
+
+    def run(self, job: Job) -> Answer:
+        """Run one job; after an exception the processes are gone."""
+        written = self._place / "job"
+        written.write_bytes(pickle.dumps(job))
+        written.rename(self._place / f"job.{self._asked}")
+        mask = f"rank.{self._asked}.*"
+        self._asked += 1
+        while self._process.poll() is None and len(list(self._place.glob(mask))) < self._count:
+            time.sleep(PAUSE)
+        found = [pickle.loads(file.read_bytes()) for file in sorted(self._place.glob(mask))]
+        for outcome in found:
+            if isinstance(outcome, Exception):
+                self._process.wait()
+                raise outcome
+        if len(found) != self._count:
+            raise EngineCrashed(_last_words(self._place / "words", self._process.wait()))
+        return _joined(found)
+
+    def end(self) -> None:
+        """Stop the processes."""
+        self._process.terminate()
+        self._process.wait()
+        self._folder.cleanup()
+
+
+@functools.cache
+def _living(site: str | None, count: int) -> Ranks:
+    """The processes of this one: starting them takes as long as a dozen small jobs."""
+    return Ranks(site, count)
+
+
+def solve(site: str | None, job: Job) -> Answer:
+    """Run one job on ``job.ranks`` processes.
+
+    Raises
+    ------
+    EngineRefused, EngineMissing
+        What a rank raised.
+    EngineCrashed
+        A rank died without a word of LAMMPS.
+    """
+    living = _living(site, job.ranks)
+    try:
+        return living.run(job)
+    except Exception:
+        living.end()
+        _living.cache_clear()
+        raise
+
+
+def _last_words(file: Path, code: int) -> str:
+    """What mpiexec says of the end, and the last lines that the ranks printed before its banner."""
+    text = file.read_text(errors="replace")
+    end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)
+    lines = [line.strip() for line in text.split(20 * "=")[0].splitlines() if line.strip()]
+    how = f"ended with {end[1].strip() if end else f'code {code}'}"
+    if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
+        how = f"was killed by {signal.Signals(int(end[2])).name}"
+    return f"LAMMPS on several ranks {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
+
+
+def _joined(answers: list[Answer]) -> Answer:
+    """Atoms of all ranks, sorted by id."""
+    snapshots = []
+    for parts in zip(*(answer.snapshots for answer in answers), strict=True):
+        order_n = np.argsort(np.concatenate([part["id"] for part in parts]), kind="stable")
+        snapshots.append({name: np.concatenate([part[name] for part in parts])[order_n] for name in parts[0]})
+    seconds = max(answer.seconds for answer in answers)
+    slowest = tuple(max(parts) for parts in zip(*(answer.run_seconds for answer in answers), strict=True))
+    return Answer(snapshots[-1], seconds, tuple(snapshots), answers[0].steps, slowest)
+
+
+# --- inside a rank ---
+
+
+def _rank(folder: Path, site: str | None) -> None:
+    lmp: Any = None
+    for asked in itertools.count():
+        file = folder / f"job.{asked}"
+        while not file.exists():
+            time.sleep(PAUSE)
+        outcome: Answer | Exception
+        try:
+            job = pickle.loads(file.read_bytes())
+            lmp = lmp or open_lammps(site)
+            size = lmp.extract_setting("world_size")
+            if size != job.ranks:
+                raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
+            outcome = run(lmp, job)
+        except Exception as error:
+            outcome = error
+        written = folder / f"part.{os.getpid()}"
+        written.write_bytes(pickle.dumps(outcome))
+        written.rename(folder / f"rank.{asked}.{os.getpid()}")  # never half a file
+        if isinstance(outcome, Exception):
+            os._exit(1)  # other ranks may wait for this one for ever; mpiexec ends them
+
+
+if __name__ == "__main__":
+    threading.Thread(target=die_with, args=(int(sys.argv[3]),), daemon=True).start()
+    _rank(Path(sys.argv[1]), sys.argv[2] or None)

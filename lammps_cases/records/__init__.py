@@ -1,0 +1,1 @@
+"""What commands leave on disk: records of runs, files, wording."""

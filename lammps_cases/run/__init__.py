@@ -1,0 +1,1 @@
+"""The main job: a campaign over cases, its folder, shards, tables."""

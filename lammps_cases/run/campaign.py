@@ -1,0 +1,442 @@
+"""The main job: cases against LAMMPS, one after another through the workers, and everything a run leaves behind."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import importlib
+import itertools
+import os
+import platform
+import shutil
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from eos_ref import EOSTable, InputError
+from lammps_cases import history
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine.installations import Engine, library_sha256
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import Failure, Workers, solve
+from lammps_cases.records.run_record import (
+    CaseRecord,
+    EngineRecord,
+    RunRecord,
+    read_run,
+    write_arrays,
+    write_atomically,
+)
+from lammps_cases.scene import FromFile, Scene
+from lammps_cases.scene.atoms import Atoms, build
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import reference_side, twins
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.setup.twins import Twin
+
+if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner without
+    from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.history.reported import Past
+    from lammps_cases.report.drawn import Drawn
+    from lammps_cases.verdict.judgement import Arrays
+
+JUDGING = 1800.0  # seconds that judging a case may take
+Progress = Callable[[CaseRecord, int, int], None]
+Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A case ready to run: its particles and, unless LAMMPS is to refuse it, its laws."""
+
+    case: Case
+    eos: EOSTable | None
+    atoms: Atoms
+    twin: Twin | None = None
+
+    @property
+    def sides(self) -> list[tuple[Scene, Atoms]]:
+        """The scene and its particles, or those of the original and its twin."""
+        if self.twin is None:
+            return [(self.case.scene, self.atoms)]
+        return [(self.twin.scene, self.twin.atoms), (self.twin.other_scene, self.twin.other_atoms)]
+
+    @property
+    def jobs(self) -> list[Job]:
+        """What LAMMPS is told: one job, or those of the original and its twin."""
+        return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
+
+
+def prepare(case: Case) -> Prepared:
+    """Build a case's particles and laws, checking them against each other.
+
+    Raises
+    ------
+    InputError
+    """
+    eos = None if case.scene.expect else case.scene.eos(case.where)
+    atoms = build(case, eos)
+    if case.scene.whole_model and not case.scene.expect:
+        reference_side.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
+    elif eos is not None and case.scene.method != "default" and atoms.rho_n is not None:
+        from lammps_cases.verdict.judgement import methods_of
+
+        # An unknown method, or a tolerance that none meets, is said before LAMMPS is started.
+        methods_of(
+            case, eos, atoms.type_n, atoms.rho_n, None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
+        )
+    return Prepared(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
+
+
+def run_cases(
+    cases: Sequence[Case],
+    engine: Engine,
+    jobs: int,
+    directory: Path,
+    command: str = "",
+    strict: bool = False,
+    part: str = "",
+    progress: Progress | None = None,
+    store: Store | None = None,
+) -> RunRecord:
+    """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
+
+    With a store, predictions of the reference are taken from there and kept there.
+
+    Raises
+    ------
+    InputError
+        Bad case, or a folder that cannot be written or is in use.
+    EngineMissing
+        There is no LAMMPS with RHEO.
+    """
+    begin = time.perf_counter()
+    with output_folder(directory) as folder, Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
+        identity = workers.identify()  # the workers start while the scenes are built
+        queue = []
+        for case in sorted(cases, key=_last):
+            ready = prepare(case)
+            queue.append((ready, [workers.submit(told, case.scene.engine.time_limit) for told in ready.jobs]))
+        importlib.import_module("lammps_cases.report.page")  # while LAMMPS works
+        who = workers.outcome(identity)
+        answering = engine_record(engine, {} if isinstance(who, Failure) else who)
+        judged = []
+        for ready, futures in queue:
+            outcomes: Outcomes = []
+            for future in futures:
+                outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
+                outcomes.append(outcome)
+            judged.append(workers.call(report, folder, ready, outcomes, answering, store, time_limit=JUDGING))
+        records: list[CaseRecord] = []
+        known: dict[str, Drawn] = {}
+        for (ready, _), verdict in zip(queue, judged, strict=True):
+            found = workers.outcome(verdict, JUDGING)
+            record, known[ready.case.name] = _lost(ready, found, answering) if isinstance(found, Failure) else found
+            records.append(record)
+            if progress:
+                progress(record, len(records), len(queue))
+        who = workers.outcome(identity)
+        run = provenance(
+            EngineRecord(name=engine.name) if isinstance(who, Failure) else engine_record(engine, who), command
+        )
+        run.strict, run.shard = strict, part
+        run.cases = sorted(records, key=lambda record: record.case)
+        run.notes = gone(run.cases)
+        run.seconds = round(time.perf_counter() - begin, 3)
+        write_run(run.counted(), folder, known, history.past(run))
+    history.collect(run, directory)
+    if store and run.predictions.computed:
+        store.trim()
+    return run
+
+
+def report(
+    site: str | None, folder: Path, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None
+) -> tuple[CaseRecord, Drawn]:
+    """Task: judge a case, write its arrays into the folder of the report, and take from them what the page shows."""
+    from lammps_cases.report.drawn import drawn
+
+    record, arrays = judge(site, ready, outcomes, engine, store)
+    if arrays:
+        write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+    return record, drawn(record, arrays)
+
+
+def judge(
+    site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
+) -> tuple[CaseRecord, Arrays]:
+    """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
+    from lammps_cases.comparison.prediction_keys import current
+    from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.verdict.judgement import blank_record
+
+    predictor = Predictor(store if store and current(store) else None)
+    try:
+        record, arrays = _evaluated(ready, outcomes, engine, predictor)
+    except Exception as error:
+        record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
+        record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
+    differs = record.verdict == "differs" and bool(arrays) and ready.case.scene.whole_model
+    with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
+        if differs and (looked := _with_lists(site, ready, outcomes, engine.distribution)):
+            record, arrays = _evaluated(ready, looked, engine, predictor)
+    with contextlib.suppress(Exception):
+        if differs and record.verdict == "differs" and ready.twin is None:
+            record.message = _first_step(site, ready, engine.distribution, predictor) or record.message
+    return record, arrays
+
+
+def _evaluated(
+    ready: Prepared, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
+) -> tuple[CaseRecord, Arrays]:
+    from lammps_cases.verdict.judgement import evaluate, evaluate_twin
+
+    if ready.twin is not None:
+        return evaluate_twin(ready.case, ready.twin, outcomes, engine, predictor)
+    return evaluate(ready.case, ready.eos, ready.atoms, outcomes[0], engine, predictor)
+
+
+def _with_lists(site: str | None, ready: Prepared, outcomes: Outcomes, engine: str) -> Outcomes:
+    """The answers with LAMMPS' lists of neighbours, from runs read at every step; empty if no finding follows them."""
+    from lammps_cases.verdict.judgement import asks_for_lists
+
+    if not any(asks_for_lists(ready.case, scene, atoms, engine) for scene, atoms in ready.sides):
+        return []
+    found: Outcomes = []
+    for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
+        if isinstance(outcome, Failure) or scene.engine.ranks > 1:
+            return []
+        again = solve(site, job(scene, atoms, plan(scene), every_step=True, lists=True))
+        compared = zip(outcome.steps, outcome.snapshots, strict=True)
+        if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
+            return []  # another run than the one judged: its lists say nothing
+        found.append(replace(outcome, lists=again.lists))
+    return found
+
+
+def _same(arrays: Arrays, others: Arrays) -> bool:
+    return all(arrays[name].tobytes() == others[name].tobytes() for name in arrays)
+
+
+def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> str:
+    """Run a case that differs once more and read every step, to blame the first one."""
+    scene = ready.case.scene
+    if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
+        return ""
+    from lammps_cases.verdict.judgement import asks_for_lists, first_step
+
+    lists = asks_for_lists(ready.case, scene, ready.atoms, engine)
+    told = job(scene, ready.atoms, plan(scene), every_step=True, lists=lists)
+    return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
+
+
+def _lost(ready: Prepared, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
+    """The record of a case that was not judged."""
+    from lammps_cases.report.drawn import Drawn
+    from lammps_cases.verdict.judgement import blank_record
+
+    record = blank_record(ready.case, ready.eos, ready.atoms, engine)
+    record.verdict, record.message = "error", f"judging failed: {failure.message}"
+    return record, Drawn()
+
+
+def gone(cases: Sequence[CaseRecord]) -> list[str]:
+    """A sentence for every finding that some cases would show, and none of the run does."""
+    seen = {entry for case in cases for field in case.fields for entry in (field.explained_by or "").split(", ")}
+    unseen = Counter(entry for case in cases for entry in case.unseen if entry not in seen)
+    return [
+        f"this engine no longer shows {entry} ({count} case{'s' * (count > 1)} would): take it off the ledger's list"
+        for entry, count in sorted(unseen.items())
+    ]
+
+
+def _last(case: Case) -> int:
+    """Order of submission: what may cost a worker its life late, what takes long to read last, meanwhile others run."""
+    return 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
+
+
+def engine_record(engine: Engine, who: dict[str, str]) -> EngineRecord:
+    """Who answered (nothing is known of one that died), with the hash of its library."""
+    return EngineRecord(name=engine.name, library_sha256=library_sha256(who.get("library", "")), **who)
+
+
+def provenance(engine: EngineRecord, command: str) -> RunRecord:
+    """A run without cases: versions, machine, date, command."""
+    from importlib.metadata import version
+
+    packages = {"eos-ref": "eos-ref", "numpy": "numpy", "numba": "numba", "python-flint": "python-flint"}
+    return RunRecord(
+        engine=engine,
+        reference={"python": platform.python_version(), **{name: version(name) for name in packages}},
+        machine={
+            "system": f"{platform.system()} {platform.release()}",
+            "processor": platform.processor() or platform.machine(),
+            "cores": str(os.cpu_count()),
+            "kind": prediction_keys.processor(),
+        },
+        date=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        command=command,
+    )
+
+
+def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = None, past: Past | None = None) -> None:
+    """Write run.json and the reports made from it; ``known`` and ``past`` as in `lammps_cases.report.write_report`."""
+    from lammps_cases.report import write_report
+
+    write_atomically(folder / "run.json", run.to_json())
+    write_report(run, folder, known=known, history=past)
+
+
+@contextmanager
+def output_folder(directory: Path) -> Iterator[Path]:
+    """A hidden folder beside ``directory`` that replaces it on success; a kill at any moment leaves a whole report.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, holds something else than a report, or another run is writing into it.
+    """
+    directory = directory.resolve()
+    if directory in (Path.cwd(), *Path.cwd().parents):
+        raise InputError("output folder", "must not be the current folder or above it", str(directory))
+    partial = directory.with_name(f".{directory.name}.partial")
+    old = directory.with_name(f".{directory.name}.old")
+    with _locked(directory):
+        if old.exists() and not directory.exists():  # killed between the two renames below
+            old.rename(directory)
+        if directory.exists() and (not directory.is_dir() or _foreign(directory)):
+            raise InputError(
+                "output folder", "must be empty or hold an earlier report and nothing else", str(directory)
+            )
+        for leftover in (partial, old):
+            shutil.rmtree(leftover, ignore_errors=True)
+        partial.mkdir()
+        try:
+            yield partial
+            _replace(directory, partial, old)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _replace(directory: Path, partial: Path, old: Path) -> None:
+    try:
+        if directory.exists():
+            directory.rename(old)
+        partial.rename(directory)
+    except OSError:  # a mount point, say of a container, cannot be renamed: replace what is in it
+        for path in directory.iterdir():
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        shutil.copytree(partial, directory, dirs_exist_ok=True)
+
+
+REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
+
+
+def _foreign(directory: Path) -> bool:
+    """Whether a folder holds anything that is not an earlier report, which would be lost with it."""
+    names = {path.name for path in directory.iterdir()}
+    if not names:
+        return False
+    try:
+        ours = '"schema": "eos-ref/run/' in (directory / "run.json").read_text(errors="replace")[:200]
+    except OSError:
+        return True
+    fields = directory / "fields"
+    return not ours or bool(names - REPORT) or (fields.exists() and any(p.suffix != ".npz" for p in fields.iterdir()))
+
+
+@contextmanager
+def _locked(directory: Path) -> Iterator[IO[str]]:
+    lock = directory.with_name(f".{directory.name}.lock")
+    try:
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        if directory.exists() and not os.access(directory, os.W_OK):
+            raise PermissionError(13, "Permission denied")
+        handle = lock.open("w")
+    except OSError as error:
+        raise InputError("output folder", f"cannot be written: {error.strerror}", str(directory)) from None
+    with handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not os.path.samestat(os.fstat(handle.fileno()), lock.stat()):
+                raise BlockingIOError  # the run before removed this file between our opening and locking it
+        except OSError:
+            raise InputError("output folder", "another run is writing into it", str(directory)) from None
+        try:
+            yield handle
+        finally:
+            lock.unlink(missing_ok=True)
+
+
+def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
+    """Join runs of different cases on the same engine and write one report.
+
+    Raises
+    ------
+    InputError
+        A folder without a run, different engines, or a case that occurs twice.
+    """
+    runs = [read_run(folder) for folder in directories]
+    merged = runs[0]
+    for run, folder in zip(runs[1:], directories[1:], strict=True):
+        one, other = run.engine, merged.engine
+        if (one.distribution, one.library_sha256) != (other.distribution, other.library_sha256):
+            rule = f"must be {other.distribution} with the library of the first run"
+            raise InputError("engine", rule, one.distribution, str(folder))
+        merged.cases += run.cases
+        merged.seconds += run.seconds
+        merged.strict |= run.strict
+    _check_shards([run.shard for run in runs])
+    merged.shard = ""
+    merged.notes = gone(merged.cases)
+    merged.cases.sort(key=lambda record: record.case)
+    for case, following in itertools.pairwise(merged.cases):
+        if case.case == following.case:
+            raise InputError("case", "occurs in two of the runs", case.case)
+    merged.command = command_line()
+    with output_folder(directory) as folder:
+        for source in directories:
+            for file in sorted((source / "fields").glob("*.npz")):
+                write_atomically(folder / "fields" / file.name, file.read_bytes())
+        write_run(merged.counted(), folder, past=history.past(merged))
+    history.collect(merged, directory)
+    return merged
+
+
+def _check_shards(shards: Sequence[str]) -> None:
+    """Parts of a run must be all of its parts; runs that are not parts may be joined freely."""
+    for count in sorted({part.partition("/")[2] for part in shards if part}):
+        missing = {f"{k}/{count}" for k in range(1, int(count) + 1)} - set(shards)
+        if missing:
+            raise InputError("shards", "must be complete to be merged; missing " + ", ".join(sorted(missing)))
+
+
+def shard(cases: Sequence[Case], text: str) -> list[Case]:
+    """Every n-th case, beginning with the i-th, for ``i/n``.
+
+    Raises
+    ------
+    InputError
+    """
+    first, _, count = text.partition("/")
+    if not (first.isdigit() and count.isdigit() and 1 <= int(first) <= int(count)):
+        raise InputError("shard", "must be i/n with 1 <= i <= n", text)
+    chosen = list(cases[int(first) - 1 :: int(count)])
+    if not chosen:
+        raise InputError("shard", f"is empty: there are {len(cases)} cases", text)
+    return chosen
+
+
+def command_line() -> str:
+    """The command as the user typed it, without the folder of the program."""
+    import shlex
+
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

@@ -1,0 +1,128 @@
+"""ASE in and out: extended XYZ files as scenes, pressures of an `ase.Atoms`, results as an `ase.Atoms`."""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eos_ref import EOSTable, InputError
+from eos_ref.cache import cache_folder
+from eos_ref.eos.table import FloatArray
+from lammps_cases.records.run_record import write_arrays
+from lammps_cases.scene import Scene
+
+if TYPE_CHECKING:
+    import ase
+
+
+def pressures(atoms: ase.Atoms, eos: EOSTable) -> FloatArray:
+    """Pressure of every particle of an `ase.Atoms`.
+
+    Parameters
+    ----------
+    atoms : ase.Atoms
+        With the per-atom array ``rho`` (density), optionally ``type`` (1 to N, default 1) and ``e`` (internal energy
+        per unit mass).
+    eos : EOSTable
+        The laws of all types.
+
+    Returns
+    -------
+    ndarray of float64, (n,)
+
+    Raises
+    ------
+    InputError
+        An array is missing or of the wrong kind.
+    """
+    if "rho" not in atoms.arrays:
+        raise InputError("Atoms", "needs the per-atom array rho", sorted(atoms.arrays))
+    type_n = atoms.arrays.get("type", np.ones(len(atoms), int))
+    return eos.pressure(atoms.arrays["rho"], type_n, atoms.arrays.get("e"))
+
+
+def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
+    """The particles of a case (its ``fields/CASE.npz``) as an `ase.Atoms`, all fields as per-atom arrays.
+
+    Types become chemical symbols in the order H, He, ... for viewers; the array ``type`` keeps the numbers.
+    """
+    import ase
+
+    low_c, high_c = arrays["box"]
+    atoms = ase.Atoms(numbers=arrays["type"], positions=arrays["x"], cell=high_c - low_c, pbc=True)
+    for name in sorted(arrays):
+        if name not in ("box", "x"):
+            atoms.set_array(name.replace(".", "_"), np.asarray(arrays[name]))
+    return atoms
+
+
+def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
+    """Particles of an extended XYZ file: x, low, high, periodic, spacing and, if present, type, rho, e.
+
+    Raises
+    ------
+    InputError
+        Unreadable, truncated, empty, without an orthogonal cell, or with particles outside of it.
+    """
+    arrays = _arrays(path, where)
+    x_nc, cell_cc, place = arrays["positions"], arrays["cell"], f"{where}, {path.name}"
+    if len(x_nc) == 0:
+        raise InputError("extxyz", "the scene is empty: needs at least one particle", path.name, where)
+    low_c, high_c = np.zeros(3), np.diag(cell_cc).copy()
+    if not np.isfinite(cell_cc).all() or np.any(cell_cc != np.diag(high_c)) or np.any(high_c[: scene.dimension] <= 0):
+        raise InputError("Lattice", "must be orthogonal with positive, finite edges", cell_cc.tolist(), place)
+    if scene.dimension == 2:
+        low_c[2], high_c[2] = -0.5, 0.5
+    inside_n = np.all((x_nc >= low_c) & (x_nc < high_c), axis=1)
+    if not inside_n.all():
+        bad = int(np.flatnonzero(~inside_n)[0])
+        raise InputError("position", "must lie within the cell", x_nc[bad].tolist(), f"{place}, atom {bad + 1}")
+    volume = float(np.prod((high_c - low_c)[: scene.dimension]))
+    return {
+        "x": x_nc,
+        "low": low_c,
+        "high": high_c,
+        "periodic": tuple(bool(p) or (c == 2 and scene.dimension == 2) for c, p in enumerate(arrays["pbc"])),
+        "spacing": (volume / len(x_nc)) ** (1 / scene.dimension),
+        **{name: arrays[name] for name in ("type", "rho", "e") if name in arrays},
+    }
+
+
+def _arrays(path: Path, where: str) -> dict[str, Any]:
+    """Arrays of a file as ASE reads them, kept in the cache by content: importing ASE takes longer than most scenes."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError("extxyz", f"no such file or not readable ({error.strerror})", path.name, where) from None
+    digest = hashlib.sha256(content + Path(__file__).read_bytes() + version("ase").encode()).hexdigest()
+    cached = cache_folder("extxyz") / f"{digest}.npz"
+    if not cached.exists():
+        write_arrays(cached, _read_with_ase(path, where))
+    try:
+        with np.load(cached) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):  # a damaged cache: make it again
+        return _read_with_ase(path, where)
+
+
+def _read_with_ase(path: Path, where: str) -> dict[str, Any]:
+    import ase.io
+
+    try:
+        atoms: Any = ase.io.read(path, index=0, format="extxyz")
+        found = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
+        for name, kind in (("type", int), ("rho", float), ("e", float)):
+            if name in atoms.arrays:
+                found[name] = np.asarray(atoms.arrays[name]).astype(kind)
+                if found[name].ndim != 1:
+                    raise ValueError(f"{name} must hold one number per particle")
+        if "type" in found and np.any(found["type"] != atoms.arrays["type"]):
+            raise ValueError("types must be whole numbers")
+    except Exception as error:  # ASE raises many kinds for a broken file
+        raise InputError("extxyz", f"cannot be read: {str(error) or type(error).__name__}", path.name, where) from None
+    return found

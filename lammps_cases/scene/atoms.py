@@ -1,0 +1,286 @@
+"""Particles of a scene: positions, types and fields as arrays, the same doubles for both sides."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref import EOSTable, InputError
+from eos_ref.eos.table import FloatArray
+from lammps_cases.scene import FromFile, Lattice, Scene, Values
+from lammps_cases.scene.casefile import Case
+
+IntArray = npt.NDArray[np.integer]
+# Basis of each lattice in units of its cell; the cell of hex is 1 x sqrt(3).
+_BASIS: dict[str, tuple[tuple[float, ...], ...]] = {
+    "sq": ((0.0, 0.0),),
+    "hex": ((0.0, 0.0), (0.5, 0.5)),
+    "sc": ((0.0, 0.0, 0.0),),
+    "bcc": ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5)),
+    "fcc": ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0)),
+}
+
+
+@dataclass(frozen=True)
+class Atoms:
+    """Particles sorted by id; ``energy_n`` is that of the whole particle, as LAMMPS stores it.
+
+    ``rho_n`` is None where LAMMPS sums the density. ``periodic`` holds one flag per axis.
+    """
+
+    id_n: IntArray
+    type_n: IntArray
+    x_nc: FloatArray
+    mass_n: FloatArray
+    low_c: FloatArray
+    high_c: FloatArray
+    periodic: tuple[bool, bool, bool]
+    spacing: float
+    v_nc: FloatArray | None = None
+    rho_n: FloatArray | None = None
+    energy_n: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.id_n)
+
+
+def seed(name: str) -> int:
+    """Seed of a case: 64 bits of the SHA-256 of its name."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+
+
+def _random(case: Case, purpose: str) -> np.random.Generator:
+    return np.random.default_rng(seed(f"{case.name}/{purpose}"))
+
+
+def build(case: Case, eos: EOSTable | None) -> Atoms:
+    """The particles of a case.
+
+    Parameters
+    ----------
+    eos : EOSTable or None
+        The reference's laws, against whose domain the densities are checked; None for a scene that LAMMPS is
+        expected to refuse.
+
+    Raises
+    ------
+    InputError
+        An unreadable file, a field of the wrong length, or a density at which a law is not defined.
+    """
+    scene = case.scene
+    if isinstance(scene.positions, Lattice):
+        file = _lattice(case, scene.positions)
+    else:
+        file = _read_extxyz(case, scene.positions)
+    x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
+    n = len(x_nc)
+    type_n = file["type"] if "type" in file else _types(case, n)
+    wrong = type_n[(type_n < 1) | (type_n > len(scene.types))]
+    if wrong.size:
+        raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), case.where)
+    mass_n = np.array([t.mass for t in scene.types])[type_n - 1]
+    rho0_n = np.array(scene.rho0 or [1.0] * len(scene.types))[type_n - 1]
+    rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
+    e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
+    _check_fields(case, eos, type_n, rho_n, e_n)
+    if scene.interacts:
+        _check_positions(case, x_nc, low_c, high_c, periodic)
+    v_nc = _velocities(case, type_n)
+    energy_n = None if e_n is None else mass_n * e_n
+    return Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
+
+
+def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
+    """Particles of a lattice as a file would give them: x, low, high, periodic, spacing and, with regions, type."""
+    dimension, spacing = case.scene.dimension, lattice.spacing
+    x_nc, high_c = _sites(lattice, dimension)
+    type_n = _region_types(case, lattice, x_nc[:, :dimension] / high_c[:dimension]) if lattice.regions else None
+    periodic = (*(lattice.periodic or (True,) * dimension), *(True,) * (3 - dimension))
+    if lattice.disorder:
+        moved = _random(case, "positions").uniform(-1, 1, (len(x_nc), dimension)) * lattice.disorder * spacing
+        x_nc[:, :dimension] += moved
+        around_c = np.array(periodic) & (np.arange(3) < dimension)
+        x_nc[:, around_c] = np.mod(x_nc[:, around_c], high_c[around_c])
+    margin_c = np.where(periodic, 0.0, lattice.margin * spacing)
+    low_c, high_c = 0.0 - margin_c, high_c + margin_c
+    if dimension == 2:
+        low_c[2], high_c[2] = -spacing / 2, spacing / 2
+    box = {"low": low_c, "high": high_c, "periodic": periodic, "spacing": spacing}
+    if type_n is None:
+        return {"x": x_nc, **box}
+    return {"x": x_nc[type_n > 0], "type": type_n[type_n > 0], **box}
+
+
+def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArray:
+    """Types of all sites, given in fractions of the lattice; 0 where there is no particle.
+
+    The types that no region names are dealt out to the sites that no region takes (type 1 if there are none).
+    """
+    type_n = np.full(len(place_nc), -1)
+    for region in lattice.regions:
+        type_n[np.all((place_nc >= region.low) & (place_nc < region.high), axis=1)] = region.type or 0
+    if not (type_n != 0).any():
+        raise InputError("positions", "the scene is empty: its regions remove every particle", where=case.where)
+    named = {region.type for region in lattice.regions}
+    rest = [t for t in range(1, len(case.scene.types) + 1) if t not in named] or [1]
+    free = int((type_n < 0).sum())
+    type_n[type_n < 0] = _deal(case, free, rest)
+    return type_n
+
+
+def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
+    scene = case.scene
+    moves = scene.velocity.random or scene.velocity.uniform or any(t.velocity for t in scene.types)
+    if not moves:
+        return None
+    v_nc = _random(case, "velocity").uniform(-1, 1, (len(type_n), 3)) * scene.velocity.random
+    for t, atom_type in enumerate(scene.types, 1):
+        of_type = type_n == t
+        if atom_type.phase == "solid":
+            v_nc[of_type] = 0.0
+        v_nc[of_type, : scene.dimension] += np.array(atom_type.velocity or scene.velocity.uniform or 0.0)
+    v_nc[:, scene.dimension :] = 0.0
+    return v_nc
+
+
+def _check_positions(
+    case: Case, x_nc: FloatArray, low_c: FloatArray, high_c: FloatArray, periodic: tuple[bool, ...]
+) -> None:
+    """Particles that interact must lie in the box, not on top of one another."""
+    outside = np.flatnonzero(((x_nc < low_c) | (x_nc > high_c)).any(axis=1))
+    if outside.size:
+        place = f"{case.where}, atom {outside[0] + 1}"
+        raise InputError("position", "must lie in the box (margin)", x_nc[outside[0]].tolist(), place)
+    wrapped_nc = np.where((x_nc == high_c) & np.array(periodic), low_c, x_nc)
+    order_n = np.lexsort(wrapped_nc.T)
+    same = np.flatnonzero((wrapped_nc[order_n[1:]] == wrapped_nc[order_n[:-1]]).all(axis=1))
+    if same.size:
+        one, other = sorted((order_n[same[0]] + 1, order_n[same[0] + 1] + 1))
+        rule = f"of atom {other} must differ from that of atom {one}"
+        raise InputError("position", rule, x_nc[one - 1].tolist(), case.where)
+
+
+def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
+    """Sites of a lattice with one corner at 0, and the opposite corner."""
+    basis_bc = np.array(_BASIS[lattice.lattice])
+    cell_c = np.ones(dimension)
+    if lattice.lattice == "hex":
+        cell_c[1] = np.sqrt(3.0)
+    axes = np.meshgrid(*(np.arange(k) for k in lattice.cells), indexing="ij")
+    corner_nc = np.stack([axis.ravel() for axis in axes], axis=1)
+    x_nc = ((corner_nc[:, None, :] + basis_bc[None, :, :] + 0.25) * cell_c * lattice.spacing).reshape(-1, dimension)
+    high_c = np.array(lattice.cells) * cell_c * lattice.spacing
+    padding = np.zeros((len(x_nc), 3 - dimension))
+    return np.hstack([x_nc, padding]), np.concatenate([high_c, np.zeros(3 - dimension)])
+
+
+def _types(case: Case, n: int) -> IntArray:
+    return _deal(case, n, range(1, len(case.scene.types) + 1))
+
+
+def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
+    """Equal shares of some types."""
+    type_n = np.array(types)[np.arange(n) * len(types) // max(n, 1)]
+    if case.scene.arrangement == "shuffled":
+        _random(case, "types").shuffle(type_n)
+    return type_n
+
+
+def _field(case: Case, name: str, values: Values, type_n: IntArray, rho0_n: FloatArray) -> FloatArray:
+    n = len(type_n)
+    where = f"{case.where}, {name}"
+    if values.constant is not None:
+        return np.full(n, values.constant)
+    if values.per_type is not None:
+        return np.array(values.per_type)[type_n - 1]
+    if values.values is not None:
+        return _one_per_particle(np.array(values.values), n, where)
+    if values.table is not None:
+        return _one_per_particle(_column(case.source.parent, values.table.csv, values.table.column, where), n, where)
+    if values.offset is not None:
+        d_n: FloatArray = np.geomspace(values.offset.low, values.offset.high, n)
+        if values.offset.sign != "+":
+            d_n[slice(None) if values.offset.sign == "-" else slice(1, None, 2)] *= -1
+        return np.asarray(rho0_n * (1 + _random(case, name).permutation(d_n)))
+    low, high = values.range or values.ratio or (0.0, 0.0)
+    spaced = np.geomspace(low, high, n) if values.spacing == "log" else np.linspace(low, high, n)
+    dealt_n = _random(case, name).permutation(spaced)
+    return np.asarray(dealt_n * rho0_n if values.ratio else dealt_n)
+
+
+def _one_per_particle(values_n: FloatArray, n: int, where: str) -> FloatArray:
+    if len(values_n) != n:
+        raise InputError("per-atom values", f"need one value per particle ({n})", len(values_n), where)
+    return np.asarray(values_n, float)
+
+
+def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
+    try:
+        with (folder / name).open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError("table", f"cannot be read: {error}", name, where) from None
+    if not rows or column not in rows[0]:
+        raise InputError("column", f"must be one of {', '.join(rows[0]) if rows else 'none (no rows)'}", column, where)
+    values_n = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        try:
+            values_n[k] = float(row[column])
+        except (TypeError, ValueError):
+            values_n[k] = np.nan
+        if not np.isfinite(values_n[k]):
+            raise InputError("table", "must hold finite numbers", row[column], f"{where}, line {k + 2} of {name}")
+    return values_n
+
+
+def _check_fields(
+    case: Case, eos: EOSTable | None, type_n: IntArray, rho_n: FloatArray | None, e_n: FloatArray | None
+) -> None:
+    where, scene = case.where, case.scene
+    for key, values_n in (("rho", rho_n), ("energy", e_n)):
+        if values_n is not None and not np.isfinite(values_n).all():
+            raise InputError(key, "must be finite for every particle", where=where)
+    if eos is None:
+        return
+    if scene.thermal and e_n is None:
+        needing = "ideal/gas needs" if eos.needs_energy else "thermal properties of types need"
+        raise InputError("energy", f"{needing} the energy of every particle", where=where)
+    if rho_n is None and not scene.rho_sum:
+        raise InputError("rho", "must be given unless rho_sum is on", where=where)
+    for t, law in enumerate(eos.laws, 1):
+        if rho_n is None:
+            continue
+        of_type = type_n == t
+        bad = np.flatnonzero(of_type & ~law.is_defined(rho_n))
+        if bad.size:
+            rule = f"{law.style} of type {t} is defined within {law.defined.low:g} to {law.defined.high:g}"
+            raise InputError("rho", rule, float(rho_n[bad[0]]), f"{where}, atom {bad[0] + 1}")
+        with np.errstate(all="ignore"):
+            large = np.flatnonzero(of_type)[
+                ~np.isfinite(law.evaluate(rho_n[of_type], None if e_n is None else e_n[of_type]))
+            ]
+        if large.size:
+            raise InputError(
+                "rho",
+                f"the pressure of {law.style} overflows",
+                float(rho_n[large[0]]),
+                f"{where}, atom {large[0] + 1}",
+            )
+
+
+def _read_extxyz(case: Case, positions: FromFile) -> dict[str, Any]:
+    from lammps_cases.scene.ase_io import read_extxyz
+
+    return read_extxyz(case.source.parent / positions.extxyz, case.scene, case.where)
+
+
+def kernel_cut(scene: Scene, spacing: float) -> float:
+    """Cutoff of the kernel: as given, or 3 spacings."""
+    return scene.rheo.cut or 3.0 * spacing

@@ -1,0 +1,260 @@
+"""Case files: YAML, one case or a matrix of cases each.
+
+A file holds ``name``, ``about``, ``tags``, a ``scene`` and, optionally, a ``matrix``: axes of named patches that are
+merged into the scene (``key+`` appends to a list, null removes), every combination one case ``name.label1.label2``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+import itertools
+import math
+import re
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from eos_ref import InputError
+from lammps_cases.records.phrases import nearest
+from lammps_cases.scene import Scene, check_name, models
+
+MAX_CASES = 10_000  # of one file
+SHIPPED = Path(__file__).parents[1] / "cases"
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case: a scene with a name, where it comes from, and its seed (the name itself)."""
+
+    name: str
+    about: str
+    tags: tuple[str, ...]
+    scene: Scene
+    source: Path
+    shipped: bool = field(default=True, compare=False)
+
+    @property
+    def where(self) -> str:
+        """Place for messages: file and case."""
+        return f"{self.source.name}, case {self.name}"
+
+    def reproduce(self, engine: str = "env") -> str:
+        """Command that runs this case alone, on the same engine."""
+        own = [] if self.shipped else ["--cases", str(self.source)]
+        other = [] if engine == "env" else ["--engine", engine]
+        return shlex.join(["eos-ref", "run", *own, *other, self.name])
+
+
+class CaseFile(BaseModel):
+    """The keys of a case file."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str
+    about: str = Field(description="what the case is for, in a sentence or two")
+    tags: list[str] = []
+    matrix: dict[str, dict[str, dict[str, Any]]] = Field({}, description="axis: {label: patch of the scene}")
+    scene: dict[str, Any]
+
+
+class _UniqueKeys(_Loader):  # type: ignore[misc]
+    """YAML's safe loader, which a repeated key does not pass unnoticed."""
+
+
+def _mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
+    seen: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        try:
+            repeated = key in seen
+        except TypeError:
+            raise yaml.constructor.ConstructorError(
+                None, None, "a key must be a plain word", key_node.start_mark
+            ) from None
+        if repeated:
+            raise yaml.constructor.ConstructorError(None, None, f"repeated key {key!r}", key_node.start_mark)
+        seen[key] = loader.construct_object(value_node, deep=True)
+    return seen
+
+
+# YAML 1.2 numbers: PyYAML takes 1e-12 for text, as it has neither a point nor a signed exponent.
+_UniqueKeys.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+"), list("-+.0123456789")
+)
+_UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def read_yaml(path: Path) -> Any:
+    """The data of a YAML file.
+
+    Raises
+    ------
+    InputError
+        Unreadable, not UTF-8, not YAML, or a repeated key.
+    """
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), _UniqueKeys)
+    except OSError as error:
+        raise InputError("case file", f"cannot be read: {error.strerror}", where=str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError("case file", "must be UTF-8 text", where=str(path)) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f"{path}, line {mark.line + 1}" if mark else str(path)
+        raise InputError("case file", f"is not valid YAML: {error.problem}", where=line) from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError("case file", f"is not valid YAML: {error}", where=str(path)) from None
+
+
+def merge(base: Any, patch: Any) -> Any:
+    """Patch merged into base: mappings key by key, anything else replaced.
+
+    A null removes a key; ``key+`` appends to the list ``key``.
+    """
+    if not (isinstance(base, Mapping) and isinstance(patch, Mapping)):
+        return patch
+    merged = dict(base)
+    for key, value in patch.items():
+        if value is None:
+            merged.pop(key, None)
+        elif isinstance(key, str) and key.endswith("+") and isinstance(value, list):
+            before = merged.get(key[:-1], [])
+            if not isinstance(before, list):
+                raise InputError(key, "must append to a list", before)
+            merged[key[:-1]] = [*before, *value]
+        else:
+            merged[key] = merge(base.get(key), value) if key in base else value
+    return merged
+
+
+def _validation_error(error: ValidationError, where: str, data: Any) -> InputError:
+    """The first complaint of pydantic in one line: key, rule, value found, file."""
+    first = error.errors(include_url=False)[0]
+    # Parts with a space or a hyphen are pydantic's names of validators and alternatives, not keys of the file.
+    place = [str(part) for part in first["loc"] if not set(" -") & set(str(part))]
+    rule = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        known = [*CaseFile.model_fields, *_known_keys()]
+        close = difflib.get_close_matches(place[-1], known, 1, 0.6)
+        rule = "unknown key" + (f" (did you mean {close[0]}?)" if close else "")
+        return InputError(".".join(place), rule, where=where)
+    found = first.get("input")
+    shown = None if first["type"] in ("missing", "value_error") else found
+    return InputError(".".join(place) or "scene", rule, shown, where)
+
+
+def _known_keys() -> Iterable[str]:
+    for model in models():
+        yield from model.model_fields
+
+
+def load_file(path: Path, shipped: bool = False) -> list[Case]:
+    """All cases of a file, sorted by name.
+
+    Raises
+    ------
+    InputError
+        Unreadable, unknown key, wrong type, bad value: one line with file and key.
+    """
+    data = read_yaml(path)
+    if not isinstance(data, dict) or not data:
+        raise InputError("case file", "must hold the keys name, about, scene", type(data).__name__, str(path))
+    try:
+        file = CaseFile.model_validate(data)
+    except ValidationError as error:
+        raise _validation_error(error, str(path), data) from None
+    check_name(file.name, str(path))
+    count = math.prod(len(axis) for axis in file.matrix.values())
+    if not 1 <= count <= MAX_CASES:
+        raise InputError("matrix", f"must make 1 to {MAX_CASES} cases", count, str(path))
+    cases = []
+    for combination in itertools.product(*(axis.items() for axis in file.matrix.values())):
+        name = ".".join([file.name, *(check_name(label, str(path)) for label, _ in combination)])
+        content = file.scene
+        for _, patch in combination:
+            try:
+                content = merge(content, patch)
+            except InputError as error:
+                raise error.at(f"{path}, case {name}") from None
+        tags = list(file.tags)
+        if isinstance(content.get("tags"), list):  # a patch may add tags
+            content = dict(content)
+            tags += content.pop("tags")
+        cases.append(_case(name, file.about, tags, content, path, shipped))
+    return sorted(cases, key=lambda case: case.name)
+
+
+def _case(name: str, about: str, tags: Sequence[str], content: Any, path: Path, shipped: bool) -> Case:
+    where = f"{path}, case {name}"
+    try:
+        scene = Scene.model_validate(content)
+    except ValidationError as error:
+        raise _validation_error(error, where, content) from None
+    if scene.expect is None:
+        eos = scene.eos(where)
+        if eos.needs_energy and scene.energy is None and not hasattr(scene.positions, "extxyz"):
+            raise InputError("energy", "ideal/gas needs the energy of every particle", where=where)
+        if scene.rho is None and not scene.rho_sum and not hasattr(scene.positions, "extxyz"):
+            raise InputError("rho", "must be given unless rho_sum is on or a file holds it", where=where)
+    return Case(name, " ".join(about.split()), tuple(sorted(set(tags))), scene, path, shipped)
+
+
+def load(paths: Sequence[Path] = ()) -> list[Case]:
+    """All cases of some files and folders (default: those shipped), sorted by name.
+
+    Raises
+    ------
+    InputError
+        A bad file, no file at all, or two cases of one name.
+    """
+    shipped = not paths
+    files: list[Path] = []
+    for path in paths or [SHIPPED]:
+        files += sorted([*path.rglob("*.yaml"), *path.rglob("*.yml")]) if path.is_dir() else [path]
+    if not files:
+        raise InputError("cases", "no case file (*.yaml) found", where=", ".join(map(str, paths)))
+    cases = sorted((case for file in files for case in load_file(file, shipped)), key=lambda case: case.name)
+    for one, other in itertools.pairwise(cases):
+        if one.name == other.name:
+            raise InputError("case name", "must be unique", one.name, f"{one.source} and {other.source}")
+    return cases
+
+
+def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = None) -> list[Case]:
+    """Cases by name or wild-card pattern and by tag; without either, all that are not tagged long.
+
+    A name also selects the cases below it: ``near-rho0`` selects ``near-rho0.linear.2d``.
+
+    Raises
+    ------
+    InputError
+        A name that matches no case (the nearest is suggested) or a tag that no case has.
+    """
+    chosen = list(cases)
+    if names:
+        wanted: set[str] = set()
+        for name in names:
+            hits = [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]
+            if not hits:
+                known = sorted({part for c in cases for part in (c.name, c.name.split(".")[0])})
+                raise InputError("case", f"does not exist{nearest(name, known)}", name)
+            wanted.update(hits)
+        chosen = [case for case in cases if case.name in wanted]
+    if tag is not None:
+        chosen = [case for case in chosen if tag in case.tags]
+        if not chosen:
+            raise InputError(
+                "tag", f"no case has it (tags: {', '.join(sorted({t for c in cases for t in c.tags}))})", tag
+            )
+    elif not names:
+        chosen = [case for case in chosen if "long" not in case.tags]
+    if not chosen:
+        raise InputError("cases", "none is left to run (all are tagged long?)")
+    return chosen

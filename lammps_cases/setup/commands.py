@@ -1,0 +1,255 @@
+"""Scene to LAMMPS: the commands and arrays of a job, and nothing that the plan does not name.
+
+Numbers are written as the shortest text that reads back as the same double (`repr`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import get_args
+
+from eos_ref.syntax.ranges import type_range
+from lammps_cases.engine.session import Job, Run
+from lammps_cases.scene import AtomProperty, Column, ForceSettings, PowerLaw, Scene
+from lammps_cases.scene.atoms import Atoms, kernel_cut
+from lammps_cases.setup.plan import Plan
+
+# Fields of more than one number: LAMMPS expands NAME/* to its components, those in the plane in 2D.
+_RANK = {"surface/n": 1, "shift/v": 1, "grad/v": 2, "stress/v": 2, "stress/t": 2}
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists: bool = False) -> Job:
+    """Everything LAMMPS is told for a scene.
+
+    Parameters
+    ----------
+    every_step : bool
+        Read all arrays after the set-up and after every single step, not only at the steps compared.
+    lists : bool
+        Read the list of neighbours with them.
+    """
+    per_atom = {}
+    if atoms.rho_n is not None:
+        per_atom["rho"] = atoms.rho_n
+    if atoms.energy_n is not None and _atom_style(scene) == "rheo/thermal":
+        per_atom["esph"] = atoms.energy_n
+    if scene.violate == "atom-style-atomic":
+        per_atom = {}
+    columns = [field for field in scene.compare if field in get_args(Column)]
+    return Job(
+        setup=tuple(_setup(scene, atoms, plan)),
+        commands=tuple(_physics(scene, atoms, plan)),
+        runs=tuple(_runs(scene, every_step)),
+        id_n=atoms.id_n,
+        type_n=atoms.type_n,
+        x_nc=atoms.x_nc,
+        v_nc=atoms.v_nc,
+        per_atom=per_atom,
+        outputs={field: (scene.dimension,) * _RANK.get(field, 0) for field in columns},
+        atom_arrays=("type", "x", "rho", "pressure", *_more_arrays(scene), *(["esph"] if "esph" in per_atom else [])),
+        ranks=scene.engine.ranks,
+        lists=lists,
+    )
+
+
+def _more_arrays(scene: Scene) -> Iterable[str]:
+    """Properties of atoms that are compared, without those always read."""
+    return (field for field in get_args(AtomProperty) if field in scene.compare and field not in ("x", "pressure_used"))
+
+
+def _runs(scene: Scene, every_step: bool) -> Iterable[Run]:
+    if not scene.whole_model:
+        steps = scene.evolve.steps if scene.evolve else 0
+        if steps:
+            yield Run(f"run {steps} post no", read=False)
+        # After time steps, run 0 evaluates once more: the pressure that forces use then belongs to the final density.
+        yield Run("run 0 post no")
+        return
+    done = None
+    for step in range(scene.snapshots[-1] + 1) if every_step else scene.snapshots:
+        # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
+        again = "" if done is None else "pre no "
+        yield Run(f"run {step - (done or 0)} {again}post no")
+        done = step
+
+
+def _atom_style(scene: Scene) -> str:
+    if scene.violate == "atom-style-atomic":
+        return "atomic"
+    return "rheo/thermal" if scene.thermal and scene.violate != "atom-style-rheo" else "rheo"
+
+
+def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
+    yield f"units {scene.units}"
+    yield f"dimension {scene.dimension}"
+    yield f"atom_style {_atom_style(scene)}"
+    if not scene.engine.newton:
+        yield "newton off"
+    yield "boundary " + " ".join("p" if periodic else "f" for periodic in atoms.periodic)
+    if plan.needs("pair rheo"):
+        yield "comm_modify vel yes"
+    # The default skin suits neither every unit system nor every spacing; without a pair style LAMMPS has no cutoff
+    # to size its bins by and stops at a box of some 100 spacings, unless it is told.
+    yield f"neighbor {scene.engine.skin * atoms.spacing!r} bin"
+    if (scene.engine.every, scene.engine.delay, scene.engine.check) != (1, 0, True):
+        check = "yes" if scene.engine.check else "no"
+        yield f"neigh_modify every {scene.engine.every} delay {scene.engine.delay} check {check}"
+    if not plan.needs("pair rheo"):
+        yield f"neigh_modify binsize {3.0 * atoms.spacing!r}"
+    edges = zip(atoms.low_c, atoms.high_c, strict=True)
+    yield "region box block " + " ".join(_numbers(pair) for pair in edges)
+    yield f"create_box {len(scene.types)} box"
+
+
+def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
+    for t, atom_type in enumerate(scene.types, 1):
+        yield f"mass {t} {atom_type.mass!r}"
+    solid = [t for t, atom_type in enumerate(scene.types, 1) if atom_type.phase == "solid"]
+    for t in solid if scene.violate != "atom-style-atomic" else ():
+        yield f"set type {t} rheo/status 1"
+    cut = kernel_cut(scene, atoms.spacing)
+    if plan.needs("pair rheo"):
+        yield f"pair_style rheo {cut!r}{_pair_arguments(scene)}"
+        yield "pair_coeff * *"
+    if scene.evolve:
+        yield f"timestep {scene.evolve.timestep!r}"
+    yield from _fixes(scene, cut, plan)
+    if scene.violate != "no-fix-pressure" and (columns := [f for f in scene.compare if f in get_args(Column)]):
+        yield f"compute q all rheo/property/atom {' '.join(f + '/*' * (f in _RANK) for f in columns)}"
+
+
+def _pair_arguments(scene: Scene) -> str:
+    pair = scene.pair
+    words = ""
+    if pair.artificial_visc:
+        words += f" artificial/visc {pair.artificial_visc!r}"
+    if pair.rho_damp:
+        words += f" rho/damp {pair.rho_damp!r}"
+    return words + " harmonic/means" * pair.harmonic_means
+
+
+def _rheo(scene: Scene, cut: float, thermal: bool) -> str:
+    """Fix rheo with its keywords, in the order of the manual."""
+    rheo = scene.rheo
+    words = [f"rheo {cut!r} {rheo.kernel} {rheo.zmin}"]
+    if thermal:
+        words.append("thermal")
+    if rheo.interface_reconstruct:
+        words.append("interface/reconstruct")
+    if rheo.surface_detection:
+        style, limit = rheo.surface_detection.style, rheo.surface_detection.limit
+        # LAMMPS reads the limit of coordination as a whole number.
+        number = repr(limit) if style == "divergence" else str(int(limit))
+        words.append(f"surface/detection {style} {number} {rheo.surface_detection.splash}")
+    if rheo.shifting is not None:
+        words.append("shift")
+        if rheo.shifting.exclude:
+            words.append(f"exclude/type {' '.join(rheo.shifting.exclude)}")
+        if rheo.shifting.scale_cross_type:
+            words.append(f"scale/cross/type {_numbers(rheo.shifting.scale_cross_type)}")
+    if rheo.rho_sum:
+        words.append("rho/sum self/mass" if rheo.self_mass else "rho/sum")
+    if scene.rho0:
+        words.append(f"density {_numbers(scene.rho0)}")
+    if scene.cs:
+        words.append(f"speed/sound {_numbers(scene.cs)}")
+    return " ".join(words)
+
+
+def _per_type(values: Sequence[str]) -> str:
+    """One value per type, as ``* VALUE`` if all are the same."""
+    if len(set(values)) == 1:
+        return f"* {values[0]}"
+    return " ".join(f"{t} {value}" for t, value in enumerate(values, 1))
+
+
+def _viscosity(scene: Scene) -> str:
+    laws = [
+        f"power {_numbers((law.eta, law.gd0, law.K, law.n))}" if isinstance(law, PowerLaw) else f"constant {law!r}"
+        for law in (atom_type.viscosity for atom_type in scene.types)
+    ]
+    return f"rheo/viscosity {_per_type(laws)}"
+
+
+def _thermal(scene: Scene) -> str:
+    keywords: dict[str, list[float] | list[float | None]] = {
+        "conductivity": [t.conductivity for t in scene.types],
+        "specific/heat": [t.specific_heat for t in scene.types],
+        "Tfreeze": [t.T_freeze for t in scene.types],
+        "latent/heat": [t.latent_heat for t in scene.types],
+    }
+    words = ["rheo/thermal"]
+    for keyword, values in keywords.items():
+        entries: list[tuple[str, float | None]] = [(str(t), v) for t, v in enumerate(values, 1) if v is not None]
+        if len(entries) == len(values) and len(set(values)) == 1:
+            entries = [("*", values[0])]
+        words += [f"{keyword} {types} constant {value!r}" for types, value in entries]
+    return " ".join(words)
+
+
+def _forces(scene: Scene) -> Iterable[str]:
+    groups: set[str] = set()
+    for k, force in enumerate(scene.forces, 1):
+        group = "all"
+        if force.types is not None:
+            types = [str(t) for t in type_range(force.types, len(scene.types))]
+            group = "types_" + "_".join(types)
+            if group not in groups:
+                groups.add(group)
+                yield f"group {group} type {' '.join(types)}"
+        for n, action in enumerate(_actions(force), 1):
+            yield f"fix force{k}_{n} {group} {action}"
+
+
+def _actions(force: ForceSettings) -> Iterable[str]:
+    vector_c = [*force.vector, *[0.0] * (3 - len(force.vector))]
+    if force.style != "gravity":
+        yield f"{force.style} " + " ".join("NULL" if v is None else repr(v) for v in vector_c)
+        return
+    # LAMMPS scales the direction to length 1; along one axis that rounds nothing, so one fix per axis.
+    for axis, v in enumerate(vector_c):
+        if v:
+            direction = [str(int(math.copysign(1, v))) if a == axis else "0" for a in range(3)]
+            yield f"gravity {abs(v)!r} vector {' '.join(direction)}"
+
+
+def _fixes(scene: Scene, cut: float, plan: Plan) -> Iterable[str]:
+    violate = scene.violate
+    rheo = _rheo(scene, cut, plan.needs("fix rheo/thermal") or violate == "no-fix-thermal")
+    pressure = "rheo/pressure " + " ".join(
+        f"{law.types} {law.style}" + (f" {law.value!r}" if law.value is not None else "") for law in scene.pressure
+    )
+    if violate == "unknown-pressure-style":
+        pressure = pressure.replace(scene.pressure[0].style, "taitwater", 1)
+    if violate == "missing-argument":
+        pressure = pressure.rsplit(" ", 1)[0]
+    if violate in ("pressure-group", "rheo-group"):
+        yield "group some id 1"
+    rheo_fix = f"fix rheo {'some' if violate == 'rheo-group' else 'all'} {rheo}"
+    pressure_fix = f"fix pressure {'some' if violate == 'pressure-group' else 'all'} {pressure}"
+    if scene.example is not None:
+        rheo_fix = scene.example.line("rheo") or rheo_fix
+        pressure_fix = scene.example.line("pressure") or pressure_fix
+    if violate == "pressure-before-rheo":
+        yield pressure_fix
+    if violate != "no-fix-rheo":
+        yield rheo_fix
+    if violate == "rheo-twice":
+        yield rheo_fix.replace("fix rheo", "fix rheo2", 1)
+    if violate != "no-fix-viscosity":
+        yield f"fix viscosity all {_viscosity(scene)}"
+    if violate not in ("no-fix-pressure", "no-fix-pressure-read", "pressure-before-rheo"):
+        yield pressure_fix
+    if violate == "pressure-twice":
+        yield pressure_fix.replace("fix pressure", "fix pressure2", 1)
+    if plan.needs("fix rheo/thermal") and violate != "no-fix-thermal":
+        yield f"fix thermal all {_thermal(scene)}"
+    if plan.needs("pair rheo"):
+        yield from _forces(scene)
+    if plan.needs("fix enforce2d"):
+        yield "fix flat all enforce2d"

@@ -1,0 +1,119 @@
+"""A scene as the reference takes it: model, box and state. Knows nothing of LAMMPS' commands.
+
+The positions, velocities, densities and energies are the doubles that LAMMPS is given. Gravity is exact too:
+`lammps_cases.setup.commands` gives every axis a fix of its own, of which LAMMPS does not round the direction, so that
+the acceleration is the scene's vector to the last bit, and the force on a particle one product with its mass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
+from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
+from eos_ref.syntax.ranges import type_range
+from lammps_cases.scene import AtomType, PowerLaw, Scene
+from lammps_cases.scene.atoms import Atoms, kernel_cut
+
+
+def model(scene: Scene, atoms: Atoms, where: str) -> Model:
+    """The particle model of a scene.
+
+    Raises
+    ------
+    InputError
+        Options that contradict each other.
+    """
+    return with_cut(scene, kernel_cut(scene, atoms.spacing), where)
+
+
+def with_cut(scene: Scene, cut: float, where: str = "") -> Model:
+    """The particle model of a scene, for a cutoff of the kernel.
+
+    Raises
+    ------
+    InputError
+        Options that contradict each other.
+    """
+    fix, pair = _fix(scene, cut), scene.pair
+    try:
+        return Model(
+            dimension=scene.dimension,
+            fix=fix,
+            mass_t=tuple(t.mass for t in scene.types),
+            eos=scene.eos(where),
+            pair=PairRheo(fix.cut, pair.artificial_visc, pair.rho_damp, pair.harmonic_means),
+            viscosity=tuple(_viscosity(t) for t in scene.types),
+            thermal=tuple(_thermal(t) for t in scene.types) if scene.thermal else None,
+            forces=tuple(
+                Force(f.style, f.vector, None if f.types is None else tuple(type_range(f.types, len(scene.types))))
+                for f in scene.forces
+            ),
+        )
+    except InputError as error:
+        raise error.at(where) from None
+
+
+def _fix(scene: Scene, cut: float) -> FixRheo:
+    rheo, shift, surface = scene.rheo, scene.rheo.shifting, scene.rheo.surface_detection
+    return FixRheo(
+        cut,
+        rheo.kernel,
+        rheo.zmin,
+        thermal=scene.thermal,
+        interface_reconstruct=rheo.interface_reconstruct,
+        surface_detection=SurfaceDetection(surface.style, surface.limit, surface.splash) if surface else None,
+        shift=Shift(shift.exclude, shift.scale_cross_type) if shift else None,
+        rho_sum=rheo.rho_sum,
+        self_mass=rheo.self_mass,
+        rho0=scene.rho0,
+        cs=scene.cs,
+    )
+
+
+def _viscosity(atom_type: AtomType) -> Viscosity:
+    law = atom_type.viscosity
+    if isinstance(law, PowerLaw):
+        return Viscosity("power", law.eta, law.gd0, law.K, law.n)
+    return Viscosity("constant", law)
+
+
+def _thermal(atom_type: AtomType) -> Thermal:
+    return Thermal(
+        atom_type.conductivity,
+        atom_type.specific_heat,
+        atom_type.latent_heat or 0.0,
+        atom_type.T_freeze,
+    )
+
+
+def box(scene: Scene, atoms: Atoms) -> Box:
+    """The box of a scene, with as many axes as dimensions."""
+    d = scene.dimension
+    return Box(tuple(atoms.low_c[:d].tolist()), tuple(atoms.high_c[:d].tolist()), atoms.periodic[:d])
+
+
+def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
+    """The particles of a scene before the first step; a density still to be summed is that of equilibrium.
+
+    Raises
+    ------
+    InputError
+        See `eos_ref.model.parameters.check_state`; or particles outside the plane of a 2D scene.
+    """
+    d, n = scene.dimension, len(atoms)
+    if d == 2 and atoms.x_nc[:, 2].any():
+        raise InputError("position", "must have z = 0 in 2D", float(np.abs(atoms.x_nc[:, 2]).max()), where)
+    solid_t = np.array([t.phase == "solid" for t in scene.types])
+    rho0_t = np.array(scene.rho0 or (1.0,) * len(scene.types))
+    made = State(
+        x_nc=np.array(atoms.x_nc[:, :d]),
+        v_nc=np.zeros((n, d)) if atoms.v_nc is None else np.array(atoms.v_nc[:, :d]),
+        rho_n=(rho0_t[atoms.type_n - 1] if atoms.rho_n is None else np.array(atoms.rho_n)),
+        type_n=np.array(atoms.type_n),
+        solid_n=solid_t[atoms.type_n - 1],
+        energy_n=np.array(atoms.energy_n) if scene.thermal else None,
+    )
+    check_state(model(scene, atoms, where), box(scene, atoms), made, where)
+    return made

@@ -1,0 +1,169 @@
+"""Speed against peers, measured in one run and given as ratios: machines are noisy, ratios of neighbours less so."""
+
+from __future__ import annotations
+
+import pickle
+import shlex
+import subprocess
+import sys
+import tempfile
+import tracemalloc
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eos_ref import EOS, EOSTable
+from eos_ref.eos import bounds
+from lammps_cases.studies.benchmarks.measure import Call, Interval, in_turns
+
+LAWS = {
+    "linear": EOS("linear", 1.2, 3.4),
+    "cubic": EOS("cubic", 1.2, 3.4, 2.5),
+    "tait/water": EOS("tait/water", 1.2, 3.4),
+    "tait/general 1.4": EOS("tait/general", 1.2, 3.4, 1.4),
+    "ideal/gas": EOS("ideal/gas", parameter=1.4),
+}
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer.
+
+    ``ratio`` is ours over peer, below 1 is faster; all three are medians with their intervals.
+    """
+
+    scene: str
+    peer: str
+    ours_ns: Interval
+    peer_ns: Interval
+    ratio: Interval
+
+
+def against(
+    scene: str, peer: str, ours: Call, theirs: Call, repeats: int, per: float = 1.0, at_least: float = 0.02
+) -> Ratio:
+    """Ours against a peer, in turns; ``per`` is the number of particles (times steps) of a call."""
+    took = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
+    scale = 1e9 / per
+    ours_ns, peer_ns = took["ours"].seconds.scaled(scale), took["peer"].seconds.scaled(scale)
+    return Ratio(scene, peer, ours_ns, peer_ns, took["ours"].against(took["peer"]))
+
+
+def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
+    """Every law on n densities into a given array, against copying the same arrays."""
+    from eos_ref.eos import compiled
+    from eos_ref.eos.table import STYLES
+
+    random = np.random.default_rng(1)
+    rho_n, e_n = random.uniform(0.6, 1.8, n), random.uniform(0.5, 2.0, n)
+    p_n, copy_n = np.empty(n), np.empty(n)
+    ratios = []
+    for name, law in LAWS.items():
+        energy_n = e_n if law.needs_energy else np.empty(0)
+        style = STYLES.index(law.style)
+
+        def ours(law: EOS = law, style: int = style, energy_n: object = energy_n) -> None:
+            compiled.pressure_of_one_type(
+                rho_n, energy_n, style, law.rho0, law.cs, law.parameter or 0.0, law.background, p_n
+            )
+
+        def peer(gas: bool = law.needs_energy) -> None:
+            np.copyto(copy_n, rho_n)
+            if gas:  # the same arrays: this law also reads the energy
+                np.copyto(copy_n, e_n)
+
+        ratios.append(against(f"{name}, {n:,} states", "memory copy", ours, peer, repeats, n))
+    return ratios
+
+
+def table_against_copy(n: int, repeats: int) -> Ratio:
+    """Four laws on particles of interleaved types, against copying density and type."""
+    random = np.random.default_rng(2)
+    table = EOSTable((*list(LAWS.values())[:3], EOS("linear", 0.9, 2.0, background=0.1)))
+    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
+    return against(
+        f"four types interleaved, {n:,} states",
+        "memory copy",
+        lambda: table.pressure(rho_n, type_n),
+        lambda: (rho_n.copy(), type_n.copy()),
+        repeats,
+        n,
+    )
+
+
+def bytes_per_particle(n: int = 1_000_000) -> float:
+    """Peak memory of pressure and bound of n particles of four types, per particle, inputs included."""
+    random = np.random.default_rng(3)
+    table = EOSTable(tuple(list(LAWS.values())[:4]))
+    tracemalloc.start()
+    rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
+    table.pressure(rho_n, type_n)
+    bounds.comparison(table, rho_n, type_n)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / n
+
+
+def lammps_alone(file: str) -> None:
+    """The peer of a whole run: one process, one LAMMPS, the same commands and arrays, nothing else."""
+    from lammps_cases.engine import session
+
+    lmp = session.open_lammps()
+    for job in pickle.loads(Path(file).read_bytes()):
+        try:
+            session.run(lmp, job)
+        except session.EngineRefused:
+            continue
+
+
+def run_against_lammps(repeats: int, jobs: int) -> Ratio:
+    """``eos-ref run`` on the equations of state, against LAMMPS alone on the same scenes, whole processes both.
+
+    The scenes that crash LAMMPS are in ours only, as they would end the peer.
+    """
+    from lammps_cases.run import campaign
+    from lammps_cases.scene import casefile
+    from lammps_cases.setup.commands import job
+    from lammps_cases.setup.plan import plan
+
+    chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
+    prepared = [campaign.prepare(case) for case in chosen]
+    told = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "jobs"
+        file.write_bytes(pickle.dumps(told))
+        alone = [
+            sys.executable,
+            "-c",
+            f"from lammps_cases.studies.benchmarks.bench import lammps_alone as run; run({str(file)!r})",
+        ]
+        ours = [
+            sys.executable,
+            "-m",
+            "lammps_cases.cli.main",
+            "run",
+            "--tag",
+            "eos",
+            "--jobs",
+            str(jobs),
+            "--out",
+            f"{folder}/run",
+        ]
+        scene = f"eos-ref run --tag eos --jobs {jobs}"
+        return against(scene, "LAMMPS alone", lambda: _process(ours), lambda: _process(alone), repeats, at_least=0)
+
+
+def help_against_python(repeats: int) -> Ratio:
+    """``eos-ref --help`` against an empty Python program."""
+    ours = [sys.executable, "-m", "lammps_cases.cli.main", "--help"]
+    empty = [sys.executable, "-c", "pass"]
+    return against(
+        "eos-ref --help", "empty Python program", lambda: _process(ours), lambda: _process(empty), repeats, at_least=0
+    )
+
+
+def _process(command: list[str]) -> None:
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"exit code {done.returncode} of {shlex.join(command)}:\n{done.stdout}{done.stderr}")

@@ -1,0 +1,93 @@
+"""What methods cost, kept for `eos_ref.methods.choice`: seconds to start, nanoseconds per state."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from eos_ref import EOS
+from eos_ref.methods.choice import COSTS
+from eos_ref.methods.laws import methods_of
+from eos_ref.methods.worst import Regime
+from lammps_cases.records.run_record import write_atomically
+from lammps_cases.studies.benchmarks.measure import in_turns, machine
+from lammps_cases.studies.chart.laws import LAWS, QUICK_STATES, timings
+
+EDGE = 40  # particles along the edge of the scene in which the stages of the particle model are timed
+FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared
+Progress = Callable[[int, int, str], None]
+
+
+def save(progress: Progress = lambda done, total, what: None, path: Path = COSTS) -> None:
+    """Measure and write ``costs.json``; times in two digits, so that measuring again changes little of the file."""
+    laws = [law for law in LAWS if not law.background]
+    found: dict[str, dict[str, Any]] = {}
+    for k, law in enumerate(laws):
+        progress(k, len(laws) + 1, f"costs of {law.style}")
+        usable = [method for method in methods_of(law) if method.store is None]
+        took, _ = timings(law, usable, (FLUID,), QUICK_STATES, None)
+        for method in usable:
+            ns = took[method.name].seconds.median / QUICK_STATES * 1e9
+            seconds = _started(law, method.name)
+            entry = {"ns": _two_digits(ns), "startup": _two_digits(seconds)}
+            found.setdefault(law.style, {}).setdefault(method.name, entry)
+    progress(len(laws), len(laws) + 1, "costs of the stages")
+    document = {"machine": machine(), "states": QUICK_STATES, "laws": found, "stages": _stages()}
+    write_atomically(path, json.dumps(document, indent=1) + "\n")
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _started(law: EOS, method: str) -> float:
+    """Seconds that the first evaluation of ten states takes in a fresh process beyond the second."""
+    return _in_fresh_process(
+        "import numpy as np\n"
+        "from eos_ref import EOS\n"
+        "from eos_ref.methods import laws\n"
+        f"law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})\n"
+        f"method = next(m for m in laws.METHODS if m.name == {method!r})\n"
+        "rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)\n"
+        "made = []\n"
+        "def call():\n"
+        "    if not made:\n"
+        "        made.append(method.function(law, 0.99 * law.rho0, 1.01 * law.rho0))\n"
+        "    made[0](rho_n, e_n)\n"
+    )
+
+
+def _in_fresh_process(code: str, rounds: int = 3) -> float:
+    """Least seconds of a first ``call()`` beyond a second one; the first process may compile, which is for good."""
+    timing = (
+        "import time\nt = [time.perf_counter()]\nfor _ in range(2):\n    call()\n    t.append(time.perf_counter())\n"
+    )
+    seconds = []
+    for _ in range(rounds + 1):
+        command = [sys.executable, "-c", code + timing + "print(2 * t[1] - t[0] - t[2])"]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        seconds.append(max(float(done.stdout.split()[-1]), 0.0))
+    return min(seconds[1:])
+
+
+def _stages() -> dict[str, dict[str, float]]:
+    """Cost of an evaluation of the particle model per particle, in plain arrays and compiled."""
+    from lammps_cases.studies.benchmarks.bench_model import scene, simulation
+
+    calls, startup = {}, {}
+    for name in ("plain", "compiled"):
+        sim = simulation(scene("quintic", 2, EDGE), name)
+        calls[name] = sim.evaluate
+        startup[name] = _in_fresh_process(
+            "from lammps_cases.studies.benchmarks.bench_model import scene, simulation\n"
+            f"def call():\n    simulation(scene('quintic', 2, 10), {name!r}).evaluate()\n"
+        )
+    took = in_turns(calls)
+    return {
+        name: {"ns": _two_digits(took[name].seconds.median / EDGE**2 * 1e9), "startup": _two_digits(startup[name])}
+        for name in calls
+    }

@@ -1,0 +1,187 @@
+"""Pictures of a chart, as matplotlib figures: frontiers, convergence, maps. The page and the files are made of them."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from lammps_cases.studies.chart.points import DIGITS, LAMMPS, Map, Panel, Point, frontier
+from lammps_cases.studies.flows.converge import Convergence
+
+matplotlib.use("svg")
+RED, BLUE, GREY = "#c0392b", "#1f5fa8", "#8a8f98"
+# Told apart by colour and by shape; LAMMPS' own are always red stars.
+_COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
+_SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
+STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e6e8eb",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "eos-ref",  # the same bits on every run
+}
+
+
+def panel_figure(panel: Panel) -> Figure:
+    """Correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow."""
+    with matplotlib.rc_context(STYLE):
+        regimes = panel.regimes
+        columns = min(len(regimes), 3)
+        rows = -(-len(regimes) // columns)
+        marks = _marks(panel.points)
+        handles = _legend(panel, marks)
+        legend_columns = 1 if len(handles) <= 16 * rows else 2
+        figure = Figure(figsize=(3.5 * columns + 1.9 * legend_columns, 2.9 * rows + 0.5), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+        for axis, regime in zip(axes, regimes, strict=False):
+            _draw_regime(axis, panel, regime, marks)
+        for axis in axes[len(regimes) :]:
+            axis.set_visible(False)
+        figure.supxlabel(f"ns per {panel.unit} (log)", fontsize=9)
+        figure.supylabel("correct digits", fontsize=9)
+        figure.legend(handles=handles, loc="outside right center", frameon=False, fontsize=8, ncols=legend_columns)
+        return figure
+
+
+def _marks(points: Sequence[Point]) -> dict[str, tuple[str, str]]:
+    """Colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
+    methods = sorted({p.method for p in points if p.engine != LAMMPS})
+    marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(methods)}
+    theirs = sorted({p.method for p in points if p.engine == LAMMPS})
+    own = {m: m.removeprefix(LAMMPS).strip(" ,") for m in theirs}
+    return marks | {m: (RED, marks[own[m]][1] if own[m] in marks else "*") for m in theirs}
+
+
+def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[str, str]]) -> None:
+    points = panel.of(regime)
+    best = frontier(points)
+    far = 2 * max(p.ns.high for p in panel.points)
+    x, y = [p.ns.median for p in best], [p.digits for p in best]
+    # All of a double's digits where they are in reach, else what there is.
+    best_digits = max(p.digits for p in panel.points)
+    top, floor = (DIGITS + 0.8, -0.5) if best_digits > 8 else (1.1 * best_digits + 0.2, -0.1)
+    axis.step([x[0], *x, far], [floor, *y, y[-1]], where="post", color=BLUE, lw=1.2, alpha=0.6)
+    axis.fill_between([*x, far], [*y, y[-1]], floor, step="post", color=BLUE, alpha=0.05, lw=0)
+    for p in points:
+        colour, shape = marks[p.method]
+        axis.plot([p.ns.low, p.ns.high], [p.digits] * 2, color=colour, lw=1)
+        size = 11 if p.engine == LAMMPS and shape == "*" else 6
+        face = "white" if p.dominated_by and p.engine != LAMMPS else colour
+        axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc=face, mew=1.2, ls="none")
+    if panel.roofline_ns:
+        axis.axvline(panel.roofline_ns, color=GREY, ls="--", lw=1)
+    first = min(p.ns.low for p in panel.points)
+    axis.set_xlim(0.6 * min(first, panel.roofline_ns or first), far)
+    plain_log_axis(axis.xaxis)
+    axis.set_ylim(floor, top)
+    axis.set_title(regime)
+
+
+def plain_log_axis(axis: Any) -> None:
+    """A logarithmic axis with few ticks, as plain numbers; its limits are set."""
+    low, high = axis.get_view_interval()
+    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    axis.set_major_locator(LogLocator(10.0, (1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=6))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
+    on = {p.method for p in panel.points if not p.dominated_by}
+    stars = [method for method, (colour, shape) in marks.items() if colour == RED and shape == "*"]
+    handles = []
+    for method, (colour, shape) in marks.items():
+        if colour != RED or method in stars:
+            face = colour if method in on or colour == RED else "white"
+            size = 10 if shape == "*" else 6
+            style: dict[str, Any] = {"marker": shape, "ls": "none", "mec": colour, "mfc": face, "ms": size}
+            handles.append(Line2D([], [], label=method, **style))
+    if len(stars) < sum(colour == RED for colour, _ in marks.values()):
+        handles.append(Line2D([], [], marker="o", ls="none", mec=RED, mfc=RED, ms=6, label="LAMMPS: same shape, red"))
+    handles.append(Line2D([], [], color=BLUE, lw=1.2, alpha=0.6, label="frontier"))
+    if panel.roofline_ns:
+        handles.append(Line2D([], [], color=GREY, ls="--", lw=1, label="moving the arrays\n(memory bandwidth)"))
+    return handles
+
+
+def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
+    """Error against resolution and against wall time, with the fitted order of each engine."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(6.2, 2.7), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True)
+        for run in runs:
+            if measure not in run.errors:
+                continue
+            ours = run.engine == "reference"
+            style: dict[str, Any] = {
+                "color": BLUE if ours else RED,
+                "marker": "o" if ours else "*",
+                "ms": 6 if ours else 10,
+                "mfc": "white" if ours else RED,
+                "lw": 1,
+                "zorder": 3 if ours else 2,
+            }
+            error, fit = np.array(run.errors[measure]), run.fit(measure)
+            spread = f" ± {fit.standard_error:.2f}" if np.isfinite(fit.standard_error) else ""
+            label = f"{'reference' if ours else 'LAMMPS'}, order {fit.order:.2f}{spread}"
+            left.plot(run.resolutions, error, label=label, **style)
+            work = 1e9 * np.array(run.seconds) / np.array(run.particles)
+            right.plot(work, error, **style)
+        left.set(yscale="log", xscale="log", xlabel="particles per length (log)", ylabel=f"error: {measure}")
+        left.yaxis.set_minor_formatter(NullFormatter())
+        ticks = sorted({n for run in runs for n in run.resolutions})
+        left.set_xticks(ticks, [str(n) for n in ticks])
+        left.minorticks_off()
+        plain_log_axis(right.xaxis)
+        right.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 1000:g}"))
+        right.set(xlabel="µs per particle, all steps (log)")
+        left.legend(frameon=False, fontsize=8)
+        return figure
+
+
+def map_figure(data: Map) -> Figure:
+    """A map of errors, as digits."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(4.3, 3.0), layout="constrained")
+        axis = figure.subplots()
+        with np.errstate(divide="ignore"):
+            digits = np.clip(-np.log10(np.array(data.value, float)), 0, DIGITS)
+        logarithmic = min(data.x) > 0 and max(data.x) / min(data.x) > 50
+        x = np.log10(data.x) if logarithmic else np.array(data.x)
+        top = 16.0 if digits.max() > 8 else float(digits.max()) or 1.0
+        mesh = axis.pcolormesh(x, data.y, digits, cmap="viridis", vmin=0, vmax=top, shading="nearest")
+        axis.grid(False)
+        axis.set(xlabel=f"log10 {data.x_name}" if logarithmic else data.x_name, ylabel=data.y_name, title=data.title)
+        figure.colorbar(mesh, ax=axis, label="correct digits")
+        return figure
+
+
+def svg(figure: Figure) -> str:
+    """The figure as an element that can stand in a page."""
+    file = io.StringIO()
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = file.getvalue()
+    return re.sub(r"^.*?(?=<svg)", "", text, count=1, flags=re.DOTALL)
+
+
+def save(figure: Figure, folder: Path, name: str) -> None:
+    """The figure as ``NAME.svg`` and ``NAME.png``."""
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})

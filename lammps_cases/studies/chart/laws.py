@@ -1,0 +1,192 @@
+r"""Equations of state: every method of `eos_ref.methods.laws`, and LAMMPS, against Arb.
+
+Errors are the worst that a search finds in each regime, a range of :math:`|\rho/\rho_0-1|`; times are of shuffled
+states of that regime, for which tables and series are prepared.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from eos_ref import EOS
+from eos_ref.eos.table import FloatArray
+from eos_ref.methods.laws import LawMethod, methods_of
+from eos_ref.methods.worst import SAMPLES, Regime, worst_case
+from lammps_cases.studies.benchmarks.measure import Interval, Timing, in_turns
+from lammps_cases.studies.chart.engine_law import EngineLaw
+from lammps_cases.studies.chart.points import Crossing, Map, Panel, Point, compared, point
+
+# No parameter has a value at which formulas coincide; gamma 4 stands for whole exponents of tait/general.
+LAWS: tuple[EOS, ...] = (
+    EOS("linear", 1.2345, 7.89),
+    EOS("cubic", 1.2345, 7.89, 2.5),
+    EOS("tait/water", 1.2345, 7.89),
+    EOS("tait/general", 1.2345, 7.89, 1.4),
+    EOS("tait/general", 1.2345, 7.89, 4.0),
+    EOS("ideal/gas", parameter=1.4),
+    EOS("tait/water", 1.2345, 7.89, background=3.21),
+)
+REGIMES = tuple(Regime(low, high) for low, high in ((1e-12, 1e-9), (1e-9, 1e-6), (1e-6, 1e-3), (1e-3, 0.1), (0.1, 10)))
+ENERGY = 1.7  # per mass, of laws that need one
+STATES, QUICK_STATES = 300_000, 100_000
+OUTPUT = "LAMMPS"
+
+
+def name(law: EOS) -> str:
+    """A law with what tells it apart."""
+    parameter = "" if law.parameter is None else f" {law.parameter:g}"
+    return f"{law.style}{parameter}" + (" + background" if law.background else "")
+
+
+def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+    """One panel per law."""
+    for law in LAWS[1:4] if quick else LAWS:
+        yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, lmp)
+
+
+def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
+    methods, reasons = methods_of(law), {m.name: m.reason for m in methods_of(law)}
+    e = ENERGY if law.needs_energy else None
+    points: list[Point] = []
+    copying = []
+    for regime in regimes:
+        took, seconds = timings(law, methods, (regime,), n, lmp)
+        copying.append(seconds)
+        ends, start_n = regime.ends(law), regime.densities(law, SAMPLES)
+        functions = {m.name: m.function(law, *ends) for m in methods}
+        if lmp is not None:
+            functions[OUTPUT] = EngineLaw(lmp, law).pressure
+        found = []
+        for method, function in functions.items():
+            worst = worst_case(function, law, start_n, _inside(regime, law), e)
+            reason = reasons.get(method, "LAMMPS' own output, less what an output costs that needs no law")
+            found.append(point(f"pressure of {name(law)}", str(regime), method, worst.error, took[method], n, reason))
+        points += compared(found, took)
+    return Panel(
+        id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
+        title=f"Pressure of {name(law)}",
+        about=f"{n:,} states in float64, shuffled; rho0 {law.rho0:g}, cs {law.cs:g}, background {law.background:g}.",
+        error_of="worst relative error of the pressure found by search, certified with Arb",
+        unit="state",
+        points=tuple(points),
+        roofline_ns=median(copying) * 1e9 / n,
+        crossings=tuple(_accuracy_crossings(law, methods)),
+    )
+
+
+def _inside(regime: Regime, law: EOS) -> Callable[[FloatArray], Any]:
+    return lambda rho_n: regime.holds(law, rho_n)
+
+
+def timings(
+    law: EOS, methods: Sequence[LawMethod], regimes: Sequence[Regime], n: int, lmp: Any | None
+) -> tuple[dict[str, Timing], float]:
+    """Times of all methods in turns, and the seconds that copying the states takes."""
+    each = [regime.densities(law, math.ceil(n / len(regimes))) for regime in regimes]
+    rho_n = np.random.default_rng(1).permutation(np.concatenate(each)[:n])
+    e_n = np.full(n, ENERGY) if law.needs_energy else None
+    copy_n = np.empty(n)
+
+    def copy() -> None:
+        np.copyto(copy_n, rho_n)
+        if e_n is not None:
+            np.copyto(copy_n, e_n)
+
+    calls: dict[str, Callable[[], object]] = {"copy": copy}
+    for method in methods:
+        calls[method.name] = _call(method, law, rho_n, e_n)
+    if lmp is not None:
+        calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(lmp, law).timed(rho_n, e_n)
+    took = in_turns(calls, at_least=0.01)
+    if lmp is not None:
+        whole, bare = took[OUTPUT], took.pop("LAMMPS, no law")
+        alone = tuple(a - b for a, b in zip(whole.seconds_r, bare.seconds_r, strict=True))
+        took[OUTPUT] = Timing(alone, whole.calls, alone[0])
+    return took, took.pop("copy").seconds.median
+
+
+def _call(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray | None) -> Callable[[], object]:
+    evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
+    stored_n = method.stored(law, rho_n)
+    return lambda: evaluate(stored_n, e_n)
+
+
+# --- where methods change places
+
+
+def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
+    """Distances from rho0 at which the printed formula becomes as accurate as others."""
+    by_name = {method.name: method for method in methods}
+    if "textbook" in by_name and law.style != "cubic":
+        for other in ("float32 excess", "table, cubic"):
+            found = _accuracy_crossing(law, by_name["textbook"], by_name[other])
+            if found:
+                yield found
+
+
+def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing | None:
+    r"""Where two methods' worst errors, in narrow windows of :math:`|\rho/\rho_0-1|`, cross; by bisection."""
+    e = ENERGY if law.needs_energy else None
+
+    def lead(log_d: float) -> bool:
+        regime = Regime(10 ** (log_d - 0.05), 10 ** (log_d + 0.05))
+        errors = [
+            worst_case(
+                m.function(law, *Regime(1e-9, 10.0).ends(law)), law, regime.densities(law, 512), _inside(regime, law), e
+            ).error
+            for m in (one, other)
+        ]
+        return errors[0] < errors[1]
+
+    bracket = bisected(lead, -9.0, 1.0, 0.02)
+    if bracket is None:
+        return None
+    low, high = (10**end for end in bracket)
+    at = Interval(math.sqrt(low * high), low, high)
+    return Crossing(f"pressure of {name(law)}", (other.name, one.name), "|rho/rho0 - 1|", "smaller worst error", at)
+
+
+def bisected(holds: Callable[[float], bool], low: float, high: float, width: float) -> tuple[float, float] | None:
+    """The interval, no wider than asked, in which a condition that fails at ``low`` begins to hold; None if it is the
+    same at both ends."""
+    if holds(low) == holds(high):
+        return None
+    at_high = holds(high)
+    while high - low > width:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(middle) == at_high else (middle, high)
+    return low, high
+
+
+# --- maps
+
+
+def maps(quick: bool) -> Iterator[Map]:
+    """Worst errors over distance from rho0 and gamma, for the forms of Tait's law."""
+    gammas = np.linspace(1.5, 7.5, 5 if quick else 13)
+    distances = np.geomspace(1e-10, 3.0, 9 if quick else 22)
+    for method in (m for m in methods_of(EOS("tait/general", parameter=1.5)) if m.name in ("textbook", "numpy")):
+        value = np.array([[_worst_near(method, float(g), float(d)) for d in distances] for g in gammas])
+        yield Map(
+            id=f"tait-{method.name}",
+            title=f"tait/general, {method.name}",
+            x_name="|rho/rho0 - 1|",
+            y_name="gamma",
+            x=tuple(distances.tolist()),
+            y=tuple(gammas.tolist()),
+            value=tuple(tuple(row) for row in value.tolist()),
+            unit="worst relative error",
+        )
+
+
+def _worst_near(method: LawMethod, gamma: float, d: float) -> float:
+    law, regime = EOS("tait/general", 1.2345, 7.89, gamma), Regime(d / 1.3, d * 1.3)
+    return worst_case(
+        method.function(law, *regime.ends(law)), law, regime.densities(law, 256), _inside(regime, law)
+    ).error

@@ -1,0 +1,129 @@
+"""The page of a chart, and its pictures as files."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from lammps_cases.records.run_record import write_atomically
+from lammps_cases.studies.chart import draw
+from lammps_cases.studies.chart.points import Panel, Point, frontier
+from lammps_cases.studies.chart.record import Chart, Section
+from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.converge import Convergence
+
+ASSETS = Path(__file__).parent / "assets"
+SHARED = Path(__file__).parents[2] / "pages" / "assets"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure in the page, and the name of its files."""
+
+    name: str
+    svg: Markup
+
+
+@dataclass(frozen=True)
+class FlowView:
+    """A flow as the page shows it: every engine's run, a picture of the headline.
+
+    ``agree`` says whether the engines' headlines at the finest resolution are the same to a tenth; ``speedup`` is
+    LAMMPS' time over the reference's for all resolutions.
+    """
+
+    name: str
+    about: str
+    expected: str
+    solution: str
+    measure: str
+    runs: list[Convergence]
+    agree: bool
+    speedup: float
+    picture: Picture
+
+
+def write(chart: Chart, folder: Path) -> None:
+    """Write ``report.html`` and ``figures/*.svg|png``."""
+    figures = folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["error"] = lambda value: f"{value:.2g}" if math.isfinite(value) else "none right"
+    environment.filters["ns"] = lambda value: f"{value:.3g}"
+    html = environment.get_template("chart.html.j2").render(
+        chart=chart,
+        css=Markup((SHARED / "page.css").read_text(encoding="utf-8")),
+        own_css=Markup((ASSETS / "chart.css").read_text(encoding="utf-8")),
+        pictures={panel.id: _picture(draw.panel_figure(panel), figures, panel.id) for panel in chart.panels},
+        maps={m.id: _picture(draw.map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
+        flows={section.name: list(_flows(section, figures)) for section in chart.sections},
+        rows=rows,
+        sentence=sentence,
+    )
+    write_atomically(folder / "report.html", html)
+
+
+def _picture(figure: Figure, folder: Path, name: str) -> Picture:
+    draw.save(figure, folder, name)
+    # Several pictures in one page must not share the names of their parts.
+    return Picture(name, Markup(with_own_names(draw.svg(figure), name)))
+
+
+def with_own_names(svg: str, name: str) -> str:
+    """A picture whose parts, and what refers to them, are named after it; links out of the picture stay."""
+    ids = set(re.findall(r'\bid="([^"]+)"', svg))
+    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
+    return re.sub(r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg)
+
+
+def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
+    for name in dict.fromkeys(run.flow for run in section.flows):
+        runs = [run for run in section.flows if run.flow == name]
+        measure = next((m for run in runs for m in run.errors), "")
+        flow = FLOWS[name]
+        picture = _picture(draw.convergence_figure(runs, measure), figures, f"flow-{name}")
+        yield FlowView(
+            name,
+            flow.about,
+            flow.expected,
+            flow.solution,
+            measure,
+            runs,
+            _agree(runs, measure),
+            _speedup(runs),
+            picture,
+        )
+
+
+def _agree(runs: list[Convergence], measure: str) -> bool:
+    last = [run.errors[measure][-1] if measure in run.errors else math.nan for run in runs]
+    return all(abs(error - last[0]) <= 0.1 * abs(last[0]) for error in last)
+
+
+def _speedup(runs: list[Convergence]) -> float:
+    seconds = {run.engine: sum(run.seconds) for run in runs}
+    return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
+
+
+def rows(panel: Panel, regime: str) -> list[tuple[Point, bool]]:
+    """Points of a regime from the fastest on, and whether each is on the frontier."""
+    best = frontier(panel.of(regime))
+    return [(p, p in best) for p in sorted(panel.of(regime), key=lambda p: p.ns.median)]
+
+
+def sentence(panel: Panel, regime: str) -> str:
+    """The frontier in words."""
+    best = frontier(panel.of(regime))
+    if not best:
+        return "no method is better than all others"
+    parts = [f"{p.method} ({p.digits:.1f} digits, {p.ns.median:.3g} ns)" for p in best]
+    return "frontier: " + ", then ".join(parts)

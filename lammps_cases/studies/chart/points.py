@@ -1,0 +1,153 @@
+"""What a chart is made of: points of error against time, their frontier, and the crossings between methods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from lammps_cases.studies.benchmarks.measure import Interval, Timing, verdict
+
+LAMMPS = "LAMMPS"
+ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one
+ONE_PER_CENT = 1.01  # the same for errors of discretisation, which are no matter of chance
+DIGITS = 15.95  # of a double; an error of 0 is drawn there
+
+
+@dataclass(frozen=True)
+class Point:
+    """One way to compute one quantity in one regime: how wrong, how fast.
+
+    Attributes
+    ----------
+    quantity : what is computed, as ``pressure of tait/water``
+    regime : under which circumstances, as ``|rho/rho0 - 1| from 1e-6 to 1e-5``
+    method : name of the method; LAMMPS' own begins with ``LAMMPS``
+    error : the largest error found, dimensionless (what it is relative to, the panel says)
+    ns : nanoseconds per particle (or per particle and step): median and its interval
+    compiling : seconds that the first call took beyond the others
+    reason : why one would use it
+    dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
+    like : methods whose times cannot be told from this one's
+    """
+
+    quantity: str
+    regime: str
+    method: str
+    error: float
+    ns: Interval
+    compiling: float = 0.0
+    reason: str = ""
+    dominated_by: str = ""
+    like: tuple[str, ...] = ()
+
+    @property
+    def digits(self) -> float:
+        """Correct decimal digits, -log10 of the error; 0 where nothing is right."""
+        if not math.isfinite(self.error):
+            return 0.0
+        return min(max(-math.log10(self.error), 0.0), DIGITS) if self.error > 0 else DIGITS
+
+    @property
+    def engine(self) -> str:
+        """Whose method it is."""
+        return LAMMPS if self.method.startswith(LAMMPS) else "reference"
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where two methods change places: the better one below a value of a variable, the better one above, and in what.
+
+    The value is known within an interval.
+    """
+
+    quantity: str
+    methods: tuple[str, str]
+    variable: str
+    criterion: str
+    at: Interval
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The points of one quantity, all measured in the same rounds.
+
+    Attributes
+    ----------
+    error_of : what the error is, and relative to what
+    unit : what a time is per
+    roofline_ns : time that moving the arrays alone takes on this machine, for the same unit; None: not bound by memory
+    """
+
+    id: str
+    title: str
+    about: str
+    error_of: str
+    unit: str
+    points: tuple[Point, ...]
+    roofline_ns: float | None = None
+    crossings: tuple[Crossing, ...] = field(default=())
+
+    @property
+    def regimes(self) -> list[str]:
+        """Regimes in the order of their points."""
+        return list(dict.fromkeys(point.regime for point in self.points))
+
+    def of(self, regime: str) -> list[Point]:
+        """Points of one regime."""
+        return [point for point in self.points if point.regime == regime]
+
+
+@dataclass(frozen=True)
+class Map:
+    """Errors over two parameters: ``value[row][column]`` belongs to ``y[row]`` and ``x[column]``."""
+
+    id: str
+    title: str
+    x_name: str
+    y_name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    value: tuple[tuple[float, ...], ...]
+    unit: str
+
+
+def point(quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = "") -> Point:
+    """A point from a timing of a call that treats ``per`` particles (or particles and steps)."""
+    late = max(timing.first - timing.seconds.high, 0.0)
+    ns = timing.seconds.scaled(1e9 / per)
+    return Point(quantity, regime, method, error, ns, late, reason)
+
+
+def compared(points: Sequence[Point], timings: Mapping[str, Timing], same: float = ONE_BIT) -> tuple[Point, ...]:
+    """The points of one regime with what their timings, of the same rounds, say about each other.
+
+    A method is dominated by another one that is measurably faster and no less accurate, or more accurate and not
+    measurably slower. Times are compared round by round (`Timing.against`).
+
+    Parameters
+    ----------
+    same : float
+        Errors within this factor count as the same: of rounding, one bit, as a search for the worst case may miss by
+        so much; of discretisations `ONE_PER_CENT`.
+    """
+    found = []
+    for one in points:
+        like, dominated = [], ""
+        for other in points:
+            if other is one:
+                continue
+            answer = verdict(timings[other.method].against(timings[one.method]))
+            if answer == "cannot tell":
+                like.append(other.method)
+            better = other.error * same < one.error and answer != "slower"
+            as_good = other.error <= one.error * same
+            if (better or (as_good and answer == "faster")) and not dominated:
+                dominated = other.method
+        found.append(replace(one, dominated_by=dominated, like=tuple(sorted(like))))
+    return tuple(found)
+
+
+def frontier(points: Iterable[Point]) -> list[Point]:
+    """The points that no other dominates, from the fastest to the most accurate."""
+    return sorted((p for p in points if not p.dominated_by), key=lambda p: (p.ns.median, p.error))

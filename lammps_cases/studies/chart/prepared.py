@@ -1,0 +1,107 @@
+"""Particles of a chart on either engine: a periodic, disordered lattice in 2D, in the reference and in LAMMPS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.syntax.fixes import KernelStyle
+from lammps_cases.engine import session
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms, build
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import reference_side
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+
+STILL = 1e-12  # time step in which no particle moves enough to matter
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Particles of one kernel and cutoff, for either engine."""
+
+    case: Case
+    atoms: Atoms
+
+    def simulation(self, fields: Sequence[str]) -> Simulation:
+        """The compiled reference, evaluated once."""
+        from eos_ref.compiled.evaluator import Fast
+
+        scene, where = self.case.scene, self.case.where
+        model, box = reference_side.model(scene, self.atoms, where), reference_side.box(scene, self.atoms)
+        made = Simulation(model, box, reference_side.state(scene, self.atoms, where), fields, Fast)
+        made.evaluate()
+        return made
+
+    def started(self, lmp: Any) -> session.Answer:
+        """Run in LAMMPS, which keeps it."""
+        scene = self.case.scene
+        return session.run(lmp, job(scene, self.atoms, plan(scene)))
+
+
+def prepared(
+    kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool = False, **more: Any
+) -> Prepared:
+    """Unit masses on a disordered square lattice of unit spacing, at rest; ``more`` are keys of a scene."""
+    data = {
+        "dimension": 2,
+        "types": [{"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": 0.0}],
+        "positions": {"lattice": "sq", "spacing": 1.0, "cells": [edge, edge], "disorder": disorder},
+        "pressure": [{"types": "*", "style": "linear"}],
+        "rheo": {"kernel": kernel, "cut": cut, "rho_sum": rho_sum},
+        "rho": None if rho_sum else {"constant": 1.0},
+        "velocity": {"uniform": [0.0, 0.0]},
+        "evolve": {"steps": 1, "timestep": STILL, "compare_at": [0, 1]},
+        "compare": ["rho"] if rho_sum else ["grad/v"],
+        **more,
+    }
+    # One name for all: the same particles for every kernel and cutoff.
+    case = Case("chart-kernels", "", (), Scene.model_validate(data), Path("chart"))
+    atoms = build(case, case.scene.eos())
+    return Prepared(case, atoms)
+
+
+def moving(made: Prepared, v_nc: FloatArray) -> Prepared:
+    """The same particles with velocities (n, 2)."""
+    return replace(made, atoms=replace(made.atoms, v_nc=np.hstack([v_nc, np.zeros((len(v_nc), 1))])))
+
+
+def rms(error_n: FloatArray, scale_n: FloatArray) -> float:
+    """Root of the mean square of errors over that of what they are relative to."""
+    return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))
+
+
+def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
+    """Largest error over the root of the mean square of what it is relative to."""
+    return float(np.max(np.abs(error_n)) / np.sqrt(np.mean(np.square(scale_n))))
+
+
+def still_step(lmp: Any) -> Callable[[], object]:
+    """A call that takes a step of LAMMPS in which nothing moves."""
+    lmp.command(f"timestep {STILL!r}")
+    return partial(lmp.command, "run 1 pre no post no")
+
+
+class Instances:
+    """LAMMPS instances, as many as there are methods, so that all can be timed in turns; None without LAMMPS."""
+
+    def __init__(self, lmp: Any | None, stack: ExitStack) -> None:
+        self._lmp, self._stack = lmp, stack
+
+    def __bool__(self) -> bool:
+        return self._lmp is not None
+
+    def one_more(self) -> Any:
+        """A new instance, closed with the stack."""
+        made = session.open_lammps()
+        self._stack.callback(made.close)
+        return made

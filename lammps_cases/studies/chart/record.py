@@ -1,0 +1,134 @@
+"""A chart on disk: ``chart.json``, tables as CSV, pictures, a page."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from eos_ref import InputError
+from lammps_cases.records.run_record import write_atomically
+from lammps_cases.studies.chart.points import Map, Panel
+from lammps_cases.studies.flows.converge import Convergence
+
+SCHEMA = "eos-ref/chart/1"
+
+
+@dataclass(frozen=True)
+class Section:
+    """One group of panels, maps and flows, with the seconds it took."""
+
+    name: str
+    title: str
+    about: str
+    seconds: float
+    panels: tuple[Panel, ...] = ()
+    maps: tuple[Map, ...] = ()
+    flows: tuple[Convergence, ...] = ()
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Everything measured: the single source of the page and the tables."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
+
+    command: str
+    machine: dict[str, str | float | int]
+    engine: dict[str, str]
+    quick: bool
+    seconds: float
+    sections: tuple[Section, ...]
+    schema: str = SCHEMA
+
+    @property
+    def panels(self) -> list[Panel]:
+        """Panels of all sections."""
+        return [panel for section in self.sections for panel in section.panels]
+
+
+_ADAPTER = TypeAdapter(Chart)
+
+
+def write(chart: Chart, folder: Path) -> None:
+    """Write ``chart.json`` and the tables."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(folder / "points.csv", _csv(_point_rows(chart)))
+    write_atomically(folder / "convergence.csv", _csv(_convergence_rows(chart)))
+    write_atomically(folder / "chart.json", _ADAPTER.dump_json(chart, indent=1) + b"\n")
+
+
+def read(folder: Path) -> Chart:
+    """The chart of a folder.
+
+    Raises
+    ------
+    InputError
+        No chart there, or one of another version.
+    """
+    file = folder / "chart.json"
+    try:
+        return _ADAPTER.validate_json(file.read_bytes())
+    except OSError as error:
+        raise InputError("chart", f"cannot be read: {error.strerror}", where=str(file)) from None
+    except ValidationError as error:
+        raise InputError(
+            "chart", f"is not of the schema {SCHEMA}: {error.errors()[0]['msg']}", where=str(file)
+        ) from None
+
+
+def points_document(chart: Chart) -> dict[str, list[dict[str, Any]]]:
+    """What ``--json`` prints."""
+    header, *rows = _point_rows(chart)
+    finite = [
+        [None if isinstance(value, float) and not abs(value) < float("inf") else value for value in r] for r in rows
+    ]
+    return {"points": [dict(zip(header, row, strict=True)) for row in finite]}
+
+
+def _point_rows(chart: Chart) -> Iterable[Sequence[Any]]:
+    yield (
+        *("quantity", "regime", "method", "error", "ns"),
+        *("digits", "ns_low", "ns_high", "unit", "compiling_s", "dominated_by", "like", "reason"),
+    )
+    for panel in chart.panels:
+        for p in panel.points:
+            yield (
+                *(p.quantity, p.regime, p.method, p.error, p.ns.median),
+                *(round(p.digits, 2), p.ns.low, p.ns.high, panel.unit, p.compiling, p.dominated_by),
+                *("; ".join(p.like), p.reason),
+            )
+
+
+def _convergence_rows(chart: Chart) -> Iterable[Sequence[Any]]:
+    yield (
+        "flow",
+        "engine",
+        "measure",
+        "resolution",
+        "error",
+        "order",
+        "standard_error",
+        "seconds",
+        "particles",
+        "steps",
+    )
+    for run in (run for section in chart.sections for run in section.flows):
+        for measure, errors in run.errors.items():
+            fit = run.fit(measure)
+            for k, (n, error) in enumerate(zip(run.resolutions, errors, strict=True)):
+                yield (
+                    *(run.flow, run.engine, measure, n, error, fit.order, fit.standard_error),
+                    *(run.seconds[k], run.particles[k], run.steps[k]),
+                )
+
+
+def _csv(rows: Iterable[Sequence[Any]]) -> str:
+    file = io.StringIO()
+    csv.writer(file, lineterminator="\n").writerows(rows)
+    return file.getvalue()

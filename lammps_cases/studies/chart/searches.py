@@ -1,0 +1,202 @@
+"""Chart of neighbour searches, and of how often to search: a list built at every step against one with a skin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from eos_ref import EOS, EOSTable
+from eos_ref.compiled.neighbours import Neighbours
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
+from eos_ref.syntax.fixes import FixRheo
+from lammps_cases.scene.atoms import seed
+from lammps_cases.studies.benchmarks import measure
+from lammps_cases.studies.benchmarks.measure import Timing
+from lammps_cases.studies.chart.points import Crossing, Panel, Point, compared, point
+from lammps_cases.studies.chart.search_methods import METHODS, SearchMethod, truth, wrong
+
+CUT = 3.0  # spacings
+EDGES = (32, 100, 316)  # particles along an edge: about 1 000, 10 000 and 100 000
+SMALL = 6  # particles along the smallest box in which crossings are looked for
+NEAR, SCENES = 1000, 4  # particles of a scene for errors, half of them with a partner at the cutoff; such scenes
+SKINS = (0.0, 0.05, 0.1, 0.2, 0.3)  # of the cutoff
+MACH = {"Mach number 0.1": 0.1, "Mach number 0.01": 0.01}
+REBUILDS, LEAST_STEPS, MOST_STEPS = 5, 60, 1500
+
+
+def _lattice(edge: int, name: str) -> tuple[FloatArray, Box]:
+    """Square lattice of unit spacing, disordered by a tenth, and its periodic box."""
+    random = np.random.default_rng(seed(f"{name}/{edge}"))
+    x_n, y_n = np.meshgrid(np.arange(edge) + 0.5, np.arange(edge) + 0.5)
+    x_nc = np.stack([x_n.ravel(), y_n.ravel()], axis=1)
+    return x_nc + random.uniform(-0.1, 0.1, x_nc.shape), Box((0.0, 0.0), (float(edge),) * 2, (True, True))
+
+
+# --- searches
+
+
+def at_the_cutoff(edge: float, n: int, number: int = 0) -> tuple[FloatArray, Box]:
+    """Half the particles at random places, each with a partner at the cutoff times 1 +/- 10^-k, k from 6 to 17."""
+    random = np.random.default_rng(seed(f"at the cutoff/{edge}/{number}"))
+    x_nc, angle_n = random.uniform(0, edge, (n // 2, 2)), random.uniform(0, 2 * np.pi, n // 2)
+    off_n = random.choice([-1.0, 1.0], n // 2) * 10.0 ** random.uniform(-17, -6, n // 2)
+    partner_nc = x_nc + (CUT * (1 + off_n))[:, None] * np.stack([np.cos(angle_n), np.sin(angle_n)], axis=1)
+    partner_nc -= edge * np.floor(partner_nc / edge)
+    return np.concatenate([x_nc, partner_nc]), Box((0.0, 0.0), (float(edge),) * 2, (True, True))
+
+
+def _calls(edge: int, methods: Sequence[SearchMethod]) -> dict[str, Callable[[], object]]:
+    x_nc, box = _lattice(edge, "searches")
+    return {m.name: partial(m.pairs, x_nc, box, CUT) for m in methods if len(x_nc) <= m.most}
+
+
+def _crossings(edges: Sequence[int], quick: bool) -> tuple[Crossing, ...]:
+    """Where two methods change places between two sizes of a scene."""
+    timings = {edge: measure.in_turns(_calls(edge, METHODS), measure.ROUNDS, 0.003) for edge in edges}
+    found = []
+    for k, one in enumerate(METHODS):
+        for other in METHODS[k + 1 :]:
+            both = [e for e in edges if {one.name, other.name} <= timings[e].keys()]
+            answers = {e: measure.verdict(timings[e][one.name].against(timings[e][other.name])) for e in both}
+            told = [e for e in both if answers[e] != "cannot tell"]
+            for low, high in pairwise(told):
+                if answers[low] != answers[high]:
+                    found.append(_crossing(one, other, low, high, answers[low], 0.004 if quick else 0.02))
+    return tuple(found)
+
+
+def _crossing(one: SearchMethod, other: SearchMethod, low: int, high: int, below: str, at_least: float) -> Crossing:
+    """Bisect the logarithm of the number of particles, until times cannot be told apart or sizes are neighbours."""
+    while high - low > 1:
+        middle = min(max(round(math.sqrt(low * high)), low + 1), high - 1)
+        timings = measure.in_turns(_calls(middle, (one, other)), rounds=measure.ROUNDS, at_least=at_least)
+        answer = measure.verdict(timings[one.name].against(timings[other.name]))
+        if answer == "cannot tell":
+            break
+        low, high = (middle, high) if answer == below else (low, middle)
+    n = measure.Interval(float(low * high), float(low**2), float(high**2))
+    first, second = (one.name, other.name) if below == "faster" else (other.name, one.name)
+    return Crossing("pairs closer than a cutoff", (first, second), "particles", "less time", n)
+
+
+def _search_points(edge: int, quick: bool) -> tuple[Point, ...]:
+    calls = _calls(edge, METHODS)
+    timings = measure.in_turns(calls, *((6, 0.005) if quick or edge > 100 else (measure.ROUNDS, 0.02)))
+    scenes = [at_the_cutoff(float(edge), NEAR, k) for k in range(1 if quick else SCENES)]
+    trues = [truth(x_nc, box, CUT) for x_nc, box in scenes]
+
+    def error(m: SearchMethod) -> float:
+        found = (m.pairs(x_nc, box, CUT) for x_nc, box in scenes)
+        return sum(map(wrong, found, trues)) / (len(scenes) * NEAR // 2)
+
+    n, regime = edge**2, f"{edge**2:,} particles"
+    points = [
+        point("pairs", regime, m.name, error(m), timings[m.name], n, m.reason) for m in METHODS if m.name in calls
+    ]
+    return compared(points, timings)
+
+
+def _searches(quick: bool) -> Panel:
+    edges = EDGES[:2] if quick else EDGES
+    points = [p for edge in edges for p in _search_points(edge, quick)]
+    return Panel(
+        "searches",
+        "Finding neighbours",
+        f"Periodic 2D box, disordered square lattice, cutoff of {CUT:g} spacings; one thread, from positions to a list "
+        f"of pairs. Errors belong to other scenes in the same box: {NEAR} particles, half of them with a partner at "
+        "the cutoff but for a fraction of 1e-6 to 1e-17.",
+        "pairs missed or invented over pairs laid at the cutoff, against exact arithmetic",
+        "particle",
+        tuple(points),
+        crossings=_crossings((SMALL, 12, *edges), quick),
+    )
+
+
+# --- how often
+
+
+def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
+    """A vortex flow of a disordered fluid, stepping with a list of a skin (in cutoffs); and its time step."""
+    from eos_ref.compiled.evaluator import Fast
+
+    x_nc, box = _lattice(edge, "rebuild")
+    k = 2 * np.pi / edge
+    v_nc = mach * np.stack(
+        [np.sin(k * x_nc[:, 0]) * np.cos(k * x_nc[:, 1]), np.cos(k * x_nc[:, 0]) * np.sin(k * x_nc[:, 1])], axis=1
+    )
+    v_nc[:, 1] *= -1
+    law = EOSTable((EOS("linear", 1.0, 1.0),))
+    model = Model(2, FixRheo(CUT, "quintic", 0), (1.0,), law, PairRheo(CUT, 1.0), (Viscosity("constant", 0.02),))
+    n = len(x_nc)
+    state = State(x_nc, v_nc, np.ones(n), np.ones(n, int), np.zeros(n, bool))
+    return Simulation(model, box, state, (), partial(Fast, skin=skin * CUT)), 0.25 / (1 + mach)
+
+
+def _ran(mach: float, skin: float, edge: int, most: int) -> tuple[Simulation, float, FloatArray]:
+    """A fluid that has run, rebuilds per step, and densities after `LEAST_STEPS`."""
+    sim, dt = fluid(mach, skin, edge)
+    sim.run(LEAST_STEPS, dt)
+    rho_n, steps = sim.state.rho_n.copy(), LEAST_STEPS
+    near = sim.evaluator.neighbours
+    while near.built < REBUILDS + 1 and steps < most:
+        sim.run(10, dt)
+        steps += 10
+    return sim, (near.built - 1) / steps, rho_n
+
+
+def _rebuild_points(regime: str, mach: float, edge: int, quick: bool) -> tuple[Point, ...]:
+    rates: dict[float, float] = {}
+    densities: dict[float, FloatArray] = {}
+    calls: dict[str, Callable[[], object]] = {}
+    for skin in SKINS:
+        sim, rates[skin], densities[skin] = _ran(mach, skin, edge, MOST_STEPS // 5 if quick else MOST_STEPS)
+        # So short a step moves no coordinate: the list holds.
+        calls[f"held {skin}"] = partial(sim.run, 1, 1e-200)
+        calls[f"build {skin}"] = _build(sim, skin)
+    measured = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
+    timings: dict[str, Timing] = {}
+    points = []
+    for skin in SKINS:
+        held, build = measured[f"held {skin}"], measured[f"build {skin}"]
+        pairs_r = zip(held.seconds_r, build.seconds_r, strict=True)
+        name = f"skin {skin:g}"
+        timings[name] = Timing(tuple(h + rates[skin] * b for h, b in pairs_r), held.calls, held.first)
+        wrong = float(np.max(np.abs(densities[skin] / densities[0.0] - 1)))
+        share = rates[skin] * build.seconds.median / timings[name].seconds.median
+        ns = build.seconds.median * 1e9 / edge**2
+        reason = f"{rates[skin]:.3g} lists a step, {ns:.0f} ns each: {100 * share:.0f} % of the time"
+        points.append(point("step", regime, name, wrong, timings[name], edge**2, reason))
+    return compared(points, timings)
+
+
+def _build(sim: Simulation, skin: float) -> Callable[[], object]:
+    near, x_nc = Neighbours(sim.box, CUT, skin * CUT), sim.state.x_nc.copy()
+    return partial(near.build, x_nc)
+
+
+def _rebuilds(quick: bool) -> Panel:
+    regimes: Mapping[str, float] = dict(list(MACH.items())[: 1 if quick else None])
+    edge = 40 if quick else 64
+    return Panel(
+        "rebuild",
+        "How far beyond the cutoff",
+        f"A vortex flow of {edge**2} disordered particles with the whole model, cutoff of {CUT:g} spacings. A step "
+        "costs its evaluation, with the pairs beyond the cutoff, and its share of the lists: the time of one times "
+        f"the rate counted in the running flow (until {REBUILDS} lists are built or {MOST_STEPS} steps taken).",
+        f"densities after {LEAST_STEPS} steps against those with a list built at every step, relative; worst particle",
+        "particle and step",
+        tuple(p for regime, mach in regimes.items() for p in _rebuild_points(regime, mach, edge, quick)),
+    )
+
+
+def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+    """Searches, and lists with a skin; LAMMPS builds its lists within its steps, where they cannot be timed alone."""
+    yield _searches(quick)
+    yield _rebuilds(quick)

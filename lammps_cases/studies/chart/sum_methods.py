@@ -1,0 +1,310 @@
+r"""Ways to add up a particle sum over given pairs.
+
+The terms are given: of a pair p of particles i and j both get the same number :math:`t_p` (a kernel value; or
+:math:`V(f_j-f_i)\,\partial W/\partial x`, in which both factors change their sign). What a method may choose is the
+list (each pair once, added to both; or every particle's pairs in a row of its own), the order, the precision, and
+whether rounding errors are carried along.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numba
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+
+Sum = Callable[[], FloatArray]
+LEAVES = 8  # terms that a pairwise sum adds in a row
+_jit = numba.njit(error_model="numpy", cache=True, nogil=True)
+
+
+@dataclass(frozen=True)
+class Half:
+    """Pairs of particles, each once.
+
+    Attributes
+    ----------
+    start_n : (n + 1,) int64, where the rows begin
+    j_p : (pairs,) uint32, partner of a row's particle
+    """
+
+    start_n: Any
+    j_p: Any
+
+    def __len__(self) -> int:
+        return len(self.start_n) - 1
+
+    @property
+    def i_p(self) -> Any:
+        """(pairs,) int64, the row of every pair."""
+        return np.repeat(np.arange(len(self)), np.diff(self.start_n))
+
+
+@dataclass(frozen=True)
+class SumMethod:
+    """One way to add up.
+
+    Attributes
+    ----------
+    prepare : of a list and its terms (pairs,); keeps them as it wants them and returns a function without arguments
+        that returns the sums (n,)
+    bound : of the number of terms of a particle: bound of the error, relative to the sum of the absolute terms
+    """
+
+    name: str
+    reason: str
+    prepare: Callable[[Half, FloatArray], Sum]
+    bound: Callable[[Any], Any]
+
+
+def rows(pairs: Half, term_p: FloatArray) -> tuple[Any, FloatArray]:
+    """Full list: where every particle's row begins (n + 1,), and its terms in the order in which `Half` has them."""
+    n, i_p = len(pairs), pairs.i_p
+    of_q = np.concatenate([i_p, pairs.j_p]).astype(np.int64)
+    pair_q = np.tile(np.arange(len(i_p)), 2)
+    order_q = np.lexsort((pair_q, of_q))
+    start_n = np.concatenate([[0], np.cumsum(np.bincount(of_q, minlength=n))])
+    return start_n, term_p[pair_q[order_q]]
+
+
+def exact(pairs: Half, term_p: FloatArray) -> FloatArray:
+    """Exactly rounded sums (n,)."""
+    start_n, term_q = rows(pairs, term_p)
+    return _exact_rows(start_n, term_q)
+
+
+def _exact_rows(start_n: Any, term_q: FloatArray) -> FloatArray:
+    terms, starts = term_q.tolist(), start_n.tolist()
+    return np.array([math.fsum(terms[a:b]) for a, b in pairwise(starts)])
+
+
+def error(found_n: FloatArray, exact_n: FloatArray, absolute_n: FloatArray) -> float:
+    """Worst error of sums, relative to the (exact) sums of absolute terms.
+
+    The exact sums are rounded once: an error below 2**-52 may be theirs.
+    """
+    return float(np.max(np.abs(found_n - exact_n) / absolute_n))
+
+
+# --- loops
+
+
+@_jit
+def _scatter(start_n: Any, j_p: Any, term_p: Any, sum_n: Any) -> None:
+    for i in range(start_n.size - 1):
+        total = sum_n[i] - sum_n[i]  # 0 in the precision of the sums
+        for p in range(start_n[i], start_n[i + 1]):
+            total += term_p[p]
+            sum_n[j_p[p]] += term_p[p]
+        sum_n[i] += total
+
+
+@_jit
+def _gather(start_n: Any, term_q: Any, sum_n: Any) -> None:
+    for i in range(start_n.size - 1):
+        total = sum_n[i]
+        for q in range(start_n[i], start_n[i + 1]):
+            total += term_q[q]
+        sum_n[i] = total
+
+
+@_jit
+def _add(total: float, carry: float, term: float) -> tuple[float, float]:
+    """Neumaier's sum: the rounding error of every addition goes to the carry."""
+    new = total + term
+    if abs(total) >= abs(term):
+        return new, carry + ((total - new) + term)
+    return new, carry + ((term - new) + total)
+
+
+@_jit
+def _scatter_compensated(start_n: Any, j_p: Any, term_p: Any, sum_n: Any, carry_n: Any) -> None:
+    for i in range(start_n.size - 1):
+        total, carry = 0.0, 0.0
+        for p in range(start_n[i], start_n[i + 1]):
+            j, term = j_p[p], term_p[p]
+            total, carry = _add(total, carry, term)
+            sum_n[j], carry_n[j] = _add(sum_n[j], carry_n[j], term)
+        sum_n[i], carry = _add(sum_n[i], carry, total)
+        carry_n[i] += carry
+    for i in range(sum_n.size):
+        sum_n[i] += carry_n[i]
+
+
+@_jit
+def _gather_compensated(start_n: Any, term_q: Any, sum_n: Any) -> None:
+    for i in range(start_n.size - 1):
+        total, carry = 0.0, 0.0
+        for q in range(start_n[i], start_n[i + 1]):
+            total, carry = _add(total, carry, term_q[q])
+        sum_n[i] = total + carry
+
+
+@_jit
+def _gather_four(start_n: Any, term_q: Any, sum_n: Any) -> None:
+    """Four sums at a time: an addition need not wait for the one before it."""
+    for i in range(start_n.size - 1):
+        a, b, c, d = 0.0, 0.0, 0.0, 0.0
+        rest = start_n[i] + (start_n[i + 1] - start_n[i]) // 4 * 4
+        for q in range(start_n[i], rest, 4):
+            a += term_q[q]
+            b += term_q[q + 1]
+            c += term_q[q + 2]
+            d += term_q[q + 3]
+        for q in range(rest, start_n[i + 1]):
+            a += term_q[q]
+        sum_n[i] = (a + b) + (c + d)
+
+
+@_jit
+def _gather_pairwise(start_n: Any, term_q: Any, sum_n: Any) -> None:
+    """Blocks of `LEAVES` terms are joined two by two, as the digits of a binary counter are."""
+    level_k = np.empty(64)
+    for i in range(start_n.size - 1):
+        blocks = 0
+        for first in range(start_n[i], start_n[i + 1], LEAVES):
+            total = 0.0
+            for q in range(first, min(first + LEAVES, start_n[i + 1])):
+                total += term_q[q]
+            level, digits = 0, blocks
+            while digits & 1:
+                total += level_k[level]
+                level += 1
+                digits >>= 1
+            level_k[level] = total
+            blocks += 1
+        total, level = 0.0, 0
+        while blocks:
+            if blocks & 1:
+                total += level_k[level]
+            level += 1
+            blocks >>= 1
+        sum_n[i] = total
+
+
+# --- methods
+
+
+def _half(dtype: Any, sum_dtype: Any) -> Callable[[Half, FloatArray], Sum]:
+    def prepare(pairs: Half, term_p: FloatArray) -> Sum:
+        kept_p = term_p.astype(dtype)
+
+        def add() -> FloatArray:
+            sum_n = np.zeros(len(pairs), sum_dtype)
+            _scatter(pairs.start_n, pairs.j_p, kept_p, sum_n)
+            return sum_n
+
+        return add
+
+    return prepare
+
+
+def _full(loop: Any, dtype: Any = np.float64, sum_dtype: Any = np.float64) -> Callable[[Half, FloatArray], Sum]:
+    def prepare(pairs: Half, term_p: FloatArray) -> Sum:
+        start_n, term_q = rows(pairs, term_p)
+        kept_q = term_q.astype(dtype)
+
+        def add() -> FloatArray:
+            sum_n = np.zeros(len(pairs), sum_dtype)
+            loop(start_n, kept_q, sum_n)
+            return sum_n
+
+        return add
+
+    return prepare
+
+
+def _half_compensated(pairs: Half, term_p: FloatArray) -> Sum:
+    def add() -> FloatArray:
+        sum_n = np.zeros(len(pairs))
+        _scatter_compensated(pairs.start_n, pairs.j_p, term_p, sum_n, np.zeros(len(pairs)))
+        return sum_n
+
+    return add
+
+
+def _bincount(pairs: Half, term_p: FloatArray) -> Sum:
+    i_p, j_p, n = pairs.i_p, pairs.j_p.astype(np.int64), len(pairs)  # what bincount would turn them into each time
+    return lambda: np.asarray(np.bincount(i_p, term_p, n) + np.bincount(j_p, term_p, n), float)
+
+
+def _reduceat(pairs: Half, term_p: FloatArray) -> Sum:
+    start_n, term_q = rows(pairs, term_p)
+    filled_n = np.diff(start_n) > 0  # reduceat gives an empty row its successor's first term
+
+    def add() -> FloatArray:
+        sum_n = np.zeros(len(pairs))
+        sum_n[filled_n] = np.add.reduceat(term_q, start_n[:-1][filled_n])
+        return sum_n
+
+    return add
+
+
+def _fsum(pairs: Half, term_p: FloatArray) -> Sum:
+    start_n, term_q = rows(pairs, term_p)
+    return lambda: _exact_rows(start_n, term_q)
+
+
+# --- bounds; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 4.2 and 4.3
+
+_U, _U32 = 2.0**-53, 2.0**-24
+
+
+def _gamma(k: Any, u: float) -> Any:
+    """k additions one after the other."""
+    return k * u / (1 - k * u)
+
+
+def _plain_bound(k: Any) -> Any:
+    return _gamma(k, _U)
+
+
+def _four_bound(k: Any) -> Any:
+    return _gamma(k // 4 + 5, _U)  # a quarter of them, up to three that are left over, two joints
+
+
+def _pairwise_bound(k: Any) -> Any:
+    # Of the terms of a block LEAVES are added, and blocks meet on log2 levels twice: as digits, and at the end.
+    return _gamma(LEAVES + 2 * np.ceil(np.log2(np.maximum(k / LEAVES, 1) + 1)), _U)
+
+
+def _compensated_bound(k: Any) -> Any:
+    return 2 * _U + 2 * (k * _U) ** 2
+
+
+def _single_terms_bound(k: Any) -> Any:
+    return _U32 + (1 + _U32) * _gamma(k, _U)
+
+
+def _single_bound(k: Any) -> Any:
+    return _U32 + (1 + _U32) * _gamma(k, _U32)
+
+
+def _rounded_bound(k: Any) -> Any:
+    return _U + 0.0 * k
+
+
+_64, _32 = np.float64, np.float32
+METHODS: tuple[SumMethod, ...] = (
+    SumMethod("half list", "as the reference adds: each pair read once", _half(_64, _64), _plain_bound),
+    SumMethod("full list", "every row in a register, nothing scattered", _full(_gather), _plain_bound),
+    SumMethod("full list, four sums", "no addition waits for the one before", _full(_gather_four), _four_bound),
+    SumMethod("bincount", "numpy alone: two calls, nothing to compile", _bincount, _plain_bound),
+    SumMethod("reduceat", "numpy alone, full list", _reduceat, _plain_bound),
+    SumMethod("full list, pairwise", "error grows with log2 of the terms", _full(_gather_pairwise), _pairwise_bound),
+    SumMethod("half list, compensated", "Neumaier, a carry per particle", _half_compensated, _compensated_bound),
+    SumMethod("full list, compensated", "Neumaier, in registers", _full(_gather_compensated), _compensated_bound),
+    SumMethod("half list, float32 terms", "half the memory, sum in double", _half(_32, _64), _single_terms_bound),
+    SumMethod("full list, float32 terms", "the same, gathered", _full(_gather, _32), _single_terms_bound),
+    SumMethod("half list, float32", "single precision throughout", _half(_32, _32), _single_bound),
+    SumMethod("full list, float32", "the same, gathered", _full(_gather, _32, _32), _single_bound),
+    SumMethod("fsum", "exactly rounded, math.fsum row by row", _fsum, _rounded_bound),
+)

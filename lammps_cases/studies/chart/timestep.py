@@ -1,0 +1,260 @@
+"""Chart of the time step: what a shorter one buys, where a longer one fails; with it that of threads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.engine import session
+from lammps_cases.scene.atoms import seed
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.benchmarks import measure
+from lammps_cases.studies.benchmarks.measure import Interval, Timing
+from lammps_cases.studies.chart import threads
+from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, compared, point
+from lammps_cases.studies.chart.prepared import Instances, Prepared, rms
+from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.converge import Fit, fit
+from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
+
+FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
+RESOLUTION, QUICK_RESOLUTION = 24, 16  # spacings per wavelength
+FINE = 1 / 32  # of the run that stands for no error of the step
+SWIFT = 12  # spacings per wavelength of the vortices, at which sound limits the step and not viscosity
+TIMED = 10  # steps of a call that is timed
+NOISE = 0.01  # of the largest velocity or density: what an unstable step makes grow
+TENFOLD, SPAN, LOOK = 10.0, 300, 5  # growth of the energy, steps in which it is looked for, and at which intervals
+CLOSE = 1.02  # ratio of the two steps between which a limit is known
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A flow whose step is varied, and the field that is compared: velocity, or density less its mean."""
+
+    flow: Flow
+    field: Callable[[Snapshot], FloatArray]
+
+
+def _density(shot: Snapshot) -> FloatArray:
+    return shot.rho_n - float(shot.rho_n.mean())
+
+
+def _velocity(shot: Snapshot) -> FloatArray:
+    return shot.v_nc
+
+
+def waves() -> tuple[Wave, ...]:
+    """One flow whose limit is viscosity's, one in which sound and viscosity meet."""
+    return Wave(FLOWS["shear-wave"], _velocity), Wave(FLOWS["sound-wave-linear"], _density)
+
+
+# --- a flow that is stepped by hand
+
+
+class Stepping:
+    """A flow on one engine: the reference, or an instance of LAMMPS."""
+
+    def __init__(self, start: Start, lmp: Any | None) -> None:
+        self.start, self.lmp, self.step = start, lmp, 0
+        self._simulation: Simulation | None = None
+        self._told = job(start.case.scene, start.atoms, plan(start.case.scene))
+        if lmp is None:
+            self._simulation = Prepared(start.case, start.atoms).simulation(())
+        else:
+            session.run(lmp, replace(self._told, runs=(session.Run("run 0 post no"),)))
+
+    def run(self, steps: int) -> None:
+        """Take steps."""
+        if self._simulation is not None:
+            self._simulation.run(steps, self.start.timestep)
+        else:
+            assert self.lmp is not None
+            self.lmp.command(f"run {steps} pre no post no")
+        self.step += steps
+
+    def snapshot(self) -> Snapshot:
+        """The fields now."""
+        if self._simulation is not None:
+            fields = {name: self._simulation.output(name) for name in ("x", "v", "rho", "pressure")}
+        else:
+            read = session.read(self.lmp, self._told.outputs, self._told.atom_arrays)
+            fields = read | {"pressure": read["q.pressure"], "x": read["x"][:, :2], "v": read["v"][:, :2]}
+        x_nc, v_nc, rho_n, pressure_n = (np.array(fields[name]) for name in ("x", "v", "rho", "pressure"))
+        return Snapshot(self.step * self.start.timestep, x_nc, v_nc, rho_n, None, pressure_n, None)
+
+    def shots(self) -> list[Snapshot]:
+        """All readings of the flow, from its beginning to its end."""
+        found = []
+        for step in self.start.steps:
+            self.run(step - self.step)
+            found.append(self.snapshot())
+        return found
+
+
+def _start(flow: Flow, n: int, fraction: float) -> Start:
+    return flow.start(n, replace(flow.options, dt_fraction=fraction))
+
+
+# --- error against time
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A flow solved with one step: its field, errors against a short step and the closed solution, a call to time."""
+
+    field_n: FloatArray
+    temporal: float
+    total: float
+    start: Start
+    call: Callable[[], object]
+
+
+def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances: Sequence[Any | None]) -> list[Solved]:
+    """Solve a flow with several steps on one engine; ``instances`` of LAMMPS, or None, one per step and one more."""
+    flow = wave.flow
+    limit = wave.field(Stepping(_start(flow, n, fine), instances[-1]).shots()[-1])
+    found = []
+    for fraction, lmp in zip(fractions, instances, strict=False):
+        stepping = Stepping(_start(flow, n, fraction), lmp)
+        shots = stepping.shots()
+        field_n = wave.field(shots[-1])
+        total = flow.measures(n, replace(flow.options, dt_fraction=fraction), shots)["profile"]
+        found.append(Solved(field_n, rms(field_n - limit, limit), total, stepping.start, partial(stepping.run, TIMED)))
+    return found
+
+
+def order(solved: Sequence[Solved]) -> Fit:
+    """Order of the temporal error in the step, from the differences between each step and the next shorter one."""
+    changes = [rms(one.field_n - other.field_n, other.field_n) for one, other in pairwise(solved)]
+    return fit([s.start.steps[-1] for s in solved[:-1]], changes)
+
+
+def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
+    n, flow = QUICK_RESOLUTION if quick else RESOLUTION, wave.flow
+    with ExitStack() as stack:
+        lammps = Instances(lmp, stack)
+        solved = {"": solve(wave, n, FRACTIONS, FINE, [None] * (len(FRACTIONS) + 1))}
+        if lammps:
+            instances = [lammps.one_more() for _ in range(len(FRACTIONS) + 1)]
+            solved["LAMMPS "] = solve(wave, n, FRACTIONS, FINE, instances)
+        of_name = {
+            f"{prefix}step 1/{round(1 / f)}": s
+            for prefix, all_steps in solved.items()
+            for f, s in zip(FRACTIONS, all_steps, strict=True)
+        }
+        calls = {name: s.call for name, s in of_name.items()}
+        measured = measure.in_turns(calls, *((6, 0.002) if quick else (measure.ROUNDS, 0.02)))
+    timings = {name: _whole(measured[name], s.start.steps[-1] / TIMED) for name, s in of_name.items()}
+    any_start = solved[""][0].start
+    per = len(any_start.atoms) * any_start.steps[-1] * any_start.timestep
+    orders = "; ".join(
+        f"{prefix or 'reference '}{found.order:.2f} +/- {found.standard_error:.2f}"
+        for prefix, found in ((prefix, order(s)) for prefix, s in solved.items())
+    )
+    limited, m = (flow, n) if flow.name == "shear-wave" else (FLOWS["taylor-green"], SWIFT)
+    limits = tuple(_limits(limited, m, lmp))
+    for kind, what, error in (
+        ("", "closed solution", "total"),
+        ("-temporal", "same run with a short step", "temporal"),
+    ):
+        points = [
+            point(f"{flow.name}, {what}", f"{n} spacings per wavelength", name, getattr(s, error), timings[name], per)
+            for name, s in of_name.items()
+        ]
+        yield Panel(
+            f"timestep-{flow.name}{kind}",
+            f"Time step of the {flow.name.replace('-', ' ')}, against the {what}",
+            f"Steps in units of min(h/4c, h^2/8nu). {len(any_start.atoms)} particles; time is in units of spacing over "
+            f"speed of sound. Order of the temporal error in the step: {orders}.",
+            f"root mean square of the error over that of the wave, at the end, against the {what}"
+            + (f" (1/{round(1 / FINE)})" if error == "temporal" else ""),
+            "particle and unit of time",
+            compared(points, timings, ONE_PER_CENT),
+            crossings=limits if error == "total" else (),
+        )
+
+
+def _whole(timing: Timing, factor: float) -> Timing:
+    """The time of a whole run, from that of some of its steps."""
+    return Timing(tuple(s * factor for s in timing.seconds_r), timing.calls, timing.first)
+
+
+# --- limit of stability
+
+
+def stability(flow: Flow, n: int, lmp: Any | None) -> Interval:
+    """Step at which a flow gets unstable, over the flow's limit: bisected between one that does not and one that does.
+
+    The initial state carries noise of a hundredth of the wave. Steps are looked at upwards, so that none is far beyond
+    the limit, where LAMMPS would lose its atoms.
+    """
+    low, high = 1.0, 1.25
+    while not _grows(flow, n, high, lmp):
+        low, high = high, 1.25 * high
+    while high / low > CLOSE:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if _grows(flow, n, middle, lmp) else (middle, high)
+    return Interval(math.sqrt(low * high), low, high)
+
+
+def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
+    """Whether energy grows tenfold, or the run fails, within some steps."""
+    start = _noisy(_start(flow, n, fraction))
+    stepping = Stepping(start, lmp)
+    first = _energy(start, stepping.snapshot())
+    while stepping.step < SPAN:
+        try:
+            stepping.run(LOOK)
+            energy = _energy(start, stepping.snapshot())
+        except session.EngineBroken:
+            raise
+        except Exception:  # LAMMPS' own have no type of their own
+            if lmp is None:
+                raise
+            return True
+        if not energy < TENFOLD * first:
+            return True
+    return False
+
+
+def _energy(start: Start, shot: Snapshot) -> float:
+    """Kinetic energy and that of compression, per unit mass and as for small waves."""
+    cs = start.case.scene.types[0].cs or 1.0
+    return float(np.sum(shot.v_nc**2) + cs**2 * np.sum(np.square(shot.rho_n / shot.rho_n.mean() - 1)))
+
+
+def _noisy(start: Start) -> Start:
+    atoms = start.atoms
+    random = np.random.default_rng(seed(f"timestep/{start.case.name}"))
+    v_nc = np.zeros(atoms.x_nc.shape) if atoms.v_nc is None else atoms.v_nc
+    assert atoms.rho_n is not None
+    scale = max(float(np.abs(v_nc).max()), float(np.abs(atoms.rho_n / atoms.rho_n.mean() - 1).max()))
+    noise_nc = random.uniform(-NOISE, NOISE, v_nc.shape) * scale
+    noise_nc[:, 2] = 0.0
+    return replace(start, atoms=replace(atoms, v_nc=v_nc + noise_nc))
+
+
+def _limits(flow: Flow, n: int, lmp: Any | None) -> Iterator[Crossing]:
+    for name, instance in (("reference", None), ("LAMMPS", lmp))[: 1 if lmp is None else 2]:
+        at = stability(flow, n, instance)
+        criterion = f"energy grows tenfold within {SPAN} steps"
+        yield Crossing(
+            flow.name, (f"{name}, stable", f"{name}, unstable"), "step over min(h/4c, h^2/8nu)", criterion, at
+        )
+
+
+def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+    """Time steps of two waves, each against the closed solution and a short step; threads."""
+    for wave in waves()[: 1 if quick else None]:
+        yield from _wave_panels(wave, quick, lmp)
+    yield from threads.panels(quick)

@@ -1,0 +1,114 @@
+"""Particles of a flow, laid by hand: a scene with positions, velocities and densities of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms, IntArray
+from lammps_cases.scene.casefile import Case
+from lammps_cases.studies.flows.flow import Options, Start
+
+
+def rows(first: int, last: int, width: int) -> FloatArray:
+    """Square lattice of unit spacing, ``width`` columns from x = 0 on; row k lies at y = k + 1/2."""
+    x_nn, y_nn = np.meshgrid(np.arange(width) + 0.5, np.arange(first, last) + 0.5)
+    return np.stack([x_nn.ravel(), y_nn.ravel()], axis=1)
+
+
+def time_step(options: Options, speed: float, nu: float = 0.0) -> float:
+    r"""Longest stable step, :math:`f\min(h/4(c+U),\,h^2/8\nu)`; h = cut/3 at spacing 1, f the fraction of the options.
+
+    Source: Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997).
+
+    Parameters
+    ----------
+    speed : float
+        Speed of sound plus that of the flow.
+    nu : float
+        Largest diffusivity: kinematic viscosity, conductivity/(rho cv).
+    """
+    h = options.cut / 3
+    return options.dt_fraction * min(0.25 * h / speed, 0.125 * h**2 / nu if nu else math.inf)
+
+
+def start(
+    name: str,
+    scene: Mapping[str, Any],
+    x_nc: FloatArray,
+    high_c: Sequence[float],
+    low_c: Sequence[float] = (0.0, 0.0),
+    *,
+    options: Options,
+    times: Sequence[float],
+    timestep: float,
+    type_n: IntArray | None = None,
+    v_nc: FloatArray | None = None,
+    rho_n: FloatArray | None = None,
+    e_n: FloatArray | None = None,
+    periodic: tuple[bool, bool] = (True, True),
+) -> Start:
+    """The start of a flow in the plane, particles at unit spacing more or less.
+
+    Parameters
+    ----------
+    name : str
+        Of the case.
+    scene : mapping
+        Keys of a scene: types, pressure, and forces, pair, rheo beyond the options.
+    x_nc, v_nc : (n, 2)
+        Positions, velocities (default: at rest).
+    low_c, high_c, periodic : two each
+        The box.
+    times : sequence of float
+        When fields are read, increasing. The first falls on a step, the others on the nearest one.
+    timestep : float
+        Longest step.
+    type_n, rho_n, e_n : (n,)
+        Types (default 1), densities (default: those of equilibrium; none where they are summed), energies per mass.
+    """
+    n = len(x_nc)
+    dt = times[0] / math.ceil(times[0] / timestep)
+    steps = tuple(round(t / dt) for t in times)
+    rheo = {"kernel": options.kernel, "cut": options.cut, "zmin": options.zmin, "rho_sum": options.rho_sum}
+    made = Scene.model_validate(
+        {
+            "dimension": 2,
+            "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have some
+            "rho": None if options.rho_sum else {"ratio": (1.0, 1.0)},
+            "energy": None if e_n is None else {"constant": 1.0},
+            "evolve": {"steps": steps[-1], "timestep": dt, "compare_at": steps},
+            "compare": ("x", "v", "rho", "pressure", *(["energy"] if e_n is not None else [])),
+            **scene,
+            "rheo": {**rheo, **scene.get("rheo", {})},
+        }
+    )
+    types_n = np.ones(n, int) if type_n is None else type_n
+    mass_n = np.array([t.mass for t in made.types])[types_n - 1]
+    rho0_n = np.array(made.rho0 or (1.0,) * len(made.types))[types_n - 1]
+    flat_n1 = np.zeros((n, 1))
+    atoms = Atoms(
+        id_n=np.arange(1, n + 1),
+        type_n=types_n,
+        x_nc=np.hstack([x_nc, flat_n1]),
+        mass_n=mass_n,
+        low_c=np.array([*low_c, -0.5]),
+        high_c=np.array([*high_c, 0.5]),
+        periodic=(*periodic, True),
+        spacing=1.0,
+        v_nc=np.zeros((n, 3)) if v_nc is None else np.hstack([v_nc, flat_n1]),
+        rho_n=None if options.rho_sum else rho0_n if rho_n is None else rho_n,
+        energy_n=None if e_n is None else mass_n * e_n,
+    )
+    return Start(Case(name, "", (), made, Path("flows")), atoms, steps, dt)
+
+
+def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
+    """Root mean square of an error over that of its scale."""
+    return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))

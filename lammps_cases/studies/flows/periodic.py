@@ -1,0 +1,299 @@
+r"""Flows in a periodic box: waves of shear, heat and sound, vortices of Taylor and Green.
+
+Waves run along strips that are `STRIP` particles wide. The reproducing kernel RK1 is the default. At a cutoff of 3
+spacings the plain quintic's sums over a lattice miss their integrals by a constant, 8e-4 for the viscosity, at which
+the convergence ends; RK1's first moments are exact, and on a lattice the second with them. Option ``growth`` g lets the
+cutoff grow as (N/16)^g instead: the sums become exact, but the smoothing falls more slowly, with N^(2g - 2).
+
+Sound is a matter of the time step too. A force is evaluated with densities that have taken half of a step's change, so
+that the pressure lags behind by half a step, :math:`\ddot f=-c^2k^2f(t-\Delta t/2)`. To first order that is
+:math:`-c^2k^2(f-\tfrac12\Delta t\dot f)`: without viscosity the amplitude grows at the rate :math:`c^2k^2\Delta t/4`,
+and waves of any length grow unless :math:`\Delta t<2\nu/c^2`. Where viscosity limits the step, this error falls with
+the square of the spacing as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.analytic import waves
+from eos_ref.eos.table import EOS, FloatArray
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.layout import relative, rows, start, time_step
+
+STRIP = 8  # particles across, where nothing depends on that direction
+FIRST = 16  # resolution at which the cutoff begins to grow, where it does
+RK1 = Options(kernel="RK1")
+QUICK = (16, 24, 32)
+DIFFUSION = 0.05  # viscosity or diffusivity over sound speed times wavelength: it limits the time step, not sound
+SECOND = "2: kernel smoothing, (k h)^2; the time step falls with the square of the spacing, and so does its error"
+
+
+def grown(n: int, options: Options) -> Options:
+    """Options with the cutoff at a resolution; see option ``growth``."""
+    return replace(options, cut=options.cut * (n / FIRST) ** options.number("growth", 0.0))
+
+
+def wave_number(n: int) -> float:
+    """Of one wave in n spacings."""
+    return 2 * np.pi / n
+
+
+def strip(n: int, width: int = STRIP) -> FloatArray:
+    """Square lattice, n spacings along x."""
+    return rows(0, width, n)
+
+
+def amplitude(x_n: FloatArray, f_n: FloatArray, k: float, phase: float = 0.0) -> float:
+    """Amplitude of sin(k x + phase) in values at positions that are spread evenly."""
+    return 2 * float(np.mean(f_n * np.sin(k * x_n + phase)))
+
+
+def decay(size_t: Sequence[float], snapshots: Sequence[Snapshot]) -> float:
+    """Rate at which a size falls from the first snapshot to the last."""
+    return float(np.log(size_t[0] / size_t[-1])) / (snapshots[-1].time - snapshots[0].time)
+
+
+def fluid(**values: float) -> dict[str, float]:
+    """A type of mass, density and sound speed 1, but for values given."""
+    return {"mass": 1.0, "rho0": 1.0, "cs": 1.0, **values}
+
+
+LINEAR: tuple[Mapping[str, Any], ...] = ({"types": "*", "style": "linear"},)
+
+
+# --- shear wave
+
+MOVED = 1e-4  # spacings that a particle moves while the wave decays: the lattice stays one
+
+
+def _shear(n: int) -> tuple[float, float, float]:
+    """Wave number, viscosity, amplitude."""
+    k, nu = wave_number(n), DIFFUSION * n
+    return k, nu, MOVED * nu * k**2
+
+
+def _shear_start(n: int, options: Options) -> Start:
+    (k, nu, a), x_nc = _shear(n), strip(n)
+    return start(
+        "shear-wave",
+        {"types": [fluid(viscosity=nu)], "pressure": LINEAR},
+        x_nc,
+        (n, STRIP),
+        options=grown(n, options),
+        times=[0.5 / (nu * k**2), 1 / (nu * k**2)],
+        timestep=time_step(grown(n, options), 1.0 + a, nu),
+        v_nc=np.stack([0 * x_nc[:, 0], waves.shear_wave(x_nc[:, 0], 0.0, k, nu, a)], axis=1),
+    )
+
+
+def _shear_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
+    (k, nu, a), shot = _shear(n), snapshots[-1]
+    rate = decay([amplitude(s.x_nc[:, 0], s.v_nc[:, 1], k) for s in snapshots], snapshots)
+    exact_n = waves.shear_wave(shot.x_nc[:, 0], shot.time, k, nu, a)
+    return {"rate": abs(rate / (nu * k**2) - 1), "profile": relative(shot.v_nc[:, 1] - exact_n, exact_n)}
+
+
+SHEAR = Flow(
+    "shear-wave",
+    f"Velocity across a wave vector decays by viscosity alone. Particles move by {MOVED:g} spacings.",
+    "exact at any amplitude; eos_ref.analytic.waves.shear_wave",
+    (16, 24, 32, 48, 64),
+    SECOND,
+    _shear_start,
+    _shear_measures,
+    RK1,
+    QUICK,
+)
+
+
+# --- heat wave
+
+HOT = 0.1  # amplitude over mean of the temperature; the equation is linear
+
+
+def _heat(n: int, options: Options) -> tuple[float, float, float, float]:
+    """Wave number, diffusivity, density (and mass), specific heat."""
+    return wave_number(n), DIFFUSION * n, options.number("rho0", 1.0), options.number("cv", 1.0)
+
+
+def _heat_start(n: int, options: Options) -> Start:
+    (k, alpha, rho0, cv), x_nc = _heat(n, options), strip(n)
+    kind = fluid(mass=rho0, rho0=rho0, conductivity=alpha * rho0 * cv, specific_heat=cv)
+    return start(
+        "heat-wave",
+        {"types": [kind], "pressure": LINEAR},
+        x_nc,
+        (n, STRIP),
+        options=grown(n, options),
+        times=[0.5 / (alpha * k**2), 1 / (alpha * k**2)],
+        timestep=time_step(grown(n, options), 1.0, alpha),
+        e_n=cv * waves.heat_wave(x_nc[:, 0], 0.0, k, alpha, HOT, 1.0),
+    )
+
+
+def _heat_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
+    (k, alpha, _, _), shot = _heat(n, options), snapshots[-1]
+    temperatures = [s.temperature_n - 1 for s in snapshots if s.temperature_n is not None]
+    rate = decay([amplitude(s.x_nc[:, 0], T_n, k) for s, T_n in zip(snapshots, temperatures, strict=True)], snapshots)
+    exact_n = waves.heat_wave(shot.x_nc[:, 0], shot.time, k, alpha, HOT)
+    return {"rate": abs(rate / (alpha * k**2) - 1), "profile": relative(temperatures[-1] - exact_n, exact_n)}
+
+
+HEAT = Flow(
+    "heat-wave",
+    "Temperature evens out in a fluid at rest. Options rho0 (the mass too) and cv; LAMMPS adds a rate of temperature "
+    "to the energy, so that heat flows more slowly by rho0 cv.",
+    "exact at any amplitude; eos_ref.analytic.waves.heat_wave",
+    (16, 24, 32, 48, 64),
+    SECOND,
+    _heat_start,
+    _heat_measures,
+    RK1,
+    QUICK,
+)
+
+
+# --- sound
+
+COMPRESSED = 1e-4  # amplitude: what is not linear in it is smaller still, and volumes stay 1
+STATE = 1.05  # mean density over rho0, so that the laws differ in their speeds of sound
+ATTENUATION = (
+    0.05  # viscosity over sound speed times wavelength: it limits the time step, not sound; exp(-1) in a period
+)
+READINGS = 8  # in one period
+_LAWS: dict[str, tuple[dict[str, Any], ...]] = {
+    "linear": ({"style": "linear"},),
+    "cubic": ({"style": "cubic", "A3": 2.5},),
+    "tait/water": ({"style": "tait/water"},),
+    "tait/general": ({"style": "tait/general", "gamma": 1.4},),
+    "ideal/gas": ({"style": "ideal/gas", "gamma": 1.4},),
+    "background": ({"style": "tait/water"}, {"style": "background", "P_b": 0.3}),
+}
+LAWS = tuple(_LAWS)
+GAS_ENERGY = 2.5  # per mass, so that (gamma - 1) e = 1
+
+
+def _sound(n: int, options: Options) -> tuple[float, float, float, list[dict[str, Any]]]:
+    """Wave number, speed of sound by the law itself, viscosity, entries of the law."""
+    name = options.word("law", "linear")
+    if name not in _LAWS:
+        raise InputError("option law", f"must be one of {', '.join(LAWS)}", name)
+    entries = [{"types": "*", **entry} for entry in _LAWS[name]]
+    law = EOS(entries[0]["style"], parameter=entries[0].get("A3", entries[0].get("gamma")))
+    c = float(law.sound_speed(STATE, GAS_ENERGY))
+    return wave_number(n), c, options.number("attenuation", ATTENUATION) * c * n, entries
+
+
+def _sound_start(n: int, options: Options) -> Start:
+    (k, c, nu, law), x_nc = _sound(n, options), strip(n)
+    slope_n = -COMPRESSED * np.cos(k * x_nc[:, 0])  # of the displacement; its inverse is the density: mass is conserved
+    rho_n = STATE / (1 + slope_n)
+    x_nc[:, 0] += -COMPRESSED / k * np.sin(k * x_nc[:, 0])
+    gas = options.word("law", "linear") == "ideal/gas"
+    period = 2 * np.pi / waves.damped(k, c, nu)[1]
+    return start(
+        "sound-wave",
+        {"types": [fluid(mass=STATE, viscosity=nu * STATE)], "pressure": law},
+        x_nc,
+        (n, STRIP),
+        options=grown(n, options),
+        times=[period / READINGS * reading for reading in range(1, READINGS + 1)],
+        timestep=time_step(grown(n, options), c, nu),
+        rho_n=rho_n,
+        e_n=np.full(len(x_nc), GAS_ENERGY) if gas else None,
+    )
+
+
+def _sound_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
+    k, c, nu, _ = _sound(n, options)
+    f_t = [amplitude(s.x_nc[:, 0], s.rho_n - STATE, k, np.pi / 2) for s in snapshots]
+    rate, omega = waves.damped_oscillation(f_t, snapshots[0].time)
+    last = snapshots[-1]
+    rho_n, _ = waves.sound_wave(last.x_nc[:, 0], last.time, k, c, nu, STATE, COMPRESSED)
+    error_n = last.rho_n - rho_n
+    found = {
+        "speed": abs(float(np.hypot(rate, omega)) / (c * k) - 1),
+        "damping": abs(float(rate) / (nu * k**2 / 2) - 1),
+        "profile": relative(error_n - error_n.mean(), rho_n - STATE),
+    }
+    return found | ({"mean": abs(float(last.rho_n.mean()) / STATE - 1)} if options.rho_sum else {})
+
+
+SOUND = Flow(
+    "sound-wave",
+    f"A standing wave of sound, {COMPRESSED:g} high, in a fluid at {STATE:g} rho0; the speed is that of its law there. "
+    f"Options law ({', '.join(LAWS)}), attenuation (viscosity over speed times wavelength, {ATTENUATION:g}).",
+    "linear in the amplitude; eos_ref.analytic.waves.sound_wave",
+    (16, 24, 32, 48),
+    SECOND
+    + ". Where sound limits the step (attenuation below 1/2N), 1 for the damping: the pressure lags by half a step",
+    _sound_start,
+    _sound_measures,
+    RK1,
+    QUICK,
+)
+SOUNDS = tuple(
+    replace(SOUND, name=f"sound-wave-{law.replace('/', '-')}", options=replace(RK1, extra={"law": law})) for law in LAWS
+)
+
+
+# --- vortices of Taylor and Green
+
+REYNOLDS = 1.0  # of the wavelength: particles move by a hundredth of it, and shear by 8 %
+
+
+def _vortex(n: int, options: Options) -> tuple[float, float, float, float]:
+    """Wave number, viscosity, highest speed, speed of sound.
+
+    Sound takes a spacing at twice the speed of diffusion, so that both limit the time step alike. The Mach number is
+    then Re/2N: the fluid becomes incompressible as the resolution grows.
+    """
+    nu = 1.0
+    return wave_number(n), nu, options.number("Re", REYNOLDS) * nu / n, 2 * nu
+
+
+def _vortex_start(n: int, options: Options) -> Start:
+    (k, nu, a, c), x_nc = _vortex(n, options), strip(n, n)
+    u_n, v_n, p_n = waves.taylor_green(x_nc[:, 0], x_nc[:, 1], 0.0, k, nu, a)
+    return start(
+        "taylor-green",
+        {"types": [fluid(cs=c, viscosity=nu)], "pressure": LINEAR},
+        x_nc,
+        (n, n),
+        options=grown(n, options),
+        times=[1 / (2 * nu * k**2)],
+        timestep=time_step(grown(n, options), c + a, nu),
+        v_nc=np.stack([u_n, v_n], axis=1),
+        rho_n=1 + p_n / c**2,
+    )
+
+
+def _vortex_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
+    (k, nu, a, _), shot = _vortex(n, options), snapshots[-1]
+    u_n, v_n, _ = waves.taylor_green(shot.x_nc[:, 0], shot.x_nc[:, 1], shot.time, k, nu, a)
+    exact_nc = np.stack([u_n, v_n], axis=1)
+    # Energy of the particles against that of the solution where they are: neither depends on how evenly they lie.
+    decay = np.log(np.sum(exact_nc**2) / np.sum(shot.v_nc**2)) / (2 * shot.time)
+    return {"rate": abs(float(decay) / (2 * nu * k**2)), "profile": relative(shot.v_nc - exact_nc, exact_nc)}
+
+
+VORTICES = Flow(
+    "taylor-green",
+    f"Vortices in a square decay by viscosity and carry the particles. Option Re ({REYNOLDS:g}); the Mach number is "
+    "Re/2N.",
+    "exact for an incompressible fluid; eos_ref.analytic.waves.taylor_green",
+    (16, 24, 32, 48),
+    SECOND + "; the square of the Mach number falls alike",
+    _vortex_start,
+    _vortex_measures,
+    RK1,
+    QUICK,
+)
+
+FLOWS = (SHEAR, VORTICES, HEAT, *SOUNDS)

@@ -1,0 +1,318 @@
+"""False alarms: nothing is wrong, so nothing may turn red.
+
+Every kind asks LAMMPS for the same physics in other words (other labels, another order, other lists, two ranks), or
+asks both sides for another scene of the same description (another seed), or runs both on another machine. What comes
+back is judged as always, by the same bounds.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.session import Job
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run.campaign import Prepared, engine_record, prepare
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.casefile import Case
+from lammps_cases.studies.mutation import machines
+from lammps_cases.studies.mutation.asked import Asked, Rows, blamed, judged, verdict
+
+Kind = Literal[
+    "as given",
+    "relabelled",
+    "renamed",
+    "reordered",
+    "unsorted",
+    "newton",
+    "skin",
+    "rebuilt",
+    "ranks",
+    "seed",
+    "machine",
+]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+WHAT: dict[Kind, str] = {
+    "as given": "the control: asked as every run asks",
+    "relabelled": "other ids, dealt out at random, and with them another order of creation",
+    "renamed": "other ids, dealt out at random, in the same order of creation",
+    "reordered": "the same ids, created in another order",
+    "unsorted": "particles not sorted in space (atom_modify sort 0)",
+    "newton": "the other setting of newton",
+    "skin": "a skin of neighbour lists of 0.71 spacings",
+    "rebuilt": "neighbour lists built in every step, without a check",
+    "ranks": "two MPI ranks",
+    "seed": "another scene of the same description, on both sides: disorder, order of values, velocities",
+    "machine": "newer instructions switched off in the C library, numpy, numba and OpenBLAS; predictions made anew",
+}
+LIMIT = 1800.0  # seconds that a case may take
+AHEAD = 40  # cases prepared before they are judged
+Progress = Callable[[str, int, int], None]  # what, done, of how many
+Records = dict[str, CaseRecord]
+
+
+@dataclass(frozen=True)
+class Known:
+    """A red that is none of the harness: a finding of the ledger, in scenes where the ordinary run does not show it."""
+
+    finding: str
+    kinds: tuple[Kind, ...]
+    applies: Callable[[Scene], bool]
+    why: str
+
+
+def _shows_layers(scene: Scene) -> bool:
+    return "status" in scene.compare and scene.rheo.surface_detection is not None
+
+
+def _scales_across_types(scene: Scene) -> bool:
+    return scene.rheo.shifting is not None and scene.rheo.shifting.scale_cross_type is not None
+
+
+KNOWN = (
+    Known(
+        "cross-type-normal",
+        ("ranks",),
+        _scales_across_types,
+        "on several ranks every particle has a mixture of directions of its own, which no variant reproduces",
+    ),
+    Known(
+        "walls-after-rebuild",
+        ("rebuilt",),
+        lambda scene: scene.rheo.interface_reconstruct,
+        "the first step that is wrong is the first in which the list of periodic images changes, and only densities "
+        "of solids are wrong in it; scenes whose images stay the same are right",
+    ),
+    Known(
+        "layer-depends-on-pair-order",
+        ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),
+        _shows_layers,
+        "which of two particles is listed first decides whether one of them is of the layer; lists are not read here",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A case that turned red although nothing was changed that matters.
+
+    Attributes
+    ----------
+    finding, why : the fault of LAMMPS that it is; empty: a false alarm, or a fault not known yet
+    """
+
+    case: str
+    kind: str
+    verdict: str
+    message: str
+    finding: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class AlarmRun:
+    """All cases asked in one kind of other words.
+
+    Attributes
+    ----------
+    what : what was different, in words
+    cases : how many ran
+    same_bits : how many of them gave every field compared bit for bit as they do as given
+    within : how many gave other bits and the verdict expected
+    verdicts : how many ended how
+    alarms : those that are red here and not as given
+    reference_moved : in how many the reference has other bits; None where nothing could move it
+    """
+
+    kind: str
+    what: str
+    cases: int
+    same_bits: int
+    within: int
+    verdicts: dict[str, int]
+    alarms: tuple[Alarm, ...]
+    reference_moved: int | None = None
+
+    @property
+    def false(self) -> int:
+        """Reds that no finding explains."""
+        return sum(not alarm.finding for alarm in self.alarms)
+
+
+# --- what LAMMPS is told
+
+
+def asked(kind: Kind, ready: Prepared) -> Asked:
+    """What LAMMPS is told for a kind, and who judges."""
+    n = len(ready.atoms)
+    p_n = np.random.default_rng(seed(f"{ready.case.name}/{kind}")).permutation(n)
+    if kind == "seed":
+        ready = prepared_anew(ready.case)
+    elif kind == "relabelled":
+        return Asked(ready, tuple(_permuted(job, p_n, job.id_n) for job in ready.jobs), np.argsort(p_n))
+    elif kind == "renamed":
+        return Asked(ready, tuple(replace(job, id_n=job.id_n[p_n]) for job in ready.jobs), p_n)
+    elif kind == "reordered":
+        return Asked(ready, tuple(_permuted(job, p_n, job.id_n[p_n]) for job in ready.jobs))
+    elif kind == "ranks":
+        return Asked(ready, tuple(replace(job, ranks=2) for job in ready.jobs))
+    elif kind == "unsorted":
+        return Asked(ready, tuple(replace(job, setup=(*job.setup, "atom_modify sort 0 0.0")) for job in ready.jobs))
+    elif kind in ("newton", "skin", "rebuilt"):
+        return Asked(ready, tuple(_told_otherwise(kind, ready).jobs))
+    return Asked(ready, tuple(ready.jobs))
+
+
+def prepared_anew(case: Case) -> Prepared:
+    """A case with another seed; it keeps its name, by which the ledger knows it."""
+    return replace(prepare(replace(case, name=f"{case.name}/another seed")), case=case)
+
+
+def _permuted(job: Job, p_n: Rows, id_n: Rows) -> Job:
+    return replace(
+        job,
+        id_n=id_n,
+        type_n=job.type_n[p_n],
+        x_nc=job.x_nc[p_n],
+        v_nc=None if job.v_nc is None else job.v_nc[p_n],
+        per_atom={name: values_n[p_n] for name, values_n in job.per_atom.items()},
+    )
+
+
+def _told_otherwise(kind: Kind, ready: Prepared) -> Prepared:
+    """A case with other settings of LAMMPS, in the original and the twin alike."""
+
+    def other(scene: Scene) -> Scene:
+        settings: dict[Kind, dict[str, Any]] = {
+            "newton": {"newton": not scene.engine.newton},
+            "skin": {"skin": 0.71},
+            "rebuilt": {"every": 1, "delay": 0, "check": False},
+        }
+        return scene.model_copy(update={"engine": scene.engine.model_copy(update=settings[kind])})
+
+    twin = ready.twin
+    if twin is not None:
+        twin = replace(twin, scene=other(twin.scene), other_scene=other(twin.other_scene))
+    return replace(ready, case=replace(ready.case, scene=other(ready.case.scene)), twin=twin)
+
+
+# --- the runs
+
+
+def measure(
+    cases: Sequence[Case],
+    engine: Engine,
+    kinds: Sequence[Kind] = KINDS,
+    jobs: int = 2,
+    store: Store | None = None,
+    progress: Progress | None = None,
+) -> list[AlarmRun]:
+    """Ask for some cases in some kinds of other words; as given is always the first.
+
+    Parameters
+    ----------
+    store : where predictions are kept, without which every kind takes as long as a first run
+
+    Raises
+    ------
+    EngineMissing
+    """
+    found = []
+    with Workers(engine.site, jobs) as workers:
+        who = workers.outcome(workers.identify())
+        pool = _Pool(workers, engine_record(engine, {} if isinstance(who, Failure) else who), store, progress)
+        plain = dict(pool.records("as given", cases))
+        for kind in dict.fromkeys(("as given", *kinds)):
+            if kind != "machine":
+                records = plain if kind == "as given" else dict(pool.records(kind, cases))
+                found.append(_run(kind, cases, plain, records, pool))
+    if "machine" in kinds:  # by processes of its own: the workers are gone by then
+        here = machines.run(cases, engine, {}, jobs, progress)
+        there = machines.run(cases, engine, machines.older(), jobs, progress)
+        moved = sum(there.references[name] != here.references[name] for name in here.references)
+        found.append(_run("machine", cases, here.records, there.records, None, moved))
+    return found
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """Workers, and what every judging needs."""
+
+    workers: Workers
+    engine: EngineRecord
+    store: Store | None
+    progress: Progress | None
+
+    def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:
+        """The record of every case, some cases prepared ahead."""
+
+        def submitted() -> Iterator[tuple[str, Asked, Future[CaseRecord]]]:
+            for case in cases:
+                told = asked(kind, prepare(case))
+                future = self.workers.call(judged, told, self.engine, self.store, time_limit=LIMIT)
+                yield case.name, told, future
+
+        waiting = submitted()
+        queue = list(islice(waiting, AHEAD))
+        done = 0
+        while queue:
+            name, told, future = queue.pop(0)
+            queue += islice(waiting, 1)
+            record = self.workers.outcome(future, LIMIT)
+            if isinstance(record, Failure):  # LAMMPS took the worker with it: what is left is judged here
+                record = verdict(told, [record for _ in told.jobs], self.engine, self.store)
+            done += 1
+            if self.progress:
+                self.progress(f"alarms, {kind}: {name}", done, len(cases))
+            yield name, record
+
+    def blame(self, kind: Kind, case: Case) -> str:
+        """What is wrong first, from a run read after every step; empty where there is none."""
+        scene = case.scene
+        if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
+            return ""
+        told = asked(kind, prepare(case))
+        found = self.workers.outcome(self.workers.call(blamed, told, self.engine, self.store, time_limit=LIMIT))
+        return "" if isinstance(found, Failure) else found
+
+
+def _run(
+    kind: Kind, cases: Sequence[Case], plain: Records, records: Records, pool: _Pool | None, moved: int | None = None
+) -> AlarmRun:
+    same = {name for name, record in records.items() if _bits(record) == _bits(plain[name])}
+    red = [
+        case
+        for case in cases
+        if not records[case.name].as_expected and (kind == "as given" or plain[case.name].as_expected)
+    ]
+    return AlarmRun(
+        kind,
+        WHAT[kind],
+        cases=len(records),
+        same_bits=len(same),
+        within=sum(record.as_expected and name not in same for name, record in records.items()),
+        verdicts=dict(sorted(Counter(record.verdict for record in records.values()).items())),
+        alarms=tuple(_alarm(kind, case, records[case.name], pool) for case in red),
+        reference_moved=moved,
+    )
+
+
+def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
+    """How a case ended, with the bits of every field."""
+    return record.verdict, [(field.field, field.digest) for field in record.fields]
+
+
+def _alarm(kind: Kind, case: Case, record: CaseRecord, pool: _Pool | None) -> Alarm:
+    known = next((k for k in KNOWN if kind in k.kinds and k.applies(case.scene) and record.verdict == "differs"), None)
+    message = (pool.blame(kind, case) if pool and record.verdict == "differs" else "") or record.message
+    return Alarm(case.name, kind, record.verdict, message, *((known.finding, known.why) if known else ("", "")))

@@ -1,0 +1,158 @@
+"""A case put to LAMMPS in other words, and judged as it always is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lammps_cases.comparison.compare import excess
+from lammps_cases.comparison.prediction_keys import current
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, Run
+from lammps_cases.engine.workers import Failure, solve
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.variants import Snapshot, combined
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run.campaign import Prepared
+from lammps_cases.scene.atoms import seed
+from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.judgement import evaluate, evaluate_twin, first_step, particles_of, snapshot
+
+Rows = npt.NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A case, and the jobs given to LAMMPS in place of its own.
+
+    Attributes
+    ----------
+    ready : the case that judges
+    jobs : one, or those of the original and its twin
+    row_n : row of every particle of the case in the answers; None: the same
+    """
+
+    ready: Prepared
+    jobs: tuple[Job, ...]
+    row_n: Rows | None = None
+
+
+def judged(site: str | None, asked: Asked, engine: EngineRecord, store: Store | None) -> CaseRecord:
+    """Task: let LAMMPS answer, and judge; a crash takes the worker with it."""
+    return verdict(asked, [outcome(site, job) for job in asked.jobs], engine, store)
+
+
+def outcome(site: str | None, job: Job) -> Answer | Failure:
+    """What LAMMPS answers in this process, or how it refuses."""
+    try:
+        return solve(site, job)
+    except EngineRefused as error:
+        return Failure("refused", str(error))
+    except EngineCrashed as error:
+        return Failure("crashed", str(error))
+
+
+def verdict(
+    asked: Asked, outcomes: list[Answer | Failure], engine: EngineRecord, store: Store | None = None
+) -> CaseRecord:
+    """The ordinary verdict on what LAMMPS answered."""
+    ready, predictor = asked.ready, _predictor(store)
+    back = [in_order(o, asked.row_n) if isinstance(o, Answer) else o for o in outcomes]
+    if ready.twin is not None:
+        return evaluate_twin(ready.case, ready.twin, back, engine, predictor)[0]
+    return evaluate(ready.case, ready.eos, ready.atoms, back[0], engine, predictor)[0]
+
+
+def blamed(site: str | None, asked: Asked, engine: EngineRecord, store: Store | None) -> str:
+    """Task: the first step, field and atom outside the bound, from a run that is read after every step."""
+    job = asked.jobs[0]
+    last = asked.ready.case.scene.snapshots[-1]
+    runs = (Run("run 0 post no"), *(Run("run 1 pre no post no") for _ in range(last)))
+    answer = in_order(solve(site, replace(job, runs=runs)), asked.row_n)
+    return first_step(asked.ready.case, asked.ready.atoms, answer, engine.distribution, _predictor(store))
+
+
+def in_order(answer: Answer, row_n: Rows | None) -> Answer:
+    """An answer with its rows exchanged; ids stay, as they are names."""
+    if row_n is None or any(len(arrays["id"]) != len(row_n) for arrays in answer.snapshots):
+        return answer  # lost atoms are told by their ids
+    snapshots = tuple(
+        {name: values if name == "id" else values[row_n] for name, values in arrays.items()}
+        for arrays in answer.snapshots
+    )
+    return replace(answer, arrays=snapshots[-1], snapshots=snapshots)
+
+
+def _predictor(store: Store | None) -> Predictor:
+    return Predictor(store if store and current(store) else None)
+
+
+class Asking:
+    """A case asked again and again: what fits LAMMPS' answer to it as it is, the findings that explain it included.
+
+    Raises
+    ------
+    ValueError
+        The case is not as expected even so.
+    """
+
+    def __init__(self, site: str | None, ready: Prepared, engine: EngineRecord, store: Store | None) -> None:
+        self.site, self.ready, self.engine = site, ready, engine
+        self.predictor = _predictor(store)
+        case, scene = ready.case, ready.case.scene
+        answer = outcome(site, ready.jobs[0])
+        record = self._judged(answer)
+        if not record.as_expected or not isinstance(answer, Answer):
+            raise ValueError(f"{case.name} is {record.verdict}: {record.message}")
+        self.fitting: tuple[Particles, Prediction] | None = None
+        if scene.whole_model:
+            self.fitting = self._fitting(record, self._snapshots(answer)[0])
+
+    def _judged(self, answer: Answer | Failure) -> CaseRecord:
+        ready = self.ready
+        return evaluate(ready.case, ready.eos, ready.atoms, answer, self.engine, self.predictor)[0]
+
+    def _fitting(self, record: CaseRecord, first: Snapshot) -> tuple[Particles, Prediction]:
+        case, scene = self.ready.case, self.ready.case.scene
+        of = particles_of(scene, self.ready.atoms, case.where, scene.snapshots)
+        named = {name for field in record.fields for name in (field.explained_by or "").split(", ")}
+        variants = [entry.particles for entry in LEDGER if entry.id in named and entry.particles]
+        made = combined(variants, of, first) if variants else None
+        return of, self.predictor.predict(of, made, seed(f"{record.case}/moved runs"))
+
+    def _snapshots(self, answer: Answer) -> list[Snapshot]:
+        return [snapshot(self.ready.case.scene, arrays) for arrays in answer.snapshots]
+
+    def sees(self, told: Job) -> bool:
+        """Whether the ordinary verdict is no longer as expected."""
+        return not self._judged(outcome(self.site, told)).as_expected
+
+    def moved(self, told: Job) -> dict[str, float]:
+        """How far LAMMPS' fields are from what fits them unaltered, in units of their bounds; empty: no numbers."""
+        answer = outcome(self.site, told)
+        if isinstance(answer, Failure) or len(answer.arrays["id"]) != len(self.ready.atoms):
+            return {}
+        if self.fitting is None:
+            return {f.field: f.max_over_bound or 0.0 for f in self._judged(answer).fields}
+        ratios: dict[str, float] = {}
+        of, prediction = self.fitting
+        sides = zip(self._snapshots(answer), prediction.fields, prediction.bounds, strict=True)
+        for got, fields, bounds in sides:
+            for name in particle_model.in_order(of.fields):
+                ratios[name] = max(ratios.get(name, 0.0), _ratio(of, name, got[name], fields[name], bounds[name]))
+        return ratios
+
+
+def _ratio(of: Particles, name: str, lammps: Any, fitting: Any, bound: Any) -> float:
+    """The largest ratio of difference to bound, where there is a bound."""
+    fitting_n, lammps_n = np.asarray(fitting, float), np.asarray(lammps, float)
+    if name == "x":
+        lammps_n = particle_model.nearest_image(of, lammps_n, fitting_n)
+    bound_n = np.broadcast_to(bound, fitting_n.shape)
+    known_n = np.isfinite(bound_n)
+    return float(excess(lammps_n[known_n], fitting_n[known_n], bound_n[known_n])[1].max(initial=0.0))

@@ -1,0 +1,143 @@
+"""The campaign of `eos-ref power`: faults planted, resolution measured, false alarms looked for."""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal, get_args
+
+from eos_ref import InputError
+from lammps_cases.comparison.prediction_keys import open_store
+from lammps_cases.engine import installations
+from lammps_cases.engine.installations import Engine
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run.campaign import provenance
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+from lammps_cases.studies.mutation import alarms, plant, record, resolution
+from lammps_cases.studies.mutation.control import Control
+from lammps_cases.studies.mutation.fault import Fault
+from lammps_cases.studies.mutation.plant import Field, Planted
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kept, Power
+
+Section = Literal["faults", "resolution", "alarms"]
+SECTIONS: tuple[Section, ...] = get_args(Section)
+Progress = Callable[[int, int | None, str], None]
+
+
+def select(
+    faults: dict[str, Fault], names: Sequence[str], family: str | None = None, sample: int | None = None
+) -> list[Fault]:
+    """Faults by name or wild-card pattern and by family; a sample is the same each time.
+
+    Raises
+    ------
+    InputError
+        A name that matches no fault.
+    """
+    chosen = [fault for fault in faults.values() if family in (None, fault.family)]
+    for name in names:
+        if not fnmatch.filter(faults, name):
+            close = difflib.get_close_matches(name, faults, 1, 0.4)
+            raise InputError("fault", "does not exist" + (f" (did you mean {close[0]}?)" if close else ""), name)
+    if names:
+        chosen = [fault for fault in chosen if any(fnmatch.fnmatchcase(fault.id, name) for name in names)]
+    if sample is not None:
+        drawn = sorted(chosen, key=lambda fault: hashlib.sha256(fault.id.encode()).digest())[:sample]
+        chosen = [fault for fault in chosen if fault in drawn]
+    if not chosen:
+        raise InputError("faults", "none is left to plant")
+    return chosen
+
+
+def collect(
+    sections: Sequence[str],
+    names: Sequence[str],
+    family: str | None,
+    sample: int | None,
+    quick_only: bool,
+    every: bool,
+    engine: str,
+    jobs: int,
+    folder: Path,
+    command: str,
+    progress: Progress,
+) -> Power:
+    """Do what was asked for; faults planted before in the same folder, under the same sources, are taken from there.
+
+    Raises
+    ------
+    InputError
+        A fault that does not exist, a folder that cannot be written.
+    EngineMissing
+    """
+    begin = time.perf_counter()
+    resolved = installations.resolve(engine)
+    cases = casefile.select(casefile.load(), tag="quick" if quick_only else None)
+    found: tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]] = ((), ())
+    who = EngineRecord(name=engine)
+    if "faults" in sections:
+        with Field(resolved, jobs, open_store(), every) as field:
+            who = field.engine
+            chosen = select(plant.faults(who.distribution), names, family, sample)
+            found = _faults(field, cases, chosen, folder, f"{quick_only} {every}", progress)
+    measured = _resolution(sections, cases, resolved, jobs, progress)
+    alarmed = _alarms(sections, cases, resolved, jobs, progress)
+    return Power(
+        command,
+        provenance(who, command).machine,
+        {"name": who.name, "distribution": who.distribution, "library_sha256": who.library_sha256},
+        not (names or family or sample is not None) and "faults" in sections,
+        quick_only,
+        round(time.perf_counter() - begin, 1),
+        *found,
+        measured,
+        alarmed,
+    )
+
+
+def _faults(
+    field: Field, cases: Sequence[Case], chosen: Sequence[Fault], folder: Path, mode: str, progress: Progress
+) -> tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]]:
+    key = hashlib.sha256(f"{record.sources()} {field.engine.library_sha256} {mode}".encode()).hexdigest()
+    known = record.kept(folder, key)
+    ordered = plant.in_order(cases)
+    without: list[Control] = field.prepare(ordered, progress)
+    ahead = [fault for fault in chosen if fault.id not in known]
+
+    def done(planted: Planted) -> None:
+        one = record.fault_record(planted, field.quick)
+        known[one.id] = one
+        record.keep(folder, Kept(key, one))
+        progress(sum(fault.id in known for fault in chosen), len(chosen), one.id)
+
+    field.plant(ahead, done)
+    return record.controls(without), record.with_arguments([known[fault.id] for fault in chosen])
+
+
+def _resolution(
+    sections: Sequence[str], cases: Sequence[Case], engine: Engine, jobs: int, progress: Progress
+) -> tuple[resolution.Resolution, ...]:
+    if "resolution" not in sections:
+        return ()
+
+    def told(what: str, done: int, total: int) -> None:
+        progress(done, total, what)
+
+    return tuple(resolution.measure(cases, engine, (), jobs, open_store(), told))
+
+
+def _alarms(
+    sections: Sequence[str], cases: Sequence[Case], engine: Engine, jobs: int, progress: Progress
+) -> tuple[alarms.AlarmRun, ...]:
+    if "alarms" not in sections:
+        return ()
+
+    def told(what: str, done: int, total: int) -> None:
+        progress(done, total, what)
+
+    return tuple(alarms.measure(cases, engine, jobs=jobs, store=open_store(), progress=told))

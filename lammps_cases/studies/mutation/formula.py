@@ -1,0 +1,95 @@
+"""Named mistakes in the formulas, which the mistaken reference makes when it plays LAMMPS.
+
+Those that the lint knows (`lammps_cases.verdict.law_mistakes`, `lammps_cases.verdict.model_mistakes`), and changes of
+the reference's source written down in ``formula.yaml``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, TypeAdapter
+
+from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.studies.mutation.fault import Fault, Kind
+from lammps_cases.studies.mutation.source import SourceFault, text_of
+from lammps_cases.verdict import law_mistakes, model_mistakes
+
+EDITS = Path(__file__).with_name("formula.yaml")
+
+
+class Edit(BaseModel):
+    """A mistake as ``formula.yaml`` holds it."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    id: str
+    kind: Kind
+    what: str
+    module: str
+    old: str
+    new: str
+
+
+@dataclass(frozen=True)
+class LintFault(Fault):
+    """A mistake that the lint knows, by its name there: in a law, or in a stage of the model."""
+
+    table: Literal["law", "stage"]
+    name: str
+
+
+# What the lint's mistakes are; any other is a missing term.
+_KINDS: dict[str, Kind] = {
+    "cs instead of cs^2": "exponent",
+    "rho0 and cs exchanged": "exchanged",
+    "cs off by 1e-6": "constant",
+    "sign of the pressure": "sign",
+    "background subtracted": "sign",
+    "A3 of the wrong sign": "sign",
+    "exponent 7 for every Tait law": "exponent",
+    "exponent off by one": "exponent",
+    "linear instead of Tait or cubic": "option",
+    "gamma instead of gamma - 1": "constant",
+    "energy not per unit mass": "volume or mass",
+    "types exchanged": "exchanged",
+    "density in float32": "single precision",
+    "pressure in float32": "single precision",
+    "masses ignored": "volume or mass",
+    "rho0 for rho in volumes": "volume or mass",
+    "V_i for V_j": "volume or mass",
+    "no volume in the force": "volume or mass",
+    "temperature of the whole energy": "volume or mass",
+    "one conductivity for all types": "exchanged",
+}
+
+
+@cache
+def faults() -> dict[str, SourceFault | LintFault]:
+    """All faults of this family by their id, in order."""
+    found: list[SourceFault | LintFault] = []
+    for table, names in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
+        for name in names:
+            fault = f"formula.lint-{_slug(name)}"
+            found.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
+    for edit in TypeAdapter(list[Edit]).validate_python(yaml.safe_load(EDITS.read_text(encoding="utf-8"))):
+        text = text_of(edit.module)
+        assert text.count(edit.old) == 1, f"{edit.id}: {edit.old!r} must stand once in {edit.module}.py"
+        changed = text.replace(edit.old, edit.new)
+        found.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, edit.module, changed))
+    assert len({fault.id for fault in found}) == len(found), "two faults of one id"
+    return {fault.id: fault for fault in found}
+
+
+def stages(fault: Fault) -> type[Plain] | None:
+    """The stages that make a mistake of the lint's."""
+    known = isinstance(fault, LintFault) and fault.table == "stage"
+    return model_mistakes.MUTANTS[fault.name].stages if known else None  # type: ignore[attr-defined]
+
+
+def _slug(name: str) -> str:
+    return "-".join("".join(c if c.isalnum() else " " for c in name.lower()).split())

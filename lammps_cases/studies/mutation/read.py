@@ -1,0 +1,214 @@
+"""What comes back from real LAMMPS is spoiled on its way: the arrays read, at every step read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from lammps_cases.engine.session import Answer
+from lammps_cases.studies.mutation.fault import Fault, Kind
+
+Arrays = dict[str, Any]
+Spoil = Callable[[tuple[Arrays, ...]], list[Arrays]]
+
+# Arrays as the engine names them; those of whole numbers apart.
+REAL = {
+    "x": "positions",
+    "v": "velocities",
+    "f": "forces",
+    "rho": "densities",
+    "drho": "rates of density",
+    "pressure": "pressures that forces use",
+    "esph": "energies (atom property)",
+    "q.pressure": "pressures (output)",
+    "q.rho": "densities (output)",
+    "q.chi": "same-phase fractions",
+    "q.grad/v": "velocity gradients",
+    "q.viscosity": "viscosities",
+    "q.surface/r": "distances to the surface",
+    "q.surface/n": "normals",
+    "q.surface/divr": "divergences of positions",
+    "q.shift/v": "shifting velocities",
+    "q.temperature": "temperatures",
+    "q.heatflow": "heat flows",
+    "q.energy": "energies (output)",
+    "q.stress/v": "viscous stresses",
+    "q.stress/t": "total stresses",
+}
+WHOLE = {
+    "q.coordination": "coordination numbers",
+    "q.surface": "surface classes",
+    "q.phase": "phases",
+    "q.status": "status words",
+    "type": "types",
+}
+PER_TYPE = {"q.conductivity": "conductivities", "q.cv": "specific heats"}
+
+
+@dataclass(frozen=True)
+class Read(Fault):
+    """A fault in what is read back: the arrays of all steps, changed."""
+
+    spoil: Spoil
+
+
+def spoilt(fault: Read, answer: Answer) -> Answer | None:
+    """The answer with the fault; None if it does not apply, or changes nothing."""
+    snapshots = fault.spoil(answer.snapshots)
+    if all(_same(one, other) for one, other in zip(snapshots, answer.snapshots, strict=True)):
+        return None
+    return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
+
+
+def _same(one: Arrays, other: Arrays) -> bool:
+    return all(np.array_equal(one[name], other[name]) for name in other)
+
+
+# --- ways to spoil
+
+
+def _each(name: str, change: Callable[[Any], Any]) -> Spoil:
+    """One array, changed at every step."""
+
+    def spoil(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+        return [s | {name: change(s[name].copy())} if name in s else s for s in snapshots]
+
+    return spoil
+
+
+def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> Spoil:
+    """All arrays, changed at every step."""
+
+    def spoil(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+        return [{k: v if k in keep else change(v.copy()) for k, v in s.items()} for s in snapshots]
+
+    return spoil
+
+
+def _stale(name: str) -> Spoil:
+    """Values of the reading before."""
+
+    def spoil(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+        before = (snapshots[0], *snapshots[:-1])
+        return [s | {name: b[name]} if name in s else s for s, b in zip(snapshots, before, strict=True)]
+
+    return spoil
+
+
+def _late(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+    return [snapshots[0], *snapshots[:-1]]
+
+
+def _single(array_n: Any) -> Any:
+    with np.errstate(over="ignore"):
+        return array_n.astype(np.float32).astype(array_n.dtype)
+
+
+def _one_off(array_n: Any) -> Any:
+    """The largest component of the middle atom off by 1e-9; of all atoms' largest, if that one is 0."""
+    flat_n = array_n.reshape(len(array_n), -1)
+    row = len(flat_n) // 2
+    if not flat_n[row].any():
+        row = int(np.abs(flat_n).max(axis=1).argmax())
+    flat_n[row, np.abs(flat_n[row]).argmax()] *= 1 + 1e-9
+    return array_n
+
+
+def _one_more(array_n: Any) -> Any:
+    array_n[len(array_n) // 2] += 1
+    return array_n
+
+
+def _swapped(array_n: Any) -> Any:
+    array_n[[0, -1]] = array_n[[-1, 0]]
+    return array_n
+
+
+def _shifted(array_n: Any) -> Any:
+    return np.roll(array_n, 1, axis=0)
+
+
+def _axes(array_n: Any) -> Any:
+    """Components x and y exchanged."""
+    return array_n[:, [1, 0, *range(2, array_n.shape[1])]]
+
+
+def _transposed(array_n: Any) -> Any:
+    return np.swapaxes(array_n, 1, 2)
+
+
+def _axis_zero(array_n: Any) -> Any:
+    array_n[:, 1] = 0.0
+    return array_n
+
+
+def _nan(array_n: Any) -> Any:
+    array_n[len(array_n) // 2] = np.nan
+    return array_n
+
+
+def _atm(pressure_n: Any) -> Any:
+    return pressure_n / 68568.415
+
+
+def _trace_only(array_n: Any) -> Any:
+    """A tensor without its parts beside the diagonal."""
+    return array_n * np.eye(array_n.shape[1])
+
+
+# --- the faults
+
+
+def _fault(name: str, kind: Kind, what: str, spoil: Spoil) -> Read:
+    return Read(f"read.{name.replace('q.', 'output-').replace('/', '-')}", kind, what, spoil)
+
+
+def _per_field() -> Iterator[Read]:
+    for name, words in REAL.items():
+        yield _fault(f"single-{name}", "single precision", f"{words} rounded to float32", _each(name, _single))
+        yield _fault(f"one-off-{name}", "last digits", f"{words}: one atom off by 1e-9", _each(name, _one_off))
+        if name not in ("x", "rho", "esph", "q.viscosity"):  # inputs, compared once, and constants are never stale
+            yield _fault(f"stale-{name}", "stale", f"{words} of the reading before", _stale(name))
+    for name in ("f", "drho", "pressure", "q.grad/v", "q.heatflow", "q.shift/v", "q.chi", "v"):
+        yield _fault(f"zero-{name}", "unset", f"{REAL[name]} all 0", _each(name, np.zeros_like))
+    for name in ("f", "q.pressure", "q.temperature", "q.stress/t"):
+        yield _fault(f"nan-{name}", "unset", f"{REAL[name]}: NaN for one atom", _each(name, _nan))
+    for name in ("f", "q.pressure", "drho", "q.shift/v", "q.surface/n", "q.stress/v", "q.heatflow"):
+        yield _fault(f"sign-{name}", "sign", f"{REAL[name]} of the other sign", _each(name, np.negative))
+    for name in ("f", "v", "q.shift/v", "q.surface/n", "x"):
+        yield _fault(f"axes-{name}", "exchanged", f"components x and y of {REAL[name]}", _each(name, _axes))
+    for name in ("v", "f", "q.surface/n"):
+        yield _fault(f"axis-lost-{name}", "unset", f"component y of {REAL[name]} is 0", _each(name, _axis_zero))
+    for name in ("q.grad/v",):  # stresses are symmetric
+        yield _fault(f"transposed-{name}", "exchanged", f"{REAL[name]} transposed", _each(name, _transposed))
+    for name in ("q.grad/v", "q.stress/v", "q.stress/t"):
+        yield _fault(f"diagonal-{name}", "missing term", f"{REAL[name]}: diagonal only", _each(name, _trace_only))
+    for name in ("rho", "q.rho", "pressure", "q.pressure", "f", "v", "x", "q.viscosity", "q.temperature", "q.energy"):
+        yield _fault(f"swapped-{name}", "exchanged", f"{REAL[name]} of two atoms exchanged", _each(name, _swapped))
+    for name, words in (WHOLE | PER_TYPE).items():
+        yield _fault(f"shifted-{name}", "exchanged", f"{words} of the atom before", _each(name, _shifted))
+        yield _fault(f"one-more-{name}", "last digits", f"{words}: larger by 1 for one atom", _each(name, _one_more))
+    yield _fault("factor-output-pressure", "units", "pressures in atm, as of units real", _each("q.pressure", _atm))
+    yield _fault("factor-f", "units", "forces of half their size", _each("f", lambda f: 0.5 * f))
+
+
+@cache
+def faults() -> dict[str, Read]:
+    """All faults of this family by their id, in order."""
+    found = (
+        *_per_field(),
+        _fault(
+            "all-shifted", "exchanged", "all arrays but the ids are those of the atom before", _all(_shifted, ("id",))
+        ),
+        _fault("ids-shifted", "exchanged", "ids of the atom before", _each("id", _shifted)),
+        _fault("id-repeated", "exchanged", "the last id twice", _each("id", lambda n: np.r_[n[:-2], n[-1:], n[-1:]])),
+        _fault("atom-missing", "missing term", "the last atom not read", _all(lambda array_n: array_n[:-1])),
+        _fault("all-late", "stale", "all arrays are those of the reading before", _late),
+        _fault("all-single", "single precision", "all arrays rounded to float32", _all(_single, ("id", "type"))),
+    )
+    assert len({fault.id for fault in found}) == len(found), "two faults of one id"
+    return {fault.id: fault for fault in found}

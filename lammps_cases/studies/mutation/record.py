@@ -1,0 +1,229 @@
+"""What `eos-ref power` found, on disk: ``power.json``, and ``planted.jsonl`` with every fault as it is done."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from lammps_cases.records.run_record import write_atomically
+from lammps_cases.studies.mutation.alarms import AlarmRun
+from lammps_cases.studies.mutation.control import Control
+from lammps_cases.studies.mutation.fault import FAMILIES, Family, Seen
+from lammps_cases.studies.mutation.plant import Planted
+from lammps_cases.studies.mutation.resolution import Resolution
+
+SCHEMA = "eos-ref/power/1"
+ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
+SHOWN = ("argued.yaml", "page.py", "cli.py")  # what decides only what is said of it
+ARGUED = Path(__file__).with_name("argued.yaml")
+_INFINITE = ConfigDict(ser_json_inf_nan="strings")
+
+
+class Argument(BaseModel):
+    """Why no case can see a fault, as ``argued.yaml`` holds it."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    id: str
+    what: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class FaultRecord:
+    """A planted fault.
+
+    Attributes
+    ----------
+    caught_by : cases that see it: the first one tried, or all
+    quick : whether a quick case is among them
+    seen : their verdicts, and the field that each names
+    argued : why no case can see it; empty if a case does, or if nothing is known
+    """
+
+    id: str
+    family: Family
+    kind: str
+    what: str
+    caught_by: tuple[str, ...]
+    quick: bool
+    seen: tuple[Seen, ...] = ()
+    argued: str = ""
+
+
+@dataclass(frozen=True)
+class ControlRecord:
+    """A family without a fault: its cases, and those that are red although nothing is wrong."""
+
+    family: Family
+    cases: int
+    red: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Power:
+    """Everything found; the single source of page and JSON.
+
+    Attributes
+    ----------
+    whole : whether all faults were planted in all cases, so that the rates count
+    """
+
+    __pydantic_config__ = _INFINITE
+
+    command: str
+    machine: dict[str, str]
+    engine: dict[str, str]
+    whole: bool
+    quick_only: bool
+    seconds: float
+    controls: tuple[ControlRecord, ...]
+    faults: tuple[FaultRecord, ...]
+    resolution: tuple[Resolution, ...] = ()
+    alarms: tuple[AlarmRun, ...] = ()
+    schema: str = SCHEMA
+
+    @property
+    def caught(self) -> int:
+        """Number of faults that some case sees."""
+        return sum(bool(fault.caught_by) for fault in self.faults)
+
+    @property
+    def quick(self) -> int:
+        """Number of faults that a quick case sees."""
+        return sum(fault.quick for fault in self.faults)
+
+    @property
+    def missed(self) -> list[FaultRecord]:
+        """Faults that no case sees."""
+        return [fault for fault in self.faults if not fault.caught_by]
+
+    @property
+    def complaints(self) -> list[str]:
+        """What is wrong, a line each; none if all is as it must be."""
+        found = [f"control {control.family}: {red}" for control in self.controls for red in control.red]
+        if not self.quick_only:
+            found += [f"unseen: {fault.id}: {fault.what}" for fault in self.missed if not fault.argued]
+        if self.whole:
+            rates = [("quick", self.quick, QUICK_RATE)]
+            rates += [] if self.quick_only else [("all", self.caught, ALL_RATE)]
+            for name, count, least in rates:
+                if count < least * len(self.faults):
+                    found.append(f"{name} cases catch {count} of {len(self.faults)} faults, fewer than {least:.0%}")
+        alarms = [alarm for run in self.alarms for alarm in run.alarms if not alarm.finding]
+        return found + [f"false alarm, {alarm.kind}: {alarm.case}: {alarm.message}" for alarm in alarms]
+
+
+_POWER = TypeAdapter(Power)
+
+
+def arguments() -> dict[tuple[str, str], str]:
+    """Reasons why faults go unseen, by id and what they change."""
+    read = yaml.safe_load(ARGUED.read_text(encoding="utf-8"))
+    found = TypeAdapter(list[Argument]).validate_python(read)
+    return {(argument.id, argument.what): argument.reason for argument in found}
+
+
+def fault_record(planted: Planted, quick: set[str]) -> FaultRecord:
+    """The record of a fault that was planted."""
+    fault, names = planted.fault, tuple(seen.case for seen in planted.caught_by)
+    caught = bool(quick & set(names))
+    return FaultRecord(fault.id, fault.family, fault.kind, fault.what, names, caught, planted.caught_by)
+
+
+def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
+    """Records of faults, with the reasons why those that no case sees go unseen."""
+    known = arguments()
+
+    def reason(fault: FaultRecord) -> str:
+        return "" if fault.caught_by else known.get((fault.id, fault.what), "")
+
+    return tuple(replace(fault, argued=reason(fault)) for fault in records)
+
+
+def controls(found: Sequence[Control]) -> tuple[ControlRecord, ...]:
+    """The control of every family: of `told` and `read` LAMMPS' own answers, of the others what the reference plays."""
+
+    def of(family: Family) -> ControlRecord:
+        by_lammps = family in ("told", "read")
+        used = [c for c in found if by_lammps or c.played is not None]
+        red = [c for c in used if not (c.answered if by_lammps else c.played)]
+        return ControlRecord(family, len(used), tuple(f"{c.case}: {'; '.join(c.red)}" for c in red))
+
+    return tuple(of(family) for family in FAMILIES)
+
+
+def write(power: Power, folder: Path) -> None:
+    """Write ``power.json``."""
+    write_atomically(folder / "power.json", _POWER.dump_json(power, indent=1) + b"\n")
+
+
+def document(power: Power) -> dict[str, Any]:
+    """What ``--json`` prints."""
+    whole = json.loads(_POWER.dump_json(power))
+    rates = {"faults": len(power.faults), "caught": power.caught, "caught_by_quick": power.quick}
+    parts = {name: whole[name] for name in ("faults", "resolution", "alarms", "controls")}
+    return parts | {"rates": rates, "complaints": power.complaints}
+
+
+# --- faults as they are done
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A line of ``planted.jsonl``: a fault that was planted, under the key of all it depends on."""
+
+    key: str
+    record: FaultRecord
+
+
+_KEPT = TypeAdapter(Kept)
+
+
+def sources() -> str:
+    """SHA-256 of everything that decides what is planted and what is seen: sources and cases."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[3]
+    for package in ("eos_ref", "lammps_cases"):
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in (".py", ".yaml", ".csv", ".extxyz") and path.name not in SHOWN:
+                digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def keep(folder: Path, kept: Kept) -> None:
+    """Append a fault: a kill loses at most the line that is being written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "planted.jsonl"
+    with file.open("ab+") as lines:
+        size = lines.seek(0, io.SEEK_END)
+        lines.seek(max(size - 1, 0))
+        begin = b"" if size == 0 or lines.read(1) == b"\n" else b"\n"  # after a kill in the middle of a line
+        lines.write(begin + _KEPT.dump_json(kept) + b"\n")
+
+
+def kept(folder: Path, key: str) -> dict[str, FaultRecord]:
+    """Faults done under a key, by id; lines that a kill cut short are left out."""
+    file = folder / "planted.jsonl"
+    found: dict[str, FaultRecord] = {}
+    for line in file.read_bytes().splitlines() if file.exists() else ():
+        try:
+            one = _KEPT.validate_json(line)
+        except ValidationError:
+            continue
+        if one.key == key:
+            found[one.record.id] = one.record
+    return found
+
+
+def forget(folder: Path) -> None:
+    """Take away the faults that a folder keeps, so that all are planted again."""
+    (folder / "planted.jsonl").unlink(missing_ok=True)

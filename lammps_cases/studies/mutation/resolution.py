@@ -1,0 +1,296 @@
+"""Resolution: the smallest change of every parameter that turns a case red.
+
+Real LAMMPS is told another value; its answer is judged, as always, against the scene as it is. Every number of every
+case is tried once; from how far LAMMPS' fields move, in units of their bounds, follows where the cases would turn red.
+The best few are then bisected by the ordinary verdict. Twins are left out: they are told the same twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from lammps_cases.comparison.store import Store
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run.campaign import Prepared, engine_record, prepare
+from lammps_cases.scene.casefile import Case
+from lammps_cases.studies.mutation.altered import Number, numbers
+from lammps_cases.studies.mutation.asked import Asking
+
+PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
+WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a number that counts something
+FLOOR = 2.0**-53  # a smaller relative change is none
+LARGEST = 1.0  # relative change that is the last one tried
+CLOSE = 1.1  # factor between seen and unseen at which a bisection ends
+BEST = 3  # cases bisected per parameter, of all and of the quick ones
+LIMIT = 1800.0  # seconds that a case may take
+QUICK = "quick"
+Progress = Callable[[str, int, int], None]  # what, done, of how many
+
+
+@dataclass(frozen=True)
+class Change:
+    """The smallest change of a number that a case sees.
+
+    Attributes
+    ----------
+    value : the number as the scene has it
+    change : added to it
+    relative_change : size of the change over that of the number
+    unseen : largest relative change below it that was tried and not seen; 0: one unit of the last place is seen
+    field : the field that leaves its bound by most
+    """
+
+    case: str
+    place: str
+    value: float
+    change: float
+    relative_change: float
+    unseen: float
+    field: str
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely a parameter is seen.
+
+    Attributes
+    ----------
+    case, relative_change : of the best; empty and None if no case sees it
+    candidates : cases that have the parameter
+    sensitive : of these, how many see it change by a tenth, or by less
+    best, quick : of all cases, of the quick ones; None: none sees it
+    note : what kind of change it is
+    """
+
+    parameter: str
+    case: str
+    relative_change: float | None
+    candidates: int
+    sensitive: int
+    best: Change | None
+    quick: Change | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Where a case will see a number change: the estimate of the relative change; infinite: nowhere."""
+
+    parameter: str
+    place: str
+    estimate: float
+    whole: bool
+    decides: bool
+
+
+# --- in a worker
+
+
+def probes(
+    site: str | None, ready: Prepared, engine: EngineRecord, store: Store | None, parameters: Sequence[str]
+) -> list[Probe]:
+    """Task: try every number of a case once, of some parameters or of all."""
+    wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
+    if not wanted:
+        return []
+    asking = Asking(site, ready, engine, store)
+    return [Probe(n.parameter, n.place, _estimate(asking, n), n.whole, n.decides) for n in wanted]
+
+
+def _estimate(asking: Asking, number: Number) -> float:
+    """Where a case will turn red; a field without rounding leaves its bound of 0 at once or not: tried at one ulp."""
+
+    def largest(change: float, but: float = math.nan) -> float:
+        ratios = asking.moved(number.told(number.value + change))
+        return max((ratio for ratio in ratios.values() if ratio != but), default=0.0)
+
+    if number.whole:
+        steps = [sign * k for k in WHOLE for sign in (1, -1) if number.value + sign * k >= 0]
+        return abs(next((k for k in steps if largest(k) > 1), math.inf)) / abs(number.value)
+    for size in PROBES:
+        for sign in (1, -1) if number.decides else (1,):
+            change = sign * size * number.value
+            ratio = largest(change)
+            if ratio > 1 and number.decides:
+                return size
+            if ratio == math.inf:
+                if largest(math.ulp(number.value)) > 1:
+                    return FLOOR
+                ratio = max(largest(change, but=math.inf), 1.0)
+            if ratio > 1:
+                return max(size / ratio, FLOOR)
+    return math.inf
+
+
+def smallest(
+    site: str | None, ready: Prepared, engine: EngineRecord, store: Store | None, places: Sequence[Probe]
+) -> list[tuple[str, Change]]:
+    """Task: the smallest change seen of some numbers of a case, up or down."""
+    asking = Asking(site, ready, engine, store)
+    known = {(n.parameter, n.place): n for n in numbers(ready)}
+    found = []
+    for probe in places:
+        number = known[probe.parameter, probe.place]
+        changes = [
+            change
+            for sign in (1, -1)
+            if (change := _counted(asking, number, sign) if number.whole else _bisected(asking, number, sign, probe))
+        ]
+        if changes:
+            found.append((probe.parameter, min(changes, key=lambda change: change.relative_change)))
+    return found
+
+
+def _counted(asking: Asking, number: Number, sign: int) -> Change | None:
+    before = 0
+    for k in WHOLE:
+        if number.value + sign * k < 0:
+            break
+        if asking.sees(number.told(number.value + sign * k)):
+            return _change(asking, number, float(sign * k), before / abs(number.value))
+        before = k
+    return None
+
+
+def _bisected(asking: Asking, number: Number, sign: int, probe: Probe) -> Change | None:
+    def altered(size: float) -> float:
+        return number.value * (1 + sign * size)
+
+    def sees(size: float) -> bool:
+        return altered(size) != number.value and asking.sees(number.told(altered(size)))
+
+    bracket = _bracket(sees, min(max(1.5 * probe.estimate, 2 * FLOOR), LARGEST))
+    if bracket is None:
+        return None
+    seen, unseen = bracket
+    while seen > CLOSE * unseen:
+        middle = math.sqrt(seen * max(unseen, FLOOR))
+        if altered(middle) in (altered(seen), altered(unseen)):
+            break
+        seen, unseen = (middle, unseen) if sees(middle) else (seen, middle)
+    below = abs(altered(unseen) - number.value) / abs(number.value)
+    return _change(asking, number, altered(seen) - number.value, below)
+
+
+def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
+    """A change that is seen and a smaller one that is not, from a first guess; None: none is seen."""
+    size = start
+    if not sees(size):
+        while size < LARGEST:
+            size, unseen = min(4 * size, LARGEST), size
+            if sees(size):
+                return size, unseen
+        return None
+    while size > FLOOR:
+        seen, size = size, max(size / 4, FLOOR)
+        if not sees(size):
+            return seen, size if size > FLOOR else 0.0
+    return size, 0.0
+
+
+def _change(asking: Asking, number: Number, change: float, unseen: float) -> Change:
+    ratios = asking.moved(number.told(number.value + change))
+    leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
+    relative = abs(change) / abs(number.value)
+    return Change(asking.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
+
+
+# --- in the parent
+
+
+def measure(
+    cases: Sequence[Case],
+    engine: Engine,
+    parameters: Sequence[str] = (),
+    jobs: int = 2,
+    store: Store | None = None,
+    progress: Progress | None = None,
+) -> list[Resolution]:
+    """The resolution of all parameters that some cases have, or of those named, sorted by name.
+
+    Parameters
+    ----------
+    store : where predictions are kept, without which every judging takes as long as a first run
+
+    Raises
+    ------
+    EngineMissing
+    """
+    quick = {case.name for case in cases if QUICK in case.tags}
+    with Workers(engine.site, jobs) as workers:
+        who = workers.outcome(workers.identify())
+        answering = engine_record(engine, {} if isinstance(who, Failure) else who)
+        ready = {case.name: prepare(case) for case in cases if not (case.scene.expect or case.scene.twin)}
+
+        def done(what: str, tasks: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+            for count, (name, future) in enumerate(tasks.items(), 1):
+                found = workers.outcome(future, LIMIT)
+                if progress:
+                    progress(f"{what}: {name}", count, len(tasks))
+                yield name, [] if isinstance(found, Failure) else found
+
+        given = (answering, store)
+        trying = {n: workers.call(probes, r, *given, tuple(parameters), time_limit=LIMIT) for n, r in ready.items()}
+        tried: dict[str, list[Probe]] = dict(done("resolution, tried", trying))
+        chosen = _chosen(tried, quick, ready)
+        searching = {n: workers.call(smallest, ready[n], *given, of, time_limit=LIMIT) for n, of in chosen.items()}
+        found = [pair for _, pairs in done("resolution, bisected", searching) for pair in pairs]
+    return [_resolution(parameter, tried, found, quick) for parameter in _parameters(tried)]
+
+
+def _parameters(tried: dict[str, list[Probe]]) -> list[str]:
+    return sorted({probe.parameter for places in tried.values() for probe in places})
+
+
+def _of(parameter: str, tried: dict[str, list[Probe]]) -> dict[str, Probe]:
+    """The most promising number of a parameter in every case that has it."""
+    found = {}
+    for name, places in tried.items():
+        of = [probe for probe in places if probe.parameter == parameter]
+        if of:
+            found[name] = min(of, key=lambda probe: probe.estimate)
+    return found
+
+
+def _chosen(tried: dict[str, list[Probe]], quick: set[str], ready: dict[str, Prepared]) -> dict[str, list[Probe]]:
+    """The most promising cases of every parameter, smaller ones first among equals."""
+    chosen: dict[str, list[Probe]] = {}
+    for parameter in _parameters(tried):
+        of = {name: probe for name, probe in _of(parameter, tried).items() if math.isfinite(probe.estimate)}
+        names = sorted(of, key=lambda name: (of[name].estimate, len(ready[name].atoms), name))
+        for name in dict.fromkeys((*names[:BEST], *[n for n in names if n in quick][:BEST])):
+            chosen.setdefault(name, []).append(of[name])
+    return chosen
+
+
+def _resolution(
+    parameter: str, tried: dict[str, list[Probe]], found: Sequence[tuple[str, Change]], quick: set[str]
+) -> Resolution:
+    of = _of(parameter, tried)
+    changes = sorted((c for p, c in found if p == parameter), key=lambda c: (c.relative_change, c.case))
+    best = changes[0] if changes else None
+    return Resolution(
+        parameter,
+        best.case if best else "",
+        best.relative_change if best else None,
+        candidates=len(of),
+        sensitive=sum(math.isfinite(probe.estimate) for probe in of.values()),
+        best=best,
+        quick=next((c for c in changes if c.case in quick), None),
+        note=_note(best, next(iter(of.values()))),
+    )
+
+
+def _note(best: Change | None, probe: Probe) -> str:
+    if best is None:
+        return "no case sees it"
+    if probe.whole:
+        return f"a whole number, seen at {best.change:+.0f}"
+    if best.unseen == 0:
+        return "one unit of the last place"
+    return "decides classes: larger changes may go unseen until one changes" if probe.decides else ""

@@ -1,0 +1,335 @@
+"""Mistakes made by machine in the reference's source: one operator, number, call or statement at a time.
+
+A deterministic sample of all of them is planted. What cannot show is left out where that can be known: texts, types,
+messages of errors, functions that serve other number types (rounding bounds, extended precision) or other callers, and
+numbers that stand where the other arm of a `where` counts, or where there is no value.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import islice
+from pathlib import Path
+
+import eos_ref
+from lammps_cases.studies.mutation.fault import Fault
+
+FOLDER = Path(eos_ref.__file__).parent
+# Modules that a scene's numbers go through, and how many faults are planted in each.
+MODULES = {
+    "eos.laws": 8,
+    "eos.table": 5,
+    "numbers.elementary": 5,
+    "model.kernels": 12,
+    "model.interactions": 16,
+    "model.per_atom": 9,
+    "evaluation.array_evaluator": 30,
+    "evaluation.stages": 24,
+    "evaluation.time_step": 22,
+    "numbers.matrices": 5,
+    "numbers.columns": 1,
+    "evaluation.pairs": 5,
+    "syntax.ranges": 3,
+    "model.quantities": 2,
+    "model.parameters": 3,
+    "eos.rounded_eos": 1,
+    "syntax.fixes": 2,
+}
+# Functions that no prediction of values goes through: other number types, derivatives, checks, other front ends.
+ELSEWHERE = {
+    "constant",
+    "_is_ball",
+    "_unary",
+    "precise",
+    "rounded",
+    "_evaluated_in",
+    "_check_steps",
+    "is_class",
+    "pressure_of_one_type",
+    "basis_size",
+    "check_state",
+    "is_defined",
+    "defined",
+    "monotone",
+    "sound_speed",
+    "stiffness",
+    "_stiffness",
+    "_energy_array",
+    "_patched",
+    "_finite",
+    "_columns",
+    "compacted",
+    "linear_stiffness",
+    "cubic_stiffness",
+    "tait_stiffness",
+    "ideal_gas_stiffness",
+    "total",  # sums by another function for another number type, to the same values
+    "cross_type_normal",  # this and the next ones are replaced by findings that the newest engine has
+    "same_type_support",
+    "collecting_volume",
+    "heated_volume",
+    "cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
+    "__post_init__",
+    "__getitem__",
+    "copy",
+    "run",
+}
+# Of these modules only some functions.
+ONLY = {
+    "eos.table": ("evaluate", "density"),
+    "syntax.fixes": ("resolve",),
+    "eos.rounded_eos": ("by_type",),
+    "syntax.ranges": ("type_range",),
+    "numbers.columns": ("dot",),
+    "model.parameters": ("h", "mass", "rho0", "cs", "shifted_t", "acts_on", "corrects_gradients"),
+}
+ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+    ast.Mod: ast.Mult,
+}
+COMPARISON: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.GtE,
+    ast.Gt: ast.LtE,
+    ast.LtE: ast.Gt,
+    ast.GtE: ast.Lt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+}
+CALLED = {"maximum": "minimum", "minimum": "maximum", "max": "min", "min": "max", "sin": "sinh", "asin": "asinh"}
+
+
+# Statements that decide only how a value is computed (where the points of the neighbour search lie, which of two forms
+# of a logarithm is taken), or what its rounding bound will be.
+ASIDE = ("self.fresh = ", "normal = (x >= ", "wrap_nc = ", "span = ", "points, extent = ")
+# Products and means of what the arguments are, or functions whose arguments are of different types.
+SYMMETRIC = {
+    *("arithmetic_mean", "harmonic_mean", "pressure_term", "viscous_term", "heat_term", "diffusion_term", "dot"),
+    *("is_class", "heated_volume", "isinstance", "range", "zip", "asarray", "astype", "full"),
+}
+
+
+@dataclass(frozen=True)
+class SourceFault(Fault):
+    """A fault in a module of the reference: its text with the fault in it."""
+
+    module: str
+    text: str
+
+
+@cache
+def faults() -> dict[str, SourceFault]:
+    """The faults planted, by id: of every module those whose ids have the lowest hashes."""
+    found: dict[str, SourceFault] = {}
+    for module, count in MODULES.items():
+        tree = ast.parse(text_of(module))
+        places = names(module, tree)
+        chosen = sorted(places, key=lambda name: hashlib.sha256(name.encode()).digest())[:count]
+        found |= {name: _made(module, name, places[name]) for name in sorted(chosen)}
+    return found
+
+
+def text_of(module: str) -> str:
+    """The source of a module of the reference, named below ``eos_ref``."""
+    return (FOLDER / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
+
+
+def names(module: str, tree: ast.Module) -> dict[str, int]:
+    """Everything that can be changed in a module: id, and place in the order of the source."""
+    found: dict[str, int] = {}
+    seen: dict[str, int] = {}
+    for place, (where, how, _, _) in enumerate(_changes(module, tree)):
+        name = f"source.{module.rpartition('.')[2]}.{where}.{how}"
+        seen[name] = seen.get(name, 0) + 1
+        found[f"{name}-{seen[name]}"] = place
+    return found
+
+
+def _made(module: str, name: str, place: int) -> SourceFault:
+    tree = ast.parse(text_of(module))
+    where, how, statement, change = next(islice(_changes(module, tree), place, None))
+    before = _line(statement)
+    change()
+    after = "(left out)" if how == "dropped" else _line(statement)
+    what = f"{module}.{where}: {before} → {after}"
+    return SourceFault(name, "source", what, module, ast.unparse(ast.fix_missing_locations(tree)))
+
+
+def _line(statement: ast.stmt) -> str:
+    """The first line of a statement."""
+    return ast.unparse(statement).splitlines()[0]
+
+
+Change = tuple[str, str, ast.stmt, Callable[[], None]]  # function, operator, statement, what changes it
+
+
+def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
+    """Everything that can be changed, in the order of the source; the last entry makes the change in the tree."""
+    for parent, function in _functions(tree):
+        if function.name not in ONLY.get(module, (function.name,)):
+            continue
+        name = f"{parent}.{function.name}" if parent else function.name
+        droppable = function.name not in ("__init__", "move")  # what is missing there ends every run at once
+        for body, at in _statements(function):
+            statement = body[at]
+            if isinstance(statement, ast.If) and _of_type(statement.test):
+                continue
+            yield from ((name, how, statement, change) for how, change in _of_statement(body, at, droppable))
+
+
+def _of_type(test: ast.expr) -> bool:
+    """Whether a test asks for another number type, which only bounds and extended precision use."""
+    called = {getattr(part.func, "id", "") for part in ast.walk(test) if isinstance(part, ast.Call)}
+    return bool(called & {"isinstance", "hasattr", "getattr", "_is_ball"})
+
+
+def _functions(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and _planted(node):
+            yield "", node
+        for inner in node.body if isinstance(node, ast.ClassDef) else ():
+            if isinstance(inner, ast.FunctionDef) and _planted(inner):
+                yield node.name, inner  # type: ignore[attr-defined]
+
+
+def _planted(function: ast.FunctionDef) -> bool:
+    abstract = any(getattr(d, "id", "") == "abstractmethod" for d in function.decorator_list)
+    return function.name not in ELSEWHERE and not abstract
+
+
+def _statements(function: ast.FunctionDef) -> Iterator[tuple[list[ast.stmt], int]]:
+    """Statements with the list that holds them, of all depths, but for texts and checks of input."""
+
+    def within(body: list[ast.stmt]) -> Iterator[tuple[list[ast.stmt], int]]:
+        for at, statement in enumerate(body):
+            text = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+            text |= ast.unparse(statement).replace("(points, extent)", "points, extent").startswith(ASIDE)
+            refuses = isinstance(getattr(statement, "body", [statement])[-1], ast.Raise)
+            if text or refuses or isinstance(statement, ast.Assert | ast.Import | ast.ImportFrom | ast.FunctionDef):
+                continue
+            yield body, at
+            for name in ("body", "orelse"):
+                if not (name == "body" and isinstance(statement, ast.If) and _of_type(statement.test)):
+                    yield from within(getattr(statement, name, []))
+            for case in getattr(statement, "cases", []):
+                yield from within(case.body)
+
+    yield from within(function.body)
+
+
+def _of_statement(body: list[ast.stmt], at: int, droppable: bool) -> Iterator[tuple[str, Callable[[], None]]]:
+    statement = body[at]
+    if droppable and _droppable(statement):
+        yield "dropped", lambda: body.__setitem__(at, ast.copy_location(ast.Pass(), statement))
+    if isinstance(statement, ast.If):
+        yield "not", lambda: setattr(statement, "test", ast.UnaryOp(ast.Not(), statement.test))
+    squared = [
+        node.left for node in ast.walk(statement) if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)
+    ]
+    for node in _expressions(statement):
+        yield from (change for change in _of_expression(node) if change[0] != "reversed" or node not in squared)
+
+
+def _droppable(statement: ast.stmt) -> bool:
+    """Whether what follows can do without: an attribute, item or sum changed, a call for its effect."""
+    if isinstance(statement, ast.Assign):
+        return all(isinstance(target, ast.Attribute | ast.Subscript) for target in statement.targets)
+    return isinstance(statement, ast.AugAssign) or (
+        isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Call)
+    )
+
+
+def _expressions(statement: ast.stmt) -> Iterator[ast.AST]:
+    """Parts of a statement itself, without the statements in it, types, texts and tests of types."""
+    ahead: list[ast.AST] = [statement]
+    while ahead:
+        node = ahead.pop(0)
+        yield node
+        for name, child in ast.iter_fields(node):
+            for part in child if isinstance(child, list) else [child]:
+                if name in ("annotation", "keywords") or not isinstance(part, ast.AST):
+                    continue
+                arm = isinstance(part, ast.Constant) and isinstance(node, ast.Call) and _called(node) == "where"
+                arm |= isinstance(part, ast.Constant) and isinstance(part.value, float) and _stands_in(node)
+                tested = arm or (isinstance(part, ast.IfExp) and _of_type(part.test))
+                if not tested and not isinstance(part, ast.stmt | ast.match_case | ast.JoinedStr):
+                    ahead.append(part)
+
+
+def _stands_in(node: ast.AST) -> bool:
+    """Whether a number in this place is one for what has none: ``x or 0.0``, ``0.0 if x is None else x``."""
+    return isinstance(node, ast.BoolOp) or (
+        isinstance(node, ast.IfExp) and isinstance(node.test, ast.Compare) and isinstance(node.test.ops[0], ast.Is)
+    )
+
+
+def _of_expression(node: ast.AST) -> Iterator[tuple[str, Callable[[], None]]]:
+    if isinstance(node, ast.BinOp) and type(node.op) in ARITHMETIC:
+        operator = ARITHMETIC[type(node.op)]
+        yield "operator", lambda: setattr(node, "op", operator())
+        if isinstance(node.op, ast.Sub | ast.Div | ast.Pow):
+            yield "reversed", lambda: _exchange(node, "left", "right")
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISON:
+        comparison = COMPARISON[type(node.ops[0])]
+        yield "comparison", lambda: node.ops.__setitem__(0, comparison())
+    if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
+        yield "number", lambda: setattr(node, "value", _other(node.value))  # type: ignore[arg-type]
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Invert):
+        yield "sign", lambda: setattr(node, "op", ast.UAdd()) if isinstance(node.op, ast.USub) else _positive(node)
+    if isinstance(node, ast.BoolOp):
+        other = ast.Or if isinstance(node.op, ast.And) else ast.And
+        yield "logic", lambda: setattr(node, "op", other())
+    if isinstance(node, ast.IfExp):
+        yield "branches", lambda: _exchange(node, "body", "orelse")
+    if isinstance(node, ast.Call):
+        yield from _of_call(node)
+
+
+def _called(node: ast.Call) -> str:
+    """The name of the function that is called."""
+    return str(getattr(node.func, "id", "") or getattr(node.func, "attr", ""))
+
+
+def _of_call(node: ast.Call) -> Iterator[tuple[str, Callable[[], None]]]:
+    function = node.func
+    name = "id" if isinstance(function, ast.Name) else "attr"
+    if getattr(function, name, "") in CALLED:
+        yield "called", lambda: setattr(function, name, CALLED[getattr(function, name)])
+    if (
+        len(node.args) >= 2
+        and getattr(function, name, "") not in {*CALLED, *SYMMETRIC}
+        and not any(isinstance(argument, ast.Starred) for argument in node.args)
+    ):
+        first = len(node.args) - 2
+        yield "arguments", lambda: _exchange_items(node.args, first, first + 1)
+
+
+def _other(value: float) -> float:
+    """Another number: the next whole one; twice a fraction."""
+    if isinstance(value, bool):
+        return not value
+    return value + 1 if isinstance(value, int) or value == 0 else 2 * value
+
+
+def _exchange(node: ast.AST, one: str, other: str) -> None:
+    first, second = getattr(node, one), getattr(node, other)
+    setattr(node, one, second)
+    setattr(node, other, first)
+
+
+def _exchange_items(items: list[ast.expr], one: int, other: int) -> None:
+    items[one], items[other] = items[other], items[one]
+
+
+def _positive(node: ast.UnaryOp) -> None:
+    """Take ``~`` away, by one more of them."""
+    node.operand = ast.UnaryOp(ast.Invert(), node.operand)

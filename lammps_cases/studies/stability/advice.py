@@ -1,0 +1,209 @@
+"""How far a scene or a deck lies from where it would fail: by the measured atlas, and by what theory says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.parameters import Box, Model, State
+from eos_ref.syntax.fixes import SurfaceDetection
+from lammps_cases.studies.stability.kinds import Look, Subject, moment_matrices
+from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, numbers, pressures, read
+
+NEAR = 0.8  # of a limit: from here on it is a warning
+MARGIN = 0.05  # of a threshold of surface/detection within which a class is uncertain
+DIGITS = 1e12  # condition number that leaves fewer than four digits of a double
+MOST = 20_000  # particles up to which matrices and surfaces are looked at
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One line, and whether it is a warning."""
+
+    text: str
+    warns: bool = False
+
+
+def advice(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[str]:
+    """Lines on how far a state lies from the nearest limits; warnings first, and marked.
+
+    Parameters
+    ----------
+    timestep : float or None
+        None: no steps are taken, and limits of the time step do not count.
+    limits : Limits, optional
+        Those shipped by default.
+    """
+    said = judge(model, box, state, timestep, limits)
+    return [f"warning: {a.text}" for a in said if a.warns] + [a.text for a in said if not a.warns]
+
+
+def judge(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[Advice]:
+    """See `advice`."""
+    known = read() if limits is None else limits
+    found: list[Advice] = []
+    if timestep is not None:
+        found += time_step(model, numbers(model, state, timestep), known)
+        found += tension(model, state, known)
+    found += hyperbolicity(model, state)
+    if len(state.x_nc) <= MOST:
+        found += _neighbourhoods(model, box, state)
+    return found
+
+
+# --- time step
+
+
+def time_step(model: Model, found: Numbers, limits: Limits) -> Iterable[Advice]:
+    """The time step over measured limits, those of theory, and the growth of sound."""
+    measured = _nearest(limits, found)
+    theory = _theory(found)
+    if measured is not None:
+        fraction, text = measured
+        yield Advice(f"time step is {fraction:.2f} of the measured limit ({text}), {theory}", fraction >= NEAR)
+    else:
+        yield Advice(f"time step is {theory} (no measured limit)", found.fraction >= 1)
+    yield from _sound(model, found)
+
+
+def _theory(found: Numbers) -> str:
+    parts = [f"{found.acoustic:.2f} of CFL h/4(c+U)"]
+    if found.nu > 0:
+        parts.append(f"{found.viscous:.2f} of viscous h^2/8nu")
+    return ", ".join(parts)
+
+
+def _nearest(limits: Limits, found: Numbers) -> tuple[float, str] | None:
+    """The curve that the time step is nearest to: fraction of its stable end, and what it is."""
+    places: dict[tuple[str, str], Curve] = {}
+    for curve in limits.curves:  # a deck runs on LAMMPS: its limit goes before the reference's
+        if curve.engine == "lammps" or (curve.map, curve.layer) not in places:
+            places[curve.map, curve.layer] = curve
+    if not places or not found.fraction > 0:
+        return None
+    ratio = max(found.ratio, 1e-300)
+    near = [curve for curve in places.values() if curve.covers(ratio)] or list(places.values())
+    fraction, curve = max(((found.fraction / curve.at(ratio).low, curve) for curve in near), key=lambda pair: pair[0])
+    at, scale = curve.at(ratio), found.dt / found.fraction
+    side = "viscous" if found.viscous > found.acoustic else "sound"
+    outside = "" if curve.covers(ratio) else ", beyond the viscosities measured"
+    where = f"{curve.map}, {curve.layer}" if curve.layer else curve.map
+    text = f"{side}; {where}: {curve.above} from {at.low * scale:.3g} to {at.high * scale:.3g} on{outside}"
+    return fraction, text
+
+
+def _sound(model: Model, found: Numbers) -> Iterable[Advice]:
+    """Pressure lags half a step behind: a wave gains c^2 dt/2 k^2 and loses nu k^2 per time."""
+    limit = 2 * found.nu / found.c**2 if found.c > 0 else math.inf
+    if found.dt <= limit:
+        return
+    damped = model.pair.artificial_viscosity > 0 or model.pair.rho_damp > 0
+    rest = "; artificial viscosity and damping, which slow it, are not counted" if damped else ""
+    yield Advice(f"sound waves grow: time step {found.dt:.3g} > 2 nu/c^2 = {limit:.3g}{rest}", not damped)
+
+
+# --- equations of state
+
+
+def tension(model: Model, state: State, limits: Limits) -> Iterable[Advice]:
+    """The strongest tension over that at which particles clump."""
+    pressure_n = pressures(model, state)
+    measured = {t.map + t.layer: t for t in limits.tensions if t.shift == (model.fix.shift is not None) and t.high < 0}
+    measured |= {t.map + t.layer: t for t in measured.values() if t.engine == "lammps"}
+    if not pressure_n.size or not measured:
+        return
+    nearest = max(measured.values(), key=lambda t: t.high)
+    lowest = float(np.nanmin(pressure_n))
+    fraction = lowest / nearest.high
+    if fraction >= 0.01:
+        yield Advice(
+            f"lowest pressure {lowest:.3g} rho0 c^2 is {fraction:.2f} of the tension at which particles clump "
+            f"({nearest.map}{', ' * bool(nearest.layer)}{nearest.layer}: {nearest.low:.3g} to {nearest.high:.3g})",
+            fraction >= NEAR,
+        )
+
+
+def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
+    """Distance of the densities of the fluid from where a law stops growing."""
+    rho_n = np.asarray(state.rho_n, float)
+    for t, law in enumerate(model.eos, 1):
+        own_n = rho_n[(state.type_n == t) & ~state.solid_n]
+        if not own_n.size or law.style == "ideal/gas":
+            continue
+        low, high = law.monotone
+        ends = (("lowest", float(own_n.min()), low), ("highest", float(own_n.max()), high))
+        for word, rho, end in ends:
+            if not math.isfinite(end) or end == law.rho0:
+                continue
+            left = (rho - end) / (law.rho0 - end)
+            if left < 1 - NEAR:
+                yield Advice(
+                    f"type {t}: {word} density {rho:.6g} lies {left:.2f} of the way from where {law.style} stops "
+                    f"growing ({end:.6g}) to rho0",
+                    warns=True,
+                )
+
+
+# --- neighbourhoods
+
+
+def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
+    from eos_ref.evaluation.array_evaluator import Plain
+
+    surface = model.fix.surface_detection
+    try:
+        if model.corrects_gradients:
+            yield from _matrices(model, box, state)
+        if surface is not None:
+            stages = Plain(model, box, state.type_n, state.solid_n)
+            stages.move(state.x_nc)
+            divr = surface.style == "divergence"
+            measure_n = stages.surface(state.rho_n)[0].divr_n if divr else stages.coordination_n
+            yield from _surfaces(np.asarray(measure_n, float)[~state.solid_n], surface)
+    except InputError:  # particles far from the box, which the next step will lose
+        return
+
+
+def _matrices(model: Model, box: Box, state: State) -> Iterable[Advice]:
+    n, types = len(state.x_nc), state.type_n - 1
+    rho_n = np.asarray(state.rho_n, float)
+    of = Subject(
+        np.arange(1, n + 1),
+        state.type_n,
+        model.mass[types],
+        model.rho0[types],
+        state.solid_n,
+        1.0,
+        box,
+        True,
+        model.eos,
+        model,
+    )
+    m_nbb, definite_n, used_n = moment_matrices(of, Look(0, state.x_nc, state.v_nc, rho_n, rho_n))
+    if not used_n.any():
+        yield Advice(f"all particles have fewer than zmin = {model.fix.zmin} neighbours: no moment matrix is used")
+        return
+    failed = int((used_n & ~definite_n).sum())
+    if failed:
+        yield Advice(f"{failed} of {n} moment matrices have no Cholesky factor", warns=True)
+    if (used_n & definite_n).any():
+        eigenvalue_nb = np.linalg.eigvalsh(m_nbb[used_n & definite_n])
+        with np.errstate(all="ignore"):
+            condition = float(np.max(eigenvalue_nb[:, -1] / np.maximum(eigenvalue_nb[:, 0], 0.0)))
+        yield Advice(f"condition number of moment matrices up to {condition:.2g}", condition > DIGITS)
+
+
+def _surfaces(measure_n: FloatArray, surface: SurfaceDetection) -> Iterable[Advice]:
+    if not measure_n.size or surface.limit == 0:
+        return
+    distance_n = np.abs(measure_n / surface.limit - 1)
+    near = int((distance_n <= MARGIN).sum())
+    text = (
+        f"surface limit {surface.limit:g} ({surface.style}) is within {100 * distance_n.min():.1f} % of misclassifying"
+    )
+    yield Advice(text + (f"; {near} of {measure_n.size} fluid particles lie within {100 * MARGIN:g} %" if near else ""))

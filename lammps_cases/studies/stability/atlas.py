@@ -1,0 +1,246 @@
+"""The atlas: boundaries of all maps on both engines, bisected in parallel, taken up again where it was left."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.engine.installations import library_sha256
+from lammps_cases.engine.workers import Workers
+from lammps_cases.studies.benchmarks.measure import machine
+from lammps_cases.studies.stability import probe, record
+from lammps_cases.studies.stability.lines import Agreement, Line, agreement, boundaries, lines_of, wanted
+from lammps_cases.studies.stability.model import ENGINES, Boundary, Cell, Engine, Kind, Ran, StabilityMap
+from lammps_cases.studies.stability.probe import Asked, Examined
+from lammps_cases.studies.stability.record import Atlas, Kept, MapRecord
+
+JOBS = 2
+# Sources, beside the reference, that decide how a cell ends: between a start and what is seen of it.
+SOURCES = (
+    *("setup/commands.py", "engine/session.py", "setup/plan.py", "setup/reference_side.py"),
+    *(
+        "studies/stability/kinds.py",
+        "studies/stability/probe.py",
+        "studies/stability/runs.py",
+        "studies/stability/single.py",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far an atlas is: lines done, of how many, the cell that came last, and whether it was there already."""
+
+    done: int
+    lines: int
+    ran: Ran
+    reused: bool
+
+
+Report = Callable[[Progress], None]
+
+
+def measure(
+    maps: Sequence[StabilityMap],
+    out: Path,
+    command: str = "",
+    *,
+    quick: bool = False,
+    engines: Sequence[Engine] = ENGINES,
+    site: str | None = None,
+    jobs: int = JOBS,
+    limit: float = probe.LIMIT,
+    report: Report = lambda progress: None,
+) -> Atlas:
+    """Run maps, and write the atlas; cells that the folder has are not run again.
+
+    Parameters
+    ----------
+    maps : sequence of StabilityMap
+    out : Path
+        Folder: ``cells.jsonl`` grows with every cell, ``atlas.json`` and ``cells.csv`` are written at the end.
+    command : str
+        Said in the atlas.
+    quick : bool
+        Only the quick lines of the maps.
+    engines : sequence of {"reference", "lammps"}
+    site : str, optional
+        Folder of another LAMMPS, see `lammps_cases.engine.installations`.
+    jobs : int
+        Worker processes.
+    limit : float
+        Seconds after which a cell hangs.
+    report : callable
+        Told of every cell.
+
+    Raises
+    ------
+    EngineMissing
+    InputError
+        A map whose scene cannot be made.
+    """
+    begin, before = time.perf_counter(), machine()
+    out.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as stack:
+        folder, workers = stack.enter_context(probe.scratch()), stack.enter_context(Workers(site, jobs))
+        about = workers.identify().result()
+        about = {k: v for k, v in about.items() if k != "library"} | {
+            "library_sha256": library_sha256(about.get("library", ""))
+        }
+        source = Source(workers, folder, limit, about)
+        lines = [
+            Line(m.id, layer, y, e)
+            for m in maps
+            for layer in m.layers
+            for y in lines_of(m, quick)
+            for e in engines
+            if e in m.engines(layer)
+        ]
+        found = Survey({m.id: m for m in maps}, lines, source, out, report).run(2 * jobs)
+    records = tuple(map_record(m, quick, found, engines) for m in maps)
+    atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
+    record.write(atlas, out)
+    return atlas
+
+
+class Source:
+    """Where cells come from: workers that examine them."""
+
+    def __init__(self, workers: Workers, folder: Path, limit: float, about: dict[str, str]) -> None:
+        self.workers, self.folder, self.limit = workers, folder, limit
+        self.identity: dict[Engine, str] = {"reference": "", "lammps": repr(sorted(about.items()))}
+
+    def ask(self, of: StabilityMap, cell: Cell, side: Engine) -> Asked:
+        """Queue a cell."""
+        return probe.ask(of, cell, side, self.workers, self.folder, self.limit)
+
+    def settle(self, asked: Asked) -> Examined:
+        """Wait for a cell."""
+        return probe.settle(asked, self.workers, self.limit)
+
+    def key(self, of: StabilityMap, cell: Cell, side: Engine) -> str:
+        """Hash of all that a cell's end depends on: start, watch, sources, engine, and the time it may take."""
+        start, watch = of.start(cell), of.watch(cell)
+        a = start.atoms
+        arrays = (a.id_n, a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.mass_n, a.low_c, a.high_c)
+        told = start.case.scene.model_dump_json(), repr(asdict(watch)), start.steps, start.timestep
+        return prediction_keys.fingerprint(
+            asdict_text(cell), side, self.identity[side], sources(), self.limit, told, arrays
+        )
+
+
+def asdict_text(cell: Cell) -> str:
+    """A cell as text."""
+    return repr(sorted(asdict(cell).items()))
+
+
+@functools.cache
+def sources() -> str:
+    """SHA-256 of the code between a start and its end; of the reference, its libraries and the processor with it."""
+    digest = hashlib.sha256(prediction_keys.context().encode())
+    package = Path(__file__).parents[2]
+    for path in [*(package / name for name in SOURCES), *sorted((package / "scene").glob("*.py"))]:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@dataclass
+class _Open:
+    """A line that is being bisected."""
+
+    line: Line
+    known: dict[float, Ran] = field(default_factory=dict)
+    asked: dict[float, tuple[str, Asked]] = field(default_factory=dict)
+
+    @property
+    def kinds(self) -> dict[float, Kind]:
+        return {x: ran.outcome.kind for x, ran in self.known.items()}
+
+
+class Survey:
+    """Lines that are bisected side by side."""
+
+    def __init__(
+        self, maps: dict[str, StabilityMap], lines: Sequence[Line], source: Source, out: Path, report: Report
+    ) -> None:
+        self.maps, self.lines, self.source, self.out, self.report = maps, lines, source, out, report
+        self.kept = record.kept(out)
+        self.found: dict[Line, dict[float, Ran]] = {}
+
+    def run(self, at_once: int) -> dict[Line, dict[float, Ran]]:
+        """Cells of all lines, ``at_once`` of them open at a time; the result does not depend on who comes first."""
+        waiting, opened = list(reversed(self.lines)), list[_Open]()
+        while waiting or opened:
+            while waiting and len(opened) < at_once:
+                opened.append(_Open(waiting.pop()))
+                self._advance(opened[-1])
+            opened = [one for one in opened if not self._done(one)]
+            if opened and (len(opened) >= at_once or not waiting):
+                self._collect(opened)
+        return self.found
+
+    def _done(self, one: _Open) -> bool:
+        if one.asked:
+            return False
+        self.found[one.line] = {x: one.known[x] for x in sorted(one.known)}
+        return True
+
+    def _advance(self, one: _Open) -> None:
+        """Ask for the next places of a line, as long as they are at hand."""
+        of, line = self.maps[one.line.map], one.line
+        while not one.asked and (places := wanted(of, one.kinds)):
+            for x in places:
+                cell = Cell(line.map, x, line.y, line.layer)
+                key = self.source.key(of, cell, line.engine)
+                if key in self.kept:
+                    one.known[x] = self.kept[key]
+                    self.report(Progress(len(self.found), len(self.lines), one.known[x], True))
+                else:
+                    one.asked[x] = key, self.source.ask(of, cell, line.engine)
+
+    def _collect(self, opened: Iterable[_Open]) -> None:
+        """Wait for a cell, and take in all that have come."""
+        futures: set[Future[Examined]] = {asked.future for one in opened for _, asked in one.asked.values()}
+        wait(futures, return_when=FIRST_COMPLETED)
+        for one in opened:
+            for x, (key, asked) in list(one.asked.items()):
+                if asked.future.done():
+                    del one.asked[x]
+                    one.known[x] = self._take(one.line, x, key, self.source.settle(asked))
+            self._advance(one)
+
+    def _take(self, line: Line, x: float, key: str, examined: Examined) -> Ran:
+        cell = Cell(line.map, x, line.y, line.layer)
+        ran = Ran(cell, line.engine, examined.outcome)
+        record.write_state(self.out, cell, line.engine, examined.before)
+        record.keep(self.out, Kept(key, ran))
+        self.report(Progress(len(self.found), len(self.lines), ran, False))
+        return ran
+
+
+def map_record(
+    of: StabilityMap, quick: bool, found: dict[Line, dict[float, Ran]], engines: Sequence[Engine]
+) -> MapRecord:
+    """What came of a map, in the order of its layers and lines."""
+    cells: list[Ran] = []
+    edges, agreements = list[Boundary](), list[Agreement]()
+    for layer in of.layers:
+        for y in lines_of(of, quick):
+            kinds: dict[Engine, dict[float, Kind]] = {}
+            for engine in (e for e in engines if e in of.engines(layer)):
+                line = Line(of.id, layer, y, engine)
+                cells += found[line].values()
+                kinds[engine] = {x: ran.outcome.kind for x, ran in found[line].items()}
+                edges += boundaries(line, kinds[engine])
+            if "reference" in kinds and "lammps" in kinds:
+                agreements.append(agreement(of, layer, y, kinds["reference"], kinds["lammps"]))
+    seconds = sum(ran.outcome.seconds for ran in cells)
+    told = of.id, of.title, of.about, of.x, of.y, of.layers, tuple(lines_of(of, quick))
+    return MapRecord(*told, seconds, tuple(cells), tuple(edges), tuple(agreements))

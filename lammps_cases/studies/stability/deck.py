@@ -1,0 +1,113 @@
+"""A cell as a LAMMPS input deck of its own: what the engine is told, as text that LAMMPS alone can read.
+
+Numbers are written as the shortest text that reads back as the same double (`repr`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.eos.table import FloatArray
+from lammps_cases.engine.session import Job
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.flows.flow import Start
+
+# Keyword of LAMMPS' command set for each per-atom array of a job.
+_SET = {"rho": "rheo/rho", "esph": "sph/e"}
+
+
+def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
+    """The deck that runs what the engine runs for a start, bit for bit, with thermo output and a dump.
+
+    Parameters
+    ----------
+    note : sequence of str
+        Said in comments at the top.
+    every : int
+        Steps between two lines of thermo output, and two frames of the dump.
+
+    Raises
+    ------
+    InputError
+        A start that no deck can say: ids other than 1 to N, or a number that is not finite.
+    """
+    told = job(start.case.scene, start.atoms, plan(start.case.scene))
+    _check(told)
+    lines = [
+        *(f"# {_plain(line)}" for line in note),
+        *told.setup,
+        "",
+        *_atoms(told),
+        "",
+        *told.commands,
+        "",
+        *_output(told, every),
+        "",
+        *(stretch.command for stretch in told.runs),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _plain(line: str) -> str:
+    # LAMMPS joins a line that ends with & to the next one, in comments too, and to those within """.
+    return " ".join(line.split()).translate({ord(c): None for c in '&"'}).encode("ascii", "replace").decode()
+
+
+def _check(told: Job) -> None:
+    if not np.array_equal(told.id_n, np.arange(1, len(told.id_n) + 1)):
+        raise InputError("ids", "must be 1 to N in a deck: LAMMPS numbers the atoms that it creates", int(told.id_n[0]))
+    for name, values in {"x": told.x_nc, "v": told.v_nc, **told.per_atom}.items():
+        if values is not None and not np.isfinite(values).all():
+            raise InputError(name, "must be finite in a deck: LAMMPS reads no other number", "inf or nan")
+
+
+def _atoms(told: Job) -> Iterable[str]:
+    """Atoms in the order of their ids, and what each is given; what all share is said once."""
+    for t, (x, y, z) in zip(told.type_n.tolist(), told.x_nc.tolist(), strict=True):
+        # With remap an atom on the upper face of a periodic box is not left out.
+        yield f"create_atoms {t} single {x!r} {y!r} {z!r} remap yes"
+    given: dict[str, FloatArray] = {}
+    if told.v_nc is not None:
+        given |= {f"v{axis}": told.v_nc[:, k] for k, axis in enumerate("xyz")}
+    given |= {_SET[name]: np.asarray(values_n, float) for name, values_n in told.per_atom.items()}
+    shared = {
+        name for name, values_n in given.items() if len(set(values_n.tolist())) == 1 and not _minus_zero(values_n)
+    }
+    for name in sorted(shared):
+        if given[name][0] != 0.0 or not name.startswith("v"):
+            yield f"set group all {name} {float(given[name][0])!r}"
+    own = {name: values_n.tolist() for name, values_n in given.items() if name not in shared}
+    for k in range(len(told.id_n) if own else 0):
+        yield f"set atom {k + 1} " + " ".join(f"{name} {values[k]!r}" for name, values in own.items())
+
+
+def _minus_zero(values_n: FloatArray) -> bool:
+    return bool((np.signbit(values_n) & (values_n == 0.0)).any())
+
+
+def _output(told: Job, every: int) -> Iterable[str]:
+    """Thermo output and a dump: positions, velocities, density, what compute q of the job gives."""
+    yield f"thermo {every}"
+    yield "thermo_style custom step atoms ke"
+    columns = ["id", "type", "x", "y", "z", "vx", "vy", "vz"]
+    names: dict[str, str] = {}
+    if "rho" in told.atom_arrays and "rho" not in told.outputs:
+        yield "compute density all rheo/property/atom rho"
+        names["c_density"] = "rho"
+    single = sum(math.prod(shape) for shape in told.outputs.values()) == 1
+    place = 0
+    for name, shape in told.outputs.items():
+        for k in range(math.prod(shape)):
+            place += 1
+            label = name if math.prod(shape) == 1 else f"{name}[{k + 1}]"
+            names["c_q" if single else f"c_q[{place}]"] = label
+    yield f"dump frames all custom {every} frames.dump {' '.join([*columns, *names])}"
+    # As many digits as make a double.
+    yield "dump_modify frames sort id format float %.17g " + " ".join(
+        f"colname {column} {label}" for column, label in names.items()
+    )

@@ -1,0 +1,244 @@
+"""Measured limits of the time step, small enough to ship: what advice is given by."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from eos_ref import InputError
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.parameters import Model, State
+from lammps_cases.records.run_record import write_atomically
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.stability.model import Boundary, Cell, Engine, Kind, StabilityMap
+
+SCHEMA = "eos-ref/stability-limits/1"
+FILE = Path(__file__).parent / "atlas-limits.json"
+
+
+@dataclass(frozen=True)
+class Numbers:
+    r"""A time step in units of what limits it.
+
+    ``c``, ``nu`` and ``h`` are the largest speed of sound plus flow, the largest diffusivity (kinematic viscosity,
+    conductivity/(rho cv)), cut/3. Source of the criteria: Morris, Fox & Zhu (1997), see
+    `lammps_cases.studies.flows.layout.time_step`.
+    """
+
+    c: float
+    nu: float
+    h: float
+    dt: float
+
+    @property
+    def acoustic(self) -> float:
+        """Over h/4c."""
+        return 4 * self.c * self.dt / self.h
+
+    @property
+    def viscous(self) -> float:
+        """Over h^2/8nu."""
+        return 8 * self.nu * self.dt / self.h**2
+
+    @property
+    def fraction(self) -> float:
+        """Over the lesser of both."""
+        return max(self.acoustic, self.viscous)
+
+    @property
+    def ratio(self) -> float:
+        """nu/hc, which does not depend on the time step: from 1/2 on viscosity limits it."""
+        return self.nu / (self.c * self.h) if self.c > 0 else math.inf
+
+
+def numbers(model: Model, state: State, dt: float) -> Numbers:
+    """The numbers of a state; particles at which the law has no speed of sound do not count."""
+    types = state.type_n - 1
+    rho_n = np.asarray(state.rho_n, float)
+    e_n = None if state.energy_n is None else np.asarray(state.energy_n, float) / model.mass[types]
+    sound_n = np.full(len(rho_n), np.nan)
+    nu_n = np.zeros(len(rho_n))
+    for t, law in enumerate(model.eos):
+        at = types == t
+        sound_n[at] = law.sound_speed(rho_n[at], None if e_n is None else e_n[at])
+        heat = model.thermal[t] if model.thermal is not None else None
+        diffusivity = max(model.viscosity[t].eta, heat.conductivity / heat.specific_heat if heat else 0.0)
+        nu_n[at] = diffusivity / np.where(rho_n[at] > 0, rho_n[at], np.nan)
+    speed_n = np.sqrt(np.sum(np.square(np.asarray(state.v_nc, float)), axis=1))
+    return Numbers(_largest(sound_n + speed_n), _largest(nu_n), model.h, dt)
+
+
+def _largest(values_n: Any) -> float:
+    finite = values_n[np.isfinite(values_n)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+@dataclass(frozen=True)
+class Point:
+    """A measured limit: ``fraction`` of `Numbers` between ``low`` and ``high``, at a ``ratio``."""
+
+    ratio: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The limits of one layer of a map on one engine, in the order of their ratio; ``above``: what comes beyond."""
+
+    map: str
+    layer: str
+    engine: Engine
+    above: Kind
+    points: tuple[Point, ...]
+
+    def at(self, ratio: float) -> Point:
+        """The limit at a ratio, interpolated in logarithms; beyond the ratios measured that of the nearest one."""
+        logs = np.log([p.ratio for p in self.points])
+        place = math.log(min(max(ratio, self.points[0].ratio), self.points[-1].ratio))
+
+        def interpolated(values: Sequence[float]) -> float:
+            return float(np.exp(np.interp(place, logs, np.log(values))))
+
+        return Point(ratio, interpolated([p.low for p in self.points]), interpolated([p.high for p in self.points]))
+
+    def covers(self, ratio: float) -> bool:
+        """Whether a ratio lies within those measured."""
+        return self.points[0].ratio <= ratio <= self.points[-1].ratio
+
+
+@dataclass(frozen=True)
+class Tension:
+    """Mean pressure over rho0 c^2 between whose ``low`` and ``high`` particles begin to clump, with shift or without.
+
+    Of the lines of a layer that with the weakest tension.
+    """
+
+    map: str
+    layer: str
+    engine: Engine
+    shift: bool
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an atlas says of time steps and of tension, and the LAMMPS that it was measured on."""
+
+    engine: str
+    curves: tuple[Curve, ...]
+    tensions: tuple[Tension, ...] = ()
+    schema: str = SCHEMA
+
+
+_ADAPTER = TypeAdapter(Limits)
+
+
+def measured(boundaries: Iterable[Boundary], maps: Mapping[str, StabilityMap], engine: str) -> Limits:
+    """The limits in an atlas: boundaries of stable runs along an axis of the time step alone, or of the pressure."""
+    boundaries = [b for b in boundaries if b.map in maps]
+    return Limits(engine, _curves(boundaries, maps), _tensions(boundaries, maps))
+
+
+def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[Curve, ...]:
+    found: dict[tuple[str, str, Engine], list[tuple[Point, Kind]]] = defaultdict(list)
+    for b in boundaries:
+        point = _point(b, maps[b.map]) if b.below == "stable" and b.above != "stable" else None
+        if point is not None:
+            found[b.map, b.layer, b.engine].append((point, b.above))
+    curves = []
+    for (name, layer, side), points in sorted(found.items(), key=lambda item: item[0]):
+        # Lines that differ in something else than their ratio: the lowest limit counts.
+        lowest: dict[float, tuple[Point, Kind]] = {}
+        for point, kind in sorted(points, key=lambda pair: pair[0].low):
+            lowest.setdefault(float(f"{point.ratio:.4g}"), (point, kind))
+        chosen = sorted(lowest.values(), key=lambda pair: pair[0].ratio)
+        ends = [kind for _, kind in chosen]
+        curves.append(Curve(name, layer, side, max(ends, key=ends.count), tuple(point for point, _ in chosen)))
+    return tuple(curves)
+
+
+def _point(boundary: Boundary, of: StabilityMap) -> Point | None:
+    starts = [of.start(Cell(boundary.map, x, boundary.y, boundary.layer)) for x in (boundary.low, boundary.high)]
+    if not _same(*starts) or starts[0].timestep == starts[1].timestep:
+        return None
+    low, high = (_numbers(start) for start in starts)
+    if not (0 < low.fraction < math.inf and 0 < low.ratio < math.inf):
+        return None
+    return Point(low.ratio, low.fraction, high.fraction)
+
+
+def _tensions(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[Tension, ...]:
+    found: dict[tuple[str, str, Engine], Tension] = {}
+    for b in boundaries:
+        if (b.below, b.above) != ("clumping", "stable"):
+            continue
+        low, high = (maps[b.map].start(Cell(b.map, x, b.y, b.layer)) for x in (b.low, b.high))
+        if not _same(low, high) or low.case.scene.pressure == high.case.scene.pressure or low.timestep != high.timestep:
+            continue
+        shift = low.case.scene.rheo.shifting is not None
+        one = Tension(b.map, b.layer, b.engine, shift, _pressure(low), _pressure(high))
+        key = b.map, b.layer, b.engine
+        found[key] = max(one, found.get(key, one), key=lambda t: t.low)
+    return tuple(found[key] for key in sorted(found))
+
+
+def _pressure(start: Start) -> float:
+    scene, atoms = start.case.scene, start.atoms
+    return float(np.mean(pressures(reference_side.model(scene, atoms, ""), reference_side.state(scene, atoms))))
+
+
+def pressures(model: Model, state: State) -> FloatArray:
+    """Pressure over rho0 c^2 of all fluid particles but those of an ideal gas, which has no rho0."""
+    rho_n = np.asarray(state.rho_n, float)
+    parts = [np.zeros(0)]
+    for t, law in enumerate(model.eos, 1):
+        if not law.needs_energy:
+            own_n = (state.type_n == t) & ~state.solid_n
+            parts.append(law.pressure(rho_n[own_n]) / (law.rho0 * law.cs**2))
+    return np.concatenate(parts)
+
+
+def _numbers(start: Start) -> Numbers:
+    scene, atoms = start.case.scene, start.atoms
+    return numbers(reference_side.model(scene, atoms, ""), reference_side.state(scene, atoms), start.timestep)
+
+
+def _same(a: Start, b: Start) -> bool:
+    """Whether two starts have the same materials, methods and particles."""
+    if a.case.scene.types != b.case.scene.types or a.case.scene.rheo != b.case.scene.rheo:
+        return False
+    pairs = [(getattr(a.atoms, name), getattr(b.atoms, name)) for name in ("x_nc", "v_nc", "rho_n", "energy_n")]
+    return all(u is w if u is None or w is None else np.array_equal(u, w) for u, w in pairs)
+
+
+def save(limits: Limits, file: Path = FILE) -> None:
+    """Write the limits."""
+    write_atomically(file, _ADAPTER.dump_json(limits, indent=1) + b"\n")
+
+
+def read(file: Path = FILE) -> Limits:
+    """Read limits; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        A file of another version.
+    """
+    try:
+        return _ADAPTER.validate_json(file.read_bytes())
+    except FileNotFoundError:
+        return Limits("", ())
+    except ValidationError as error:
+        raise InputError(
+            "stability limits", f"are not of the schema {SCHEMA}: {error.errors()[0]['msg']}", where=str(file)
+        ) from None

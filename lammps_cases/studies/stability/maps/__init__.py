@@ -1,0 +1,22 @@
+"""The maps of the atlas, each made by a module of its own when it is first asked for."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+
+from lammps_cases.studies.stability.model import StabilityMap
+
+MODULES = ("timestep", "laws", "matrices", "precision", "tension", "surfaces", "phases", "walls", "whole")
+
+
+@cache
+def maps() -> dict[str, StabilityMap]:
+    """All maps by id, in the order of their modules."""
+    found: dict[str, StabilityMap] = {}
+    for name in MODULES:
+        for one in importlib.import_module(f"{__name__}.{name}").MAPS:
+            if one.id in found:
+                raise ValueError(f"two maps are called {one.id}")
+            found[one.id] = one
+    return found

@@ -1,0 +1,148 @@
+"""Numbers of half the length: where a flow fails in float32 that goes on in float64.
+
+LAMMPS computes in float64 alone, so that the layer float32 is the reference's: positions, velocities and densities are
+stored as float32, and all that follows from them is float32 too, but for the neighbour search and the differences of
+positions, which are exact and then rounded (`lammps_cases.studies.stability.single`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+
+EDGE = 6  # spacings
+SPEED = 1.0  # of the flow
+
+
+def _shear(cell: Cell, cs: float, nu: float, offset: float, fraction: float, steps: int) -> Start:
+    """A sheared wave around a box far from the origin; the layer float32 rounds its numbers."""
+    x_nc = rows(0, EDGE, EDGE)
+    v_nc = np.stack([SPEED * np.sin(2 * np.pi * x_nc[:, 1] / EDGE), np.zeros(len(x_nc))], axis=1)
+    scene: dict[str, Any] = {
+        "types": [{"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": nu}],
+        "pressure": [{"types": "*", "style": "linear"}],
+    }
+    options = Options(dt_fraction=fraction)
+    dt = time_step(options, cs + SPEED, nu)
+    place_c = np.array([offset, offset])
+    made = start(
+        f"{cell.map}-{cell.layer}",
+        scene,
+        x_nc + place_c,
+        (offset + EDGE, offset + EDGE),
+        (offset, offset),
+        options=options,
+        times=(steps * dt,),
+        timestep=dt,
+        v_nc=v_nc,
+    )
+    return single(made) if cell.layer == "float32" else made
+
+
+def single(given: Start) -> Start:
+    """A start whose positions, velocities and densities are float32: the reference goes on in that type."""
+    a = given.atoms
+    arrays: dict[str, Any] = {"x_nc": a.x_nc, "v_nc": a.v_nc, "rho_n": a.rho_n}
+    short = {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
+    return replace(given, atoms=replace(a, **short))
+
+
+def _far(cell: Cell) -> Start:
+    cs = SPEED / cell.y
+    # Whole, so that the places half a spacing from it are the first to be lost.
+    return _shear(cell, cs, 0.1 * cs, float(math.floor(cell.x)), 0.2, 60)
+
+
+ORIGIN = StabilityMap(
+    id="precision-origin",
+    title="Distance from the origin",
+    about="A sheared wave in a periodic box far from the origin: positions lose the digits that tell particles apart.",
+    x=Axis("offset/spacing", 10.0, 1e16, 0.2, log=True),
+    y=Axis("Mach number", 0.01, 0.3, 0.1, log=True),
+    lines=(0.03, 0.3),
+    start=_far,
+    watch=lambda cell: Watch(every=10, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.3),
+    layers=("float64", "float32"),
+    reference_only=("float32",),
+    theory=(
+        Theory("numbers one spacing apart", lambda y: 2.0**52, "float64"),
+        Theory("numbers one spacing apart", lambda y: 2.0**23, "float32"),
+    ),
+)
+
+
+def _stepped(cell: Cell) -> Start:
+    cs = SPEED / cell.y
+    return _shear(cell, cs, 0.5 * cs, 0.0, cell.x, 100)
+
+
+STEP = StabilityMap(
+    id="precision-timestep",
+    title="Time step",
+    about="A sheared wave under longer and longer time steps, over min(h/4(c + U), h^2/8 nu): whether roundings bring "
+    "the failure on earlier.",
+    x=Axis("dt/limit", 1.0, 16.0, 0.03, log=True),
+    y=Axis("Mach number", 0.003, 0.3, 0.1, log=True),
+    lines=(0.03, 0.3),
+    start=_stepped,
+    watch=lambda cell: Watch(every=20, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.1),
+    layers=("float64", "float32"),
+    reference_only=("float32",),
+)
+
+
+def _squeezed(cell: Cell) -> Start:
+    """A wave of compression so weak that its densities are few roundings from rho0."""
+    x_nc = rows(0, EDGE, EDGE)
+    cs, amplitude = 10.0, cell.x
+    rho_n = 1.0 + amplitude * np.cos(2 * np.pi * x_nc[:, 0] / EDGE)
+    scene: dict[str, Any] = {
+        "types": [{"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": cell.y}],
+        "pressure": [{"types": "*", "style": "tait/water"}],
+    }
+    options = Options(dt_fraction=0.2)
+    dt = time_step(options, cs, cell.y)
+    made = start(
+        f"{cell.map}-{cell.layer}",
+        scene,
+        x_nc,
+        (EDGE, EDGE),
+        options=options,
+        times=(100 * dt,),
+        timestep=dt,
+        rho_n=rho_n,
+    )
+    return single(made) if cell.layer == "float32" else made
+
+
+def _sound(cell: Cell) -> Watch:
+    """Kinetic energy beyond a few times that of the sound wave is not the wave's."""
+    return Watch(every=10, growth=4.0, energy=EDGE**2 * (10.0 * cell.x) ** 2 / 4)
+
+
+COMPRESSION = StabilityMap(
+    id="precision-compression",
+    title="Weak compression",
+    about="A sound wave of a small amplitude, of which roundings of the density make noise. x: amplitude over rho0.",
+    x=Axis("amplitude/rho0", 1e-18, 1e-2, 0.4, log=True),
+    y=Axis("viscosity", 0.1, 10.0, 0.1, log=True),
+    lines=(1.0, 5.0),
+    coarse=12,
+    start=_squeezed,
+    watch=_sound,
+    layers=("float64", "float32"),
+    reference_only=("float32",),
+    theory=(
+        Theory("rounding of the density", lambda y: 2.0**-53, "float64"),
+        Theory("rounding of the density", lambda y: 2.0**-24, "float32"),
+    ),
+)
+
+MAPS = (ORIGIN, STEP, COMPRESSION)

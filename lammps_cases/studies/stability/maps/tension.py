@@ -1,0 +1,167 @@
+r"""Tensile instability: particles of a fluid under tension gather in pairs.
+
+A uniform pressure P in :math:`\mathbf F_i=-\sum_jV_iV_j(P_i+P_j)\nabla W_{ij}` acts on a displacement
+:math:`\mathbf u\,e^{i\mathbf k\cdot\mathbf x}` of a lattice as on springs of stiffness proportional to P,
+
+.. math:: \ddot{\mathbf u}=-\frac{2PV}{\rho}\sum_j[1-\cos(\mathbf k\cdot\mathbf x_{ij})]\,\nabla\nabla W_{ij}\,\mathbf u
+          -c^2\mathbf g\,(\mathbf g\cdot\mathbf u)-\Gamma\dot{\mathbf u},\qquad
+          \mathbf g=V\sum_j\sin(\mathbf k\cdot\mathbf x_{ij})\nabla W_{ij},\qquad
+          \Gamma=-2\nu V\sum_j[1-\cos(\mathbf k\cdot\mathbf x_{ij})]\frac{W'}{r}
+
+Sound (g) does not see the shortest waves, so the sign of P W'' at the nearest neighbours decides: P W'' < 0 is unstable
+(Swegle, Hicks & Attaway, J. Comput. Phys. 116, 123 (1995)). The quintic has W'' > 0 there at a cutoff of 3 spacings;
+with more neighbours the whole sum counts.
+
+Particles lie on a triangular lattice, which pressure leaves as it is, one per unit of area; m = rho, so that volumes
+are 1 until particles move, and LAMMPS' missing volume (force-per-volume) does not hide all else.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.model import kernels
+from lammps_cases.scene.atoms import seed
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+
+WIDTH, HEIGHT = 10, 10  # particles along x and rows; the height is even, as every second row is shifted
+EDGE = math.sqrt(2 / math.sqrt(3))  # of triangles that have a particle per unit of area
+DISORDER = 0.05  # largest displacement along an axis (spacings)
+NU = 0.1  # kinematic viscosity: waves of sound grow with the time step unless dt < 2 nu/c^2
+DT, STEPS = 0.1, 400
+CLOSEST = 0.5  # spacings: half of the way to the next particle
+
+
+def triangles(width: int, height: int) -> tuple[FloatArray, tuple[float, float]]:
+    """Triangular lattice with a particle per unit of area, and the edges of its periodic box; ``height`` is even."""
+    x_nc = rows(0, height, width)
+    x_nc[:, 0] += np.where(np.floor(x_nc[:, 1]) % 2, 0.25, -0.25)
+    scale_c = np.array([EDGE, EDGE * math.sqrt(3) / 2])
+    edges = scale_c * np.array([width, height])
+    return x_nc * scale_c, (float(edges[0]), float(edges[1]))
+
+
+def _fluid(name: str, background: float, density: float, cut: float, shift: bool) -> Start:
+    x_nc, edges = triangles(WIDTH, HEIGHT)
+    x_nc += np.random.default_rng(seed(name)).uniform(-DISORDER, DISORDER, x_nc.shape)
+    scene = {
+        "types": [{"mass": density, "rho0": 1.0, "cs": 1.0, "viscosity": NU * density}],
+        "pressure": [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}],
+        "rheo": {"shift": shift},
+    }
+    return start(
+        name,
+        scene,
+        np.mod(x_nc, edges),
+        edges,
+        options=Options(cut=cut),
+        times=[STEPS * DT],
+        timestep=DT,
+        rho_n=np.full(len(x_nc), density),
+    )
+
+
+def _compressed(cell: Cell) -> Start:
+    return _fluid("tension", cell.x, cell.y, 3.0, cell.layer == "shift")
+
+
+def _wide(cell: Cell) -> Start:
+    return _fluid("pairing", cell.x, 1.0, cell.y, shift=False)
+
+
+def _watch(cell: Cell) -> Watch:
+    return Watch(every=20, closest=CLOSEST)
+
+
+# --- theory
+
+
+@cache
+def waves(cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sums over the lattice for the wave vectors k that fit in the box: the stiffness (k, 2, 2), g (k, 2), Gamma/nu."""
+    x_nc, (lx, ly) = triangles(WIDTH, HEIGHT)
+    around = range(-math.ceil(cut / ly), math.ceil(cut / ly) + 1)
+    x_pc = np.concatenate([x_nc + np.array([a * lx, b * ly]) for a in around for b in around]) - x_nc[0]
+    r_p = np.hypot(*x_pc.T)
+    near = (r_p > 0) & (r_p < cut)
+    x_pc, r_p = x_pc[near], r_p[near]
+    h, norm = cut / kernels.SUPPORT, kernels.normalisation(2, cut)
+    over_r_p = norm / h * kernels.quintic_slope(r_p / h) / r_p  # W'/r
+    step = 1e-4 * h
+    slopes = [kernels.quintic_slope((r_p + side) / h) for side in (-step, step)]
+    bend_p = norm / h * (slopes[1] - slopes[0]) / (2 * step)  # W''
+    n_pc = x_pc / r_p[:, None]
+    hessian_p = (bend_p - over_r_p)[:, None, None] * n_pc[:, :, None] * n_pc[:, None, :]
+    hessian_p += over_r_p[:, None, None] * np.eye(2)
+    k_kc = 2 * np.pi * np.array([(p / lx, q / ly) for p in range(WIDTH) for q in range(HEIGHT)][1:])
+    phase_kp = k_kc @ x_pc.T
+    still_kp = 1 - np.cos(phase_kp)
+    g_kc = np.sin(phase_kp) @ (over_r_p[:, None] * x_pc)
+    return np.einsum("kp,pab->kab", still_kp, hessian_p), g_kc, -2 * still_kp @ over_r_p
+
+
+def growth_rate(background: float, density: float, cut: float) -> float:
+    r"""Largest s of :math:`s^2+\Gamma s+\omega^2=0` over all waves that fit in the box (1/time); 0 if none grows."""
+    stiffness_kab, g_kc, damping_k = waves(cut)
+    pressure = density - 1 + background
+    matrix_kab = 2 * pressure / density * stiffness_kab + g_kc[:, :, None] * g_kc[:, None, :]
+    lowest_k = np.linalg.eigvalsh(matrix_kab)[:, 0]
+    half_k = NU * damping_k / 2
+    return max(0.0, float(np.max(-half_k + np.sqrt(np.maximum(half_k**2 - lowest_k, 0.0)))))
+
+
+def clumps_below(density: float, cut: float) -> float:
+    """Background below which the fastest wave grows from the disorder to half of the way to clumping in a run."""
+    wanted = math.log((1 - CLOSEST) / 2 / DISORDER) / (STEPS * DT)
+    low, high = -10.0, 1.0 - density  # at no pressure at all nothing grows
+    for _ in range(40):
+        middle = (low + high) / 2
+        if growth_rate(middle, density, cut) > wanted:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2
+
+
+TENSION = StabilityMap(
+    "tension",
+    "Tensile instability: background pressure and density",
+    "A periodic fluid at rest, slightly disordered, all under the pressure c^2 (rho - rho0) + P_b. Under tension "
+    "particles clump. Shift drives them apart and the boundary moves to stronger tension; it also raises the "
+    "mean density, and with it the pressure, until the tension is gone.",
+    Axis("background pressure / rho0 c^2", -0.8, 0.4, 0.02),
+    Axis("density / rho0", 0.8, 1.2, 0.02),
+    (0.8, 1.0, 1.2),
+    _compressed,
+    _watch,
+    ("", "shift"),
+    coarse=7,
+    theory=(
+        Theory("P W'' = 0", lambda density: 1 - density),
+        Theory("fastest wave of the lattice", lambda density: clumps_below(density, 3.0), ""),
+    ),
+    tags=("quick",),
+    quick_lines=(1.0,),
+)
+WIDE = StabilityMap(
+    "tension-width",
+    "Tensile and pairing instability: width of the kernel",
+    "As the map tension, at the density rho0, for other cutoffs. At 6 spacings the nearest neighbours lie where "
+    "W'' < 0, and yet tension makes particles clump, not pressure: sums over the lattice decide, and those of the "
+    "quintic are positive to within 1 % of the largest. So pairing does not show at positive pressure.",
+    Axis("background pressure / rho0 c^2", -0.8, 0.8, 0.02),
+    Axis("cutoff / spacing", 2.4, 6.0, 0.1),
+    (2.4, 4.0, 6.0),
+    _wide,
+    _watch,
+    coarse=5,
+    theory=(Theory("fastest wave of the lattice", lambda cut: clumps_below(1.0, cut)),),
+)
+
+MAPS = (TENSION, WIDE)

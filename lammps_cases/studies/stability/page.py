@@ -1,0 +1,237 @@
+"""The page of an atlas: every map with its pictures, every cell with its numbers and how to run it again."""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from eos_ref import InputError
+from lammps_cases.records.run_record import write_atomically
+from lammps_cases.studies.chart import draw as chart_draw
+from lammps_cases.studies.chart.page import SHARED, Picture, with_own_names
+from lammps_cases.studies.stability import draw, known, names
+from lammps_cases.studies.stability.deck import deck
+from lammps_cases.studies.stability.inputs import InputRow
+from lammps_cases.studies.stability.lines import Agreement
+from lammps_cases.studies.stability.model import KINDS, Boundary, Cell, Engine, Kind, Outcome, Ran, StabilityMap
+from lammps_cases.studies.stability.record import Atlas, MapRecord, read_state
+from lammps_cases.studies.stability.runs import watched
+
+ASSETS = Path(__file__).parent / "assets"
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture of particles: its data as an address, and what it shows."""
+
+    data: str
+    caption: str
+    alt: str
+
+
+WHO: dict[Engine, str] = {"lammps": "LAMMPS", "reference": "reference"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A cell as the page shows it."""
+
+    cell: Cell
+    anchor: str
+    lammps: Outcome | None
+    reference: Outcome | None
+    command: str
+    deck: str
+    shots: tuple[Shot, ...]
+
+    @property
+    def differ(self) -> bool:
+        """Whether both engines ran it and ended differently."""
+        return self.lammps is not None and self.reference is not None and self.lammps.kind != self.reference.kind
+
+
+@dataclass(frozen=True)
+class MapView:
+    """A map as the page shows it; ``kinds``: how many runs end so, on LAMMPS and on the reference."""
+
+    record: MapRecord
+    picture: Picture
+    rows: list[Row]
+    kinds: dict[Kind, tuple[int, int]]
+    agreement: str
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A line on which the engines differ, in words."""
+
+    map: str
+    title: str
+    layer: str
+    line: str
+    lammps: str
+    reference: str
+    finding: str
+
+
+def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: Sequence[InputRow] = ()) -> None:
+    """Write ``report.html``, ``figures/*.svg|png`` and ``decks/*.in``.
+
+    Parameters
+    ----------
+    maps : mapping
+        The maps by id: their theory is drawn, their cells become decks.
+    inputs : sequence of InputRow
+        What LAMMPS does with bad input.
+    """
+    figures = folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["short"] = lambda value: f"{value:.5g}"
+    html = environment.get_template("stability.html.j2").render(
+        atlas=atlas,
+        css=Markup((SHARED / "page.css").read_text(encoding="utf-8")),
+        own_css=Markup((ASSETS / "stability.css").read_text(encoding="utf-8")),
+        script=Markup((ASSETS / "stability.js").read_text(encoding="utf-8")),
+        colours={kind: colour for kind, (colour, _) in draw.MARKS.items()},
+        facts=list(_facts(atlas)),
+        maps=[_map(record, maps.get(record.id), folder) for record in atlas.maps],
+        disagreements=[
+            _difference(line, record) for record in atlas.maps for line in record.agreement if line.verdict == "differs"
+        ],
+        unexplained=len(known.unexplained(atlas.disagreements)),
+        inputs=inputs,
+        reactions=Counter(row.reaction for row in inputs),
+    )
+    write_atomically(folder / "report.html", html)
+
+
+def _facts(atlas: Atlas) -> Iterator[tuple[str, str]]:
+    yield "LAMMPS", atlas.engine.get("distribution") or atlas.engine.get("version_string", "")
+    yield "processor", f"{atlas.machine['processor']}, {atlas.machine['cores']} cores"
+    yield "took", f"{atlas.seconds:.0f} s" + (" (quick)" if atlas.quick else "")
+
+
+def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:
+    figure = draw.map_figure(record, of.theory if of else (), lambda cell: "#" + names.anchor(cell))
+    picture = Picture(record.id, Markup(with_own_names(_save(figure, folder / "figures" / record.id), record.id)))
+    telling = told_apart(record)
+    decks = {cell: path for cell in telling if of and (path := write_deck(of, cell, folder))}
+    same = sum(line.verdict == "same" for line in record.agreement)
+    agreement = f"{same} of {len(record.agreement)} lines" if record.agreement else "not compared"
+    return MapView(record, picture, rows(record, folder, decks, telling), kinds(record.cells), agreement)
+
+
+def _save(figure: Figure, path: Path) -> str:
+    """Write a figure as SVG and PNG; the former as an element that can stand in a page."""
+    svg = chart_draw.svg(figure)
+    write_atomically(path.with_name(f"{path.name}.svg"), f'<?xml version="1.0" encoding="utf-8"?>\n{svg}')
+    figure.set_layout_engine("none")  # as it has been laid out; that takes half of the time
+    figure.savefig(path.with_name(f"{path.name}.png"), dpi=130, metadata={"Software": None})
+    return svg
+
+
+def told_apart(record: MapRecord) -> set[Cell]:
+    """The cells that show a map: where a failure begins, and where the engines end differently."""
+    found = {
+        Cell(b.map, b.high if KINDS.index(b.above) > KINDS.index(b.below) else b.low, b.y, b.layer)
+        for b in record.boundaries
+    }
+    ends: dict[Cell, set[Kind]] = {}
+    for r in record.cells:
+        ends.setdefault(r.cell, set()).add(r.outcome.kind)
+    return found | {cell for cell, both in ends.items() if len(both) > 1}
+
+
+def write_deck(of: StabilityMap, cell: Cell, folder: Path) -> str:
+    """Write the deck of a cell; its path from the page, or nothing where no deck can say it."""
+    start, watch = of.start(cell), of.watch(cell)
+    scene = watched(start.case.scene, watch)
+    note = (f"{of.title}: {names.name(cell)}", names.command(cell))
+    try:
+        text = deck(replace(start, case=replace(start.case, scene=scene)), note, watch.every)
+    except InputError:
+        return ""
+    path = f"decks/{names.anchor(cell)}.in"
+    write_atomically(folder / path, text)
+    return path
+
+
+def _difference(line: Agreement, record: MapRecord) -> Difference:
+    ours, theirs = line.boundaries
+    found = known.finding(line)
+    return Difference(
+        record.id,
+        record.title,
+        line.layer,
+        f"{record.y.name} = {line.y:.5g}",
+        along(line.lammps, theirs, record),
+        along(line.reference, ours, record),
+        f"{found.finding or 'no finding'}: {found.why}" if found else "",
+    )
+
+
+def along(ends: Sequence[Kind], boundaries: Sequence[Boundary], record: MapRecord) -> str:
+    """The kinds along a line, in words."""
+    text = str(ends[0]) if ends else "nothing"
+    for b in boundaries:
+        text += f", {b.above} from {record.x.name} = {b.low:.4g} to {b.high:.4g} on"
+    return text
+
+
+def rows(record: MapRecord, folder: Path, decks: Mapping[Cell, str], shown: Container[Cell]) -> list[Row]:
+    """Cells by layer, height and place; with pictures of the particles for those to be shown."""
+    outcomes: dict[Cell, dict[Engine, Outcome]] = {}
+    for r in record.cells:
+        outcomes.setdefault(r.cell, {})[r.engine] = r.outcome
+    made = []
+    for cell in sorted(outcomes, key=lambda c: (record.layers.index(c.layer), c.y, c.x)):
+        states = {side: read_state(folder, cell, side) for side in WHO if cell in shown}
+        made.append(
+            Row(
+                cell,
+                names.anchor(cell),
+                outcomes[cell].get("lammps"),
+                outcomes[cell].get("reference"),
+                names.command(cell),
+                decks.get(cell, ""),
+                tuple(shot(state, WHO[side]) for side, state in states.items() if state is not None),
+            )
+        )
+    return made
+
+
+def shot(state: Mapping[str, Any], who: str) -> Shot:
+    """The particles before a failure, coloured by density, or by type where all have the same density."""
+    rho_n = np.asarray(state["rho"], float)
+    finite = rho_n[np.isfinite(rho_n)]
+    by_type = finite.size == 0 or bool(np.ptp(finite) == 0)
+    failing_n = np.flatnonzero(np.isin(state["id"], state["failing"]))
+    colour_n = state["type"] if by_type else rho_n
+    png = draw.thumbnail(state["x"], colour_n, failing_n, state["low"], state["high"], by_type)
+    colours = "type" if by_type else f"density {finite.min():.3g} to {finite.max():.3g}"
+    ring = ", ".join(str(atom) for atom in state["failing"].tolist())
+    return Shot(
+        f"data:image/png;base64,{base64.b64encode(png).decode()}",
+        f"{who}, step {int(state['step'])}",
+        f"particles of {who} after step {int(state['step'])}, colour: {colours}"
+        + (f"; ringed: {ring}" if ring else ""),
+    )
+
+
+def kinds(ran: Sequence[Ran]) -> dict[Kind, tuple[int, int]]:
+    """How often each kind ended a run, on LAMMPS and on the reference."""
+    ends = Counter((r.engine, r.outcome.kind) for r in ran)
+    counted: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in KINDS}
+    return {kind: count for kind, count in counted.items() if any(count)}

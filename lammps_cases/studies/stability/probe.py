@@ -1,0 +1,280 @@
+"""One cell of a map on one engine: run in stretches, looked at after each, the failing stretch again step by step."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import pickle
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.scene.atoms import IntArray
+from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.stability import kinds
+from lammps_cases.studies.stability.kinds import Found, Look, Subject
+from lammps_cases.studies.stability.model import Cell, Engine, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.studies.stability.runs import Living, ReferenceRun, Run, Stopped, open_run
+
+LIMIT = 30.0  # seconds that a cell may take
+Note = Callable[[Look], None]
+ARRAYS = {"x": "x_nc", "v": "v_nc", "rho": "rho_n", "pressure": "pressure_n", "id": "id_n", "type": "type_n"}
+ARRAYS |= {"low": "low_c", "high": "high_c"}
+
+
+@dataclass(frozen=True)
+class Before:
+    """Particles of a run before it failed, by id, and the ids that fail; none where no particle can be named."""
+
+    step: int
+    x_nc: FloatArray
+    v_nc: FloatArray
+    rho_n: FloatArray
+    pressure_n: FloatArray
+    id_n: IntArray
+    type_n: IntArray
+    low_c: FloatArray
+    high_c: FloatArray
+    failing: tuple[int, ...]
+
+    def arrays(self) -> dict[str, object]:
+        """All of it as arrays by short names: step, x, v, rho, pressure, id, type, low, high, failing."""
+        arrays = {name: getattr(self, attribute) for name, attribute in ARRAYS.items()}
+        return {**arrays, "step": np.array(self.step), "failing": np.array(self.failing, int)}
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What came of a cell; ``before`` is None for a stable run, and for a law alone."""
+
+    outcome: Outcome
+    before: Before | None = None
+
+
+# --- following a run
+
+
+def follow(
+    run: Run, of: Subject, watch: Watch, steps: int, note: Note = lambda look: None, single: int = 0
+) -> Examined:
+    """Look at a run until its first failure.
+
+    Parameters
+    ----------
+    run : Run
+    of : Subject
+    watch : Watch
+    steps : int
+        How many are taken at most.
+    note : callable
+        Told every look that is sound, before the run goes on.
+    single : int
+        From this step on every step is looked at.
+    """
+    try:
+        run.begin()
+        last = run.look()
+    except Stopped as stop:
+        return Examined(Outcome(stop.kind, 0, stop.atom, message=stop.message))
+    energy = watch.energy
+    found = kinds.first(of, watch, last, energy)
+    if found is not None:
+        return _failed(of, found, 0, last)
+    at_rest = kinds.kinetic_energy(of.mass_n, last.v_nc)
+    while last.step < steps:
+        note(last)
+        stretch = 1 if single and last.step >= single else min(watch.every, steps - last.step)
+        if single and last.step < single:
+            stretch = min(stretch, single - last.step)
+        look, failure, message = _advance(run, of, watch, stretch, energy)
+        if failure is not None:
+            if stretch == 1:
+                return _failed(of, failure, last.step + 1, last, message)
+            return _step_by_step(run, of, watch, stretch, energy, last, (failure, message), note)
+        assert look is not None
+        if energy is None:
+            energy = max(at_rest, kinds.kinetic_energy(of.mass_n, look.v_nc))
+        last = look
+    return Examined(Outcome("stable"))
+
+
+def _advance(
+    run: Run, of: Subject, watch: Watch, steps: int, energy: float | None
+) -> tuple[Look | None, Found | None, str]:
+    """Take steps: the look after them, what is wrong with it, and what the engine said."""
+    try:
+        run.advance(steps)
+        look = run.look()
+    except Stopped as stop:
+        return None, _seen(run, of, watch, energy) or Found(stop.kind, stop.atom), stop.message
+    return look, kinds.first(of, watch, look, energy), ""
+
+
+def _seen(run: Run, of: Subject, watch: Watch, energy: float | None) -> Found | None:
+    """What is wrong with a reference that has stopped in the middle of a step: its particles can still be looked at."""
+    if not isinstance(run, ReferenceRun):
+        return None
+    found = kinds.first(of, replace(watch, surface={}, condition=None, closest=None), run.look(), energy)
+    return found if found is not None and found.kind in ("non-finite", "lost particles") else None
+
+
+def _step_by_step(
+    run: Run,
+    of: Subject,
+    watch: Watch,
+    stretch: int,
+    energy: float | None,
+    last: Look,
+    known: tuple[Found, str],
+    note: Note,
+) -> Examined:
+    """The failing stretch again, one step at a time."""
+    end, (first, said) = last.step + stretch, known
+    try:
+        run.back()
+    except Stopped as stop:
+        # What nobody wrote (a finding) makes LAMMPS end otherwise the second time.
+        return _failed(of, first, end, last, f"{said} (run again, it ended earlier: {stop.message})".strip())
+    while last.step < end:
+        look, failure, message = _advance(run, of, watch, 1, energy)
+        if failure is not None:
+            return _failed(of, failure, last.step + 1, last, message)
+        assert look is not None
+        last = look
+        note(last)
+    return _failed(of, first, end, last, f"{said} (not seen when every step was looked at)".strip())
+
+
+def _failed(of: Subject, found: Found, step: int, before: Look, message: str = "") -> Examined:
+    outcome = Outcome(found.kind, step, found.atom, found.value, message)
+    return Examined(outcome, _before(of, before, found.atom) if of.moves else None)
+
+
+def _before(of: Subject, look: Look, atom: int | None) -> Before:
+    x_nc = kinds.wrapped(of.box, look.x_nc[:, : len(of.box.low_c)])
+    ends = np.array(of.box.low_c), np.array(of.box.high_c)
+    failing = () if atom is None else (atom,)
+    return Before(look.step, x_nc, look.v_nc, look.rho_n, look.pressure_n, of.id_n, of.type_n, *ends, failing)
+
+
+# --- inside a worker
+
+
+@functools.cache
+def _living(site: str | None) -> Living:
+    return Living(site)
+
+
+def run_cell(site: str | None, start: Start, watch: Watch, side: Engine, trace: str, single: int = 0) -> Examined:
+    """Task of a worker: examine one cell; the last sound look is kept in the file ``trace``, should the worker die."""
+    of, begin = kinds.subject(start), time.perf_counter()
+
+    def note(look: Look) -> None:
+        partly = Path(f"{trace}.new")
+        partly.write_bytes(pickle.dumps((look, time.perf_counter() - begin)))
+        partly.replace(trace)
+
+    steps = start.steps[-1] if of.moves else 0
+    examined = follow(open_run(start, watch, side, _living(site)), of, watch, steps, note, single)
+    seconds = time.perf_counter() - begin
+    return replace(examined, outcome=replace(examined.outcome, seconds=seconds, steps=start.steps[-1]))
+
+
+# --- in the parent
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A cell that a worker examines."""
+
+    start: Start
+    watch: Watch
+    side: Engine
+    trace: Path
+    future: Future[Examined]
+
+
+def ask(of: StabilityMap, cell: Cell, side: Engine, workers: Workers, folder: Path, limit: float = LIMIT) -> Asked:
+    """Queue a cell; ``folder`` is for traces of workers that die."""
+    start, watch = of.start(cell), of.watch(cell)
+    handle, name = tempfile.mkstemp(dir=folder, prefix="trace-")
+    os.close(handle)
+    future = workers.call(run_cell, start, watch, side, name, time_limit=limit)
+    return Asked(start, watch, side, Path(name), future)
+
+
+def settle(asked: Asked, workers: Workers, limit: float = LIMIT) -> Examined:
+    """Wait for a cell.
+
+    A worker that dies becomes a `crash`, after the last sound look; it is sent through the last stretch again, step by
+    step, to find the step. One that does not end becomes a `hang`.
+
+    Raises
+    ------
+    RuntimeError
+        A mistake of this project's own.
+    """
+    try:
+        outcome = workers.outcome(asked.future, limit)
+        if not isinstance(outcome, Failure):
+            return outcome
+        message = _said_of(asked.side, outcome)
+        if outcome.verdict not in ("timeout", "crashed"):
+            raise RuntimeError(f"{asked.start.case.name} on {asked.side}: {message}")
+        if outcome.verdict == "timeout":
+            return _died(asked, "hang", message, limit)
+        return _crashed(asked, message, workers, limit)
+    finally:
+        asked.trace.unlink(missing_ok=True)
+
+
+def _said_of(side: Engine, failure: Failure) -> str:
+    """What became of a worker; those of this package speak of LAMMPS, whatever they run."""
+    return failure.message if side == "lammps" else failure.message.replace("LAMMPS", "the reference")
+
+
+def _crashed(asked: Asked, message: str, workers: Workers, limit: float) -> Examined:
+    known = _last(asked.trace)
+    if known is not None and asked.watch.every > 1:
+        told = asked.start, asked.watch, asked.side, str(asked.trace), max(known[0].step, 1)
+        again = workers.outcome(workers.call(run_cell, *told, time_limit=limit), limit)
+        if not isinstance(again, Failure) and again.outcome.kind != "stable":
+            return again  # a failure came before the crash
+        message = _said_of(asked.side, again) if isinstance(again, Failure) else f"{message} (once in two runs)"
+    return _died(asked, "crash", message, 0.0)
+
+
+def _died(asked: Asked, kind: Kind, message: str, seconds: float) -> Examined:
+    steps, known, of = asked.start.steps[-1], _last(asked.trace), kinds.subject(asked.start)
+    if known is None:
+        return Examined(Outcome(kind, 0, message=message, seconds=seconds, steps=steps))
+    look, spent = known
+    outcome = Outcome(kind, look.step + 1, message=message, seconds=seconds or spent, steps=steps)
+    return Examined(outcome, _before(of, look, None) if of.moves else None)
+
+
+def _last(trace: Path) -> tuple[Look, float] | None:
+    """What a worker that died has left: a file of this process' own making."""
+    content = trace.read_bytes() if trace.exists() else b""
+    return pickle.loads(content) if content else None
+
+
+@contextlib.contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for traces."""
+    with tempfile.TemporaryDirectory(prefix="eos-ref-stability-") as folder:
+        yield Path(folder)
+
+
+def examine(of: StabilityMap, cell: Cell, side: Engine, workers: Workers, limit: float = LIMIT) -> Examined:
+    """Run a cell on an engine: how it ended, and the particles before."""
+    with scratch() as folder:
+        return settle(ask(of, cell, side, workers, folder, limit), workers, limit)

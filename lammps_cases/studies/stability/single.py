@@ -1,0 +1,49 @@
+"""The reference in float32: the same stages, of arrays half as long."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Box, Model, State
+from eos_ref.numbers.columns import Number
+
+
+class Single(Plain):
+    """Stages in float32. Pairs are found, and positions subtracted, in float64; what comes of it is rounded."""
+
+    def of_type(self, values_t: Iterable[Any]) -> Any:
+        """See `Stages.of_type`."""
+        return super().of_type(values_t).astype(np.float32)
+
+    def move(self, x_nc: Number) -> None:
+        """See `Plain.move`."""
+        super().move(x_nc)
+        self.x = [x_p.astype(np.float32) for x_p in self.x]
+        self.rr, self.r, self.w = (array.astype(np.float32) for array in (self.rr, self.r, self.w))
+        self.gradw = [g_p.astype(np.float32) for g_p in self.gradw]
+        self.g = self.gradw
+
+    def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
+        """See `Stages.eos_pressure`; the laws in the number type of the density."""
+        pressure_n = np.empty_like(rho_n)
+        for t, law in enumerate(self.model.eos, 1):
+            mine = self.type_n == t
+            pressure_n[mine] = law.evaluate(rho_n[mine], None if e_n is None else e_n[mine])
+        return pressure_n
+
+    def diffusion(self, *fields: Any) -> Number:
+        """See `Plain.diffusion`."""
+        return super().diffusion(*fields).astype(np.float32)
+
+
+def simulation(model: Model, box: Box, state: State, fields: Iterable[str] = ()) -> Simulation:
+    """A fluid whose state is float32."""
+    made = Simulation(model, box, state, fields, Single)
+    made.mass_n = made.mass_n.astype(np.float32)
+    made.other_nc = made.other_nc.astype(np.float32)
+    return made

@@ -1,0 +1,1 @@
+"""Judging a case: fields, first cause, findings that explain, formulas that a scene cannot tell apart."""

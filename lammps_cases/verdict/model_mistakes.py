@@ -1,0 +1,139 @@
+"""Plausible mistakes in the particle model, to find out what a scene can tell apart.
+
+Each is a variant of the reference's stages, with the quantities that it changes. A mistake whose quantities a scene
+compares, and which leaves every field of its first evaluation within the bound, goes unseen there: the lint says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.quantities import PART_OF
+from eos_ref.numbers.columns import Number
+from lammps_cases.comparison.compare import excess
+from lammps_cases.comparison.trajectory import Particles, Prediction, wanted
+from lammps_cases.findings.variants import ForcePerVolume, HeatOverDensity, TemperatureWithoutMass, WallVelocityLost
+
+
+class _UnitMasses(Plain):
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.mass_n = np.ones(self.n)
+
+
+class _UnitDensity(Plain):
+    """Equilibrium densities other than the law's own."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.rho0_n = np.ones(self.n)
+
+
+class _EquilibriumVolumes(Plain):
+    def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
+        rho0_n = 0 * rho_n + self.rho0_n
+        return rho0_n[self.i], rho0_n[self.j]
+
+
+class _OwnVolumes(Plain):
+    def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
+        rho_i, _ = super().density_pair(rho_n)
+        return rho_i, rho_i * (self.mass_n[self.j] / self.mass_n[self.i])
+
+
+class _OtherMean(Plain):
+    def __init__(self, model: Any, *arguments: Any) -> None:
+        pair = replace(model.pair, harmonic_means=not model.pair.harmonic_means)
+        super().__init__(replace(model, pair=pair), *arguments)
+
+
+class _UnitSoundSpeed(Plain):
+    def sound_speed(self, energy_n: Number = None) -> Number:
+        return np.ones(self.n)
+
+
+class _NoSlipIgnored(Plain):
+    def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
+        return v_solid
+
+
+class _ThinWalls(Plain):
+    def apparent_density(self, rho_n: Number) -> Number:
+        return rho_n
+
+
+class _MostConductive(Plain):
+    def conduction(self) -> Number:
+        return 0 * super().conduction() + super().conduction().max()
+
+
+@dataclass(frozen=True)
+class ModelMutant:
+    """A mistake: the stages that make it, and the quantities it changes in a scene that it applies to."""
+
+    stages: type[Plain]
+    changes: tuple[str, ...]
+    needs_walls: bool = False
+
+
+MUTANTS: dict[str, ModelMutant] = {
+    "masses ignored": ModelMutant(_UnitMasses, ("grad/v", "f", "heatflow", "rho")),
+    "rho0 for rho in volumes": ModelMutant(_EquilibriumVolumes, ("grad/v", "f", "heatflow")),
+    "V_i for V_j": ModelMutant(_OwnVolumes, ("grad/v", "f", "heatflow")),
+    "no volume in the force": ModelMutant(ForcePerVolume, ("f",)),
+    "arithmetic for harmonic mean, or the reverse": ModelMutant(_OtherMean, ("f", "heatflow")),
+    "speed of sound ignored in artificial viscosity": ModelMutant(_UnitSoundSpeed, ("artificial",)),
+    "rho0 ignored in density diffusion": ModelMutant(_UnitDensity, ("drho",)),
+    "no-slip extrapolation ignored": ModelMutant(_NoSlipIgnored, ("grad/v", "f"), needs_walls=True),
+    "velocity of walls lost": ModelMutant(WallVelocityLost, ("moving walls",), needs_walls=True),
+    "no lower limit to the density of walls": ModelMutant(_ThinWalls, ("f",), needs_walls=True),
+    "temperature of the whole energy": ModelMutant(TemperatureWithoutMass, ("temperature",)),
+    "heat divided by the density": ModelMutant(HeatOverDensity, ("heatflow",)),
+    "one conductivity for all types": ModelMutant(_MostConductive, ("heatflow",)),
+}
+
+
+def unseen_in_model(scene: Particles, prediction: Prediction) -> list[str]:
+    """Names of the mistakes to which the first evaluation of a scene is blind although it compares what they change."""
+    compared = set(_shown(scene))
+    walls = scene.model.fix.interface_reconstruct and bool(scene.state.solid_n.any())
+    return [
+        name
+        for name, mutant in MUTANTS.items()
+        if compared & set(mutant.changes) and (walls or not mutant.needs_walls) and _blind(scene, prediction, mutant)
+    ]
+
+
+def _shown(scene: Particles) -> Iterator[str]:
+    """Quantities that a scene compares in a way that a mistake in them could show."""
+    model, state = scene.model, scene.state
+    several = len(set(state.type_n[~state.solid_n].tolist())) > 1
+    for field in scene.fields:
+        name = PART_OF.get(field, field)
+        if name == "rho" and not model.fix.rho_sum:
+            continue
+        if name == "drho" and (not model.pair.rho_damp or model.corrects_gradients or not several):
+            continue  # rho0 of a single type cancels, and RK1 and RK2 do without
+        yield name
+    if "f" in scene.fields and model.pair.artificial_viscosity:
+        yield "artificial"
+    if "grad/v" in scene.fields and np.any(state.v_nc[state.solid_n]):
+        yield "moving walls"
+
+
+def _blind(scene: Particles, prediction: Prediction, mutant: ModelMutant) -> bool:
+    sim = Simulation(scene.model, scene.box, scene.state, wanted(scene), mutant.stages)
+    with np.errstate(all="ignore"):
+        sim.setup()
+        for field in scene.fields:
+            reference_n = np.asarray(prediction.fields[0][field], float)
+            bound_n = np.broadcast_to(prediction.bounds[0][field], reference_n.shape)
+            if not np.all(excess(np.asarray(sim.output(field), float), reference_n, bound_n)[1] <= 1):
+                return False
+    return True

@@ -1,0 +1,330 @@
+"""A case of the particle model judged: LAMMPS' fields at some steps against the reference, stage by stage.
+
+A field that leaves its bound is held against the ledger: the variants of all findings that the scene shows, together,
+have to be inside their bounds on every atom, at every step, in every field.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.eos.bounds import EPS
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.quantities import PART_OF
+from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Fields, Particles, Prediction
+from lammps_cases.findings import Entry, shown_by
+from lammps_cases.findings.variants import Snapshot, Variant, combined
+from lammps_cases.records.run_record import StepRecord, Verdict, digest, worst
+from lammps_cases.scene.atoms import seed
+from lammps_cases.verdict.model_mistakes import unseen_in_model
+
+# In the order in which a step computes them; after the first step the state comes out at the end.
+STAGES = {
+    "x": "integration",
+    "coordination": "neighbours",
+    "chi": "walls",
+    "grad/v": "gradients",
+    "surface": "surfaces",
+    "shift/v": "shifting",
+    "viscosity": "viscosity",
+    "pressure_used": "eos",
+    "pressure": "eos",
+    "conductivity": "thermal",
+    "cv": "thermal",
+    "temperature": "thermal",
+    "heatflow": "pair",
+    "drho": "pair",
+    "f": "pair",
+    "stress/v": "stress",
+    "stress/t": "stress",
+    "v": "integration",
+    "rho": "density",
+    "energy": "integration",
+    "phase": "integration",
+    "status": "surfaces",
+}
+ORDER = tuple(STAGES)
+
+
+def stage(field: str) -> str:
+    """The stage of a step that a field comes from."""
+    return STAGES[_main(field)]
+
+
+def _main(field: str) -> str:
+    part = PART_OF.get(field, field)
+    return field if field in STAGES else part
+
+
+def in_order(fields: Sequence[str]) -> list[str]:
+    """Fields in the order of a step."""
+    return sorted(fields, key=lambda field: (ORDER.index(_main(field)), field))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Comparisons of a case, one per field with its worst step; what explains them; the blame."""
+
+    comparisons: list[Comparison]
+    entries: list[Entry]
+    unseen: list[Entry]
+    first: Blame | None
+    lint: list[str]
+
+
+@dataclass(frozen=True)
+class Blame:
+    """The first step, stage, field and atom outside the bound."""
+
+    step: int
+    field: str
+    message: str
+
+
+def judge(
+    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> Judged:
+    """Compare all fields at all steps, and explain what is outside by the ledger."""
+    random = seed(f"{name}/moved runs")
+    prediction = predictor.predict(scene, seed=random)
+    table = compare_all(scene, id_n, snapshots, prediction)
+    listed = shown_by(scene, engine, "lists" in snapshots[0])
+    first = first_outside(scene, table, id_n)
+    entries = explain(scene, snapshots, listed, prediction, random, predictor) if first else []
+    for comparison in (c for comparisons in table.values() for c in comparisons):
+        if entries and comparison.record.verdict == "differs":
+            comparison.record.verdict = "explained"
+            comparison.record.explained_by = ", ".join(entry.id for entry in entries)
+    others = [entry for entry in listed if entry not in entries] if entries or not first else []
+    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, predictor)]
+    comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
+    if scene.steps[0] == 0:
+        _add_digits_lost(predictor.precise(scene), table, comparisons)
+    lint = _unseen(scene, random, predictor) if scene.steps[0] == 0 else []
+    return Judged(comparisons, entries, unseen, first, lint)
+
+
+def _unseen(scene: Particles, random: int, predictor: Predictor) -> list[str]:
+    """Name the mistakes that a scene cannot tell apart; see `lammps_cases.verdict.model_mistakes`."""
+    return predictor.names(
+        "unseen", scene, lambda: unseen_in_model(scene, predictor.predict(scene, seed=random)), random
+    )
+
+
+def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], comparisons: Sequence[Comparison]) -> None:
+    """Digits that each side loses in the first evaluation; not LAMMPS' where it evaluates another formula."""
+    for comparison in comparisons:
+        first = table[comparison.record.field][0]
+        exact = precise[comparison.record.field]
+        comparison.record.digits_lost.reference = digits(first.reference_n, exact)
+        if first.record.verdict in ("exact", "pass"):
+            comparison.record.digits_lost.lammps = digits(first.lammps_n, exact)
+
+
+def digits(values: FloatArray, exact: Any) -> float:
+    """Decimal digits lost by the worst particle: log10 of the error of its row over eps times the size of the row."""
+    rows = len(values)
+    error_n, size_n = (np.abs(side.reshape(rows, -1)).max(axis=1).astype(float) for side in (values - exact, exact))
+    with np.errstate(all="ignore"):
+        ratio_n = np.where(error_n == 0, 0.0, error_n / (EPS * size_n))
+    return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
+
+
+def blame(
+    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> str:
+    """The first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
+    random = seed(f"{name}/moved runs")
+    first = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, seed=random)), id_n)
+    return first.message + beyond(scene, id_n, snapshots, engine, random, predictor) if first else ""
+
+
+def beyond(
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
+) -> str:
+    """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
+    listed = shown_by(scene, engine, "lists" in snapshots[0])
+    made = combined([entry.particles for entry in listed if entry.particles], scene, snapshots[0])
+    if not listed or made is None:
+        return ""
+    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, made, random)), id_n)
+    return f"; beyond {', '.join(entry.id for entry in listed)}: {rest.message}" if rest else ""
+
+
+def compare_all(
+    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], prediction: Prediction
+) -> dict[str, list[Comparison]]:
+    """One comparison per field and step."""
+    table: dict[str, list[Comparison]] = {field: [] for field in scene.fields}
+    for at, step in enumerate(scene.steps):
+        for field in scene.fields:
+            sides = _sides(scene, field, snapshots[at], prediction, at)
+            table[field].append(compare_field(field, stage(field), id_n, *sides, None, derived(step)))
+    return table
+
+
+def _sides(
+    scene: Particles, field: str, snapshot: Snapshot, prediction: Prediction, at: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A field of LAMMPS, of the reference, and its bound, at one of the steps."""
+    lammps_n = np.asarray(snapshot[field], float)
+    reference_n = np.asarray(prediction.fields[at][field], float)
+    if field == "x":
+        lammps_n = nearest_image(scene, lammps_n, reference_n)
+    return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
+
+
+def derived(step: int) -> str:
+    """In words, how a bound comes about."""
+    one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
+    return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
+
+
+def nearest_image(scene: Particles, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
+    """Positions moved by whole periods to where the reference, which does not wrap, has them."""
+    edge_c = np.array(scene.box.edge_c)
+    turns_nc = np.where(scene.box.periodic, np.round((reference_nc - x_nc) / edge_c), 0.0)
+    return np.asarray(x_nc + turns_nc * edge_c)
+
+
+def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:
+    """The comparison of the worst step, with the verdicts of all."""
+    records = [comparison.record for comparison in comparisons]
+    ratios = [-1.0 if r.max_over_bound is None else r.max_over_bound for r in records]
+    at = int(np.argmax(ratios))
+    rows = [
+        StepRecord(
+            step=step,
+            verdict=r.verdict,
+            max_abs=r.max_abs or 0.0,
+            max_over_bound=r.max_over_bound or 0.0,
+            worst_id=r.worst_id,
+            digest=r.digest,
+        )
+        for step, r in zip(steps, records, strict=True)
+    ]
+    verdict: Verdict = worst([r.verdict for r in records])
+    update = {"steps": rows, "worst_step": steps[at], "verdict": verdict}
+    update["digest"] = digest(*(r.digest for r in records))
+    picked = comparisons[at]
+    if verdict == "explained":
+        update["explained_by"] = next(r.explained_by for r in records if r.explained_by)
+    record = picked.record.model_copy(update=update)
+    return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
+
+
+def first_outside(
+    scene: Particles,
+    table: dict[str, list[Comparison]],
+    id_n: Any,
+    sides: tuple[str, str] = ("LAMMPS", "reference"),
+) -> Blame | None:
+    """The first step, then the first field in the order of a step, then the first atom outside the bound."""
+    for at, step in enumerate(scene.steps):
+        for field in in_order(scene.fields):
+            comparison = table[field][at]
+            record = comparison.record
+            if record.verdict != "differs" or record.first_id is None:
+                continue
+            atom = int(np.searchsorted(id_n, record.first_id))
+            message = (
+                f"{field} (stage {record.stage}) leaves its bound at step {step} at {record.outside} of {len(id_n)} "
+                f"atoms, first atom {record.first_id}: " + _numbers(comparison, atom, sides)
+            )
+            return Blame(step, field, message)
+    return None
+
+
+def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
+    arrays = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
+    ratio_n = excess(*arrays)[1]
+    one, other, bound = (float(worst_component(array_n, ratio_n)[atom]) for array_n in arrays)
+    return f"{sides[0]} {one!r}, {sides[1]} {other!r}, bound {bound:.3g}"
+
+
+# --- the ledger
+
+
+def would_show(
+    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, predictor: Predictor
+) -> bool:
+    """Whether a finding takes some field of a scene out of the reference's bound."""
+    made = combined([entry.particles] if entry.particles else [], scene, snapshots[0])
+    if made is None:
+        return False
+    shown = predictor.values(scene, made)
+    for fields, reference, bounds in zip(shown, prediction.fields, prediction.bounds, strict=True):
+        for field in scene.fields:
+            shown_n, own_n = np.asarray(fields[field], float), np.asarray(reference[field], float)
+            if np.any(excess(shown_n, own_n, np.broadcast_to(bounds[field], own_n.shape))[1] > 1):
+                return True
+    return False
+
+
+def explain(
+    scene: Particles,
+    snapshots: Sequence[Snapshot],
+    listed: Sequence[Entry],
+    reference: Prediction,
+    random: int,
+    predictor: Predictor,
+) -> list[Entry]:
+    """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
+
+    def inside(entries: Sequence[Entry], of: Particles = scene) -> bool:
+        variants = [entry.particles for entry in entries if entry.particles]
+        return bool(variants) and reproduced(of, snapshots, variants, reference, random, predictor)
+
+    needed = list(listed)
+    if not inside(needed):
+        return []
+    first = replace(scene, steps=scene.steps[:1])  # most findings show in the first evaluation, without moved runs
+    for entry in listed:
+        fewer = [other for other in needed if other is not entry]
+        if (scene.steps[0] or inside(fewer, first)) and inside(fewer):
+            needed = fewer
+    return needed
+
+
+def reproduced(
+    scene: Particles,
+    snapshots: Sequence[Snapshot],
+    variants: Sequence[Variant],
+    reference: Prediction,
+    random: int,
+    predictor: Predictor,
+) -> bool:
+    """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
+    made = combined(variants, scene, snapshots[0])
+    if made is None:
+        return False
+    try:
+        prediction = predictor.predict(scene, made, random)
+    except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
+        return False
+    undefined = any(variant.undefined for variant in variants)
+    for at, field in itertools.product(range(len(scene.steps)), scene.fields):
+        sides = _sides(scene, field, snapshots[at], prediction, at)
+        if not np.all(excess(*sides)[1] <= 1):
+            own_n = np.broadcast_to(reference.bounds[at][field], sides[2].shape)
+            if not (undefined and _defined_part_inside(*sides, own_n)):
+                return False
+    return True
+
+
+def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
+    """Whether all values that have a bound are inside it.
+
+    Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
+    """
+    defined = np.isfinite(bound_n) | ~np.isfinite(own_n)
+    ratio = excess(lammps_n[defined], reference_n[defined], bound_n[defined])[1]
+    return bool(defined.any()) and bool(np.all(ratio <= 1))

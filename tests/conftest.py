@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 import yaml
-from tests_support import Outcome
 
 from lammps_cases.cli import main
 from lammps_cases.comparison import store
 from lammps_cases.history import store as history
+from tests.support.outcome import Outcome
 
 BASE: dict[str, Any] = {
     "dimension": 2,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, fields_of
 
 from eos_ref import InputError
 from lammps_cases.claims import model
@@ -13,6 +12,7 @@ from lammps_cases.claims.model import KINDS, PAGES, Claim, claims
 from lammps_cases.claims.trace import trace
 from lammps_cases.claims.verdicts import Names
 from lammps_cases.findings import LEDGER
+from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, fields_of
 
 NAMES = Names(KNOWN)
 BY_ID = {claim.id: claim for claim in claims()}

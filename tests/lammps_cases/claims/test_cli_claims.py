@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests_support import Outcome
+
+from tests.support.outcome import Outcome
 
 Command = Callable[..., Outcome]
 CHOSEN = ("pressure-linear", "pressure-background-unit", "pressure-a3-unit", "rheo-exclude-list", "rheo-versionadded")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field, good, wrong
 
 from lammps_cases.claims import verdicts
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.claims.verdicts import Judged, Names, counts, judge, summary, worst
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
+from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field, good, wrong
 
 NEW, OLD = "2025.7.22.4.0", "2025.7.22.0.1"
 NAMES = Names(KNOWN)

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import made_runs
 import pytest
-from tests_support import Outcome
 
 from lammps_cases.history import store
 from lammps_cases.history.store import History
 from lammps_cases.records.run_record import write_atomically
+from tests.support import made_runs
+from tests.support.outcome import Outcome
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 from pathlib import Path
 
-import made_runs
 import pytest
 
 from lammps_cases import history as kept
@@ -21,6 +20,7 @@ from lammps_cases.history.views import Spread
 from lammps_cases.pages import frame
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import write_report
+from tests.support import made_runs
 
 HOSTILE = "<img src=x onerror=alert(1)> & \"'"
 

@@ -13,7 +13,6 @@ import sys
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
-import made_runs
 import pytest
 
 from eos_ref.errors import InputError
@@ -21,6 +20,7 @@ from lammps_cases import history as kept
 from lammps_cases.history import store
 from lammps_cases.history.store import History
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord, write_atomically
+from tests.support import made_runs
 
 
 @pytest.fixture
@@ -124,7 +124,7 @@ def test_processes_that_add_at_once_wait_for_each_other(file: Path, again: int) 
 _KILLED = """
 import os, signal, sys
 from pathlib import Path
-import made_runs
+from tests.support import made_runs
 from lammps_cases.history import store
 
 opened, outcome = store.History._opened, store._outcome
@@ -151,7 +151,7 @@ def test_a_kill_while_a_run_is_added_leaves_the_runs_before_it(file: Path, first
     if not first:
         with History(file) as history:
             history.add(made_runs.run())
-    here = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    here = os.pathsep.join([str(Path(__file__).parents[3]), *sys.path])
     ended = subprocess.run(
         [sys.executable, "-c", _KILLED, str(file)], env={**os.environ, "PYTHONPATH": here}, check=False
     )

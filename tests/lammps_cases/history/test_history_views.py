@@ -6,7 +6,6 @@ import itertools
 import random
 from pathlib import Path
 
-import made_runs
 import pytest
 
 from eos_ref.errors import InputError
@@ -15,6 +14,7 @@ from lammps_cases.history.model import Run
 from lammps_cases.history.order import engines, natural
 from lammps_cases.history.store import History
 from lammps_cases.records.run_record import FieldRecord, RunRecord
+from tests.support import made_runs
 
 
 def _labels(*records: RunRecord, tmp_path: Path) -> list[str]:

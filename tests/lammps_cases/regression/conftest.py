@@ -8,11 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from edited_runs import NAMES, Edit
 
 from lammps_cases.engine.installations import Engine
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
+from tests.support.edited_runs import NAMES, Edit
 
 
 @pytest.fixture(scope="session")

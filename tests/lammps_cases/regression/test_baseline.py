@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from edited_runs import NAMES, of_field
-from tests_support import Outcome
 
 from eos_ref import InputError
 from lammps_cases.records import run_record
@@ -20,6 +18,8 @@ from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.regression import acceptance, baseline, pairs
 from lammps_cases.regression.acceptance import Accepted
 from lammps_cases.regression.changes import Changes
+from tests.support.edited_runs import NAMES, of_field
+from tests.support.outcome import Outcome
 
 Change = Callable[..., Path]
 OTHER = "f" * 16  # a digest that nothing has

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from edited_runs import of_field
-from made_sides import case, ended, field, side
-from tests_support import Outcome
 
 from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.regression.bisection import Found, bisect
 from lammps_cases.regression.kinds import Policy
 from lammps_cases.regression.seen import Side
+from tests.support.edited_runs import of_field
+from tests.support.made_sides import case, ended, field, side
+from tests.support.outcome import Outcome
 
 BITS = Policy(bits=True)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import pytest
-from made_sides import case, ended, field, one_field, sample, side
 
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, StepRecord, Verdict
 from lammps_cases.regression.changes import compare
 from lammps_cases.regression.kinds import KINDS, Kind, Policy
 from lammps_cases.regression.seen import CaseSeen, Ended, case_seen
+from tests.support.made_sides import case, ended, field, one_field, sample, side
 
 LENIENT, STRICT = Policy(), Policy(bits=True, findings=True)
 

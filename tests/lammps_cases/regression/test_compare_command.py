@@ -8,15 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from edited_runs import NAMES, of_field
-from made_sides import case, ended, field, side
-from tests_support import Outcome
 
 from eos_ref import InputError
 from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import page, pairs
 from lammps_cases.regression.kinds import KINDS, Policy
 from lammps_cases.regression.seen import of_run, read
+from tests.support.edited_runs import NAMES, of_field
+from tests.support.made_sides import case, ended, field, side
+from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
 Change = Callable[..., Path]

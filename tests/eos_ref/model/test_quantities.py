@@ -1,0 +1,212 @@
+"""What a wish needs: no more than it must, in the order of evaluation; and evaluators are asked for no more."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.quantities import FIELDS, ORDER, PART_OF, inputs, needed_to_step, required
+from eos_ref.syntax.fixes import Shift, SurfaceDetection
+from tests.support.particle_scenes import HOT, POWER, RECIPES, Scene, bounded, everything, recipe, scene
+
+STAGES = {
+    "move": "pairs",
+    "density_sum": "rho",
+    "correct": "correction",
+    "interface": "chi",
+    "gradients": "gradients",
+    "shift": "shift/v",
+    "surface": "surface",
+    "viscosity": "viscosity",
+    "pressure": "pressure",
+    "temperature": "temperature",
+    "pair_terms": "pair_terms",
+}
+
+
+class Spy(Plain):
+    """Notes the stages that are called from outside."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.called: list[str] = []
+        self.deep = 0
+
+
+def _spied(name: str) -> Any:
+    def method(self: Spy, *arguments: Any, **keywords: Any) -> Any:
+        if not self.deep:
+            self.called.append(name)
+        self.deep += 1
+        try:
+            return getattr(Plain, name)(self, *arguments, **keywords)
+        finally:
+            self.deep -= 1
+
+    return method
+
+
+for _name in STAGES:
+    setattr(Spy, _name, _spied(_name))
+
+
+def called(built: Scene, *fields: str) -> list[str]:
+    simulation = built.simulate(fields, Spy)
+    simulation.evaluate()
+    return list(simulation.evaluator.called)
+
+
+@pytest.mark.parametrize(
+    ("options", "fields", "stages"),
+    [
+        ({}, ["pressure"], ["pressure"]),
+        ({}, ["coordination"], ["move"]),
+        ({}, ["rho"], []),
+        ({"rho_sum": True}, ["rho"], ["move", "density_sum"]),
+        ({"rho_sum": True, "kernel": "RK1", "thermal": HOT}, ["rho"], ["move", "density_sum"]),
+        ({"rho_sum": True}, ["pressure"], ["move", "density_sum", "pressure"]),
+        ({"kernel": "RK2"}, ["viscosity"], ["viscosity"]),
+        ({"kernel": "RK2", "viscosity": POWER}, ["viscosity"], ["move", "correct", "gradients", "viscosity"]),
+        ({"kernel": "RK1"}, ["grad/v"], ["move", "correct", "gradients"]),
+        ({"kernel": "RK0"}, ["grad/v"], ["move", "correct", "gradients"]),
+        ({"walls": True}, ["chi"], ["move", "interface"]),
+        ({"walls": True}, ["pressure_used"], ["move", "interface", "pressure"]),
+        ({"shift": Shift()}, ["shift/v"], ["move", "shift"]),
+        (
+            {"shift": Shift(), "surface": SurfaceDetection("divergence", 1.7, 9)},
+            ["shift/v"],
+            ["move", "shift", "surface"],
+        ),
+        ({"surface": SurfaceDetection("divergence", 1.7, 9)}, ["status"], ["move", "surface"]),
+        ({"thermal": HOT}, ["temperature"], ["temperature"]),
+        ({"artificial": 0.5}, ["f"], ["move", "gradients", "viscosity", "pressure", "pressure", "pair_terms"]),
+    ],
+)
+def test_only_what_is_needed_is_evaluated(options: dict[str, Any], fields: list[str], stages: list[str]) -> None:
+    found = called(scene(**options), *fields)
+    if options.get("kernel") == "RK0":  # a kernel without corrected gradients corrects nothing
+        stages = [stage for stage in stages if stage != "correct"]
+    assert found == stages
+
+
+def test_static_density_needs_no_gradient() -> None:
+    plan = required(scene(rho_sum=True, artificial=0.5, thermal=HOT).model, ["rho"])
+    assert plan == ("pairs", "kernel", "rho")
+
+
+def test_pressure_needs_no_pairs() -> None:
+    assert required(scene(kernel="RK2", artificial=0.5, thermal=HOT).model, ["pressure"]) == ("rho", "pressure")
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("name", RECIPES)
+def test_any_one_field_alone_is_the_same(name: str, dimension: int) -> None:
+    """Every field asked for alone comes out to the last bit as among all others."""
+    built = recipe(name, dimension)
+    whole = built.simulate()
+    whole.evaluate()
+    for field in everything(built.model):
+        if field in ("pairs", "kernel", "correction"):
+            continue
+        alone = built.simulate([field])
+        alone.evaluate()
+        assert np.array_equal(alone.output(field), whole.output(field), equal_nan=False), field
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_steps_with_nothing_but_what_they_need(name: str) -> None:
+    built = recipe(name, 2)
+    lean, rich = built.simulate([]), built.simulate()
+    assert set(lean.plan) <= set(rich.plan)
+    for simulation in (lean, rich):
+        simulation.run(2, 2.0**-9)
+    for a, b in (
+        (lean.state.x_nc, rich.state.x_nc),
+        (lean.state.v_nc, rich.state.v_nc),
+        (lean.state.rho_n, rich.state.rho_n),
+    ):
+        assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_plans_are_closed_and_in_order(name: str) -> None:
+    model = recipe(name, 2).model
+    graph, has = inputs(model), everything(model)
+    wishes = [*itertools.combinations(has, 1), *itertools.combinations(has, 2), has, needed_to_step(model)]
+    for wish in wishes:
+        plan = required(model, wish)
+        assert set(wish) <= set(plan)
+        assert [ORDER.index(q) for q in plan] == sorted(ORDER.index(q) for q in plan)
+        for quantity in plan:
+            for needed in graph[quantity]:
+                if needed in ORDER:
+                    assert needed in plan
+                    assert plan.index(needed) < plan.index(quantity) or quantity == "shift/v", (quantity, needed)
+
+
+def test_order_and_names() -> None:
+    assert len(set(ORDER)) == len(ORDER)
+    assert set(PART_OF.values()) <= set(ORDER)
+    assert len(set(FIELDS)) == len(FIELDS)
+
+
+def test_repeated_wishes_change_nothing() -> None:
+    model = scene(artificial=0.5).model
+    assert required(model, ["f", "f", "rho"]) == required(model, ["rho", "f"])
+    assert required(model, []) == ()
+
+
+@pytest.mark.parametrize("field", ["", "F", "grad", "grad/v/xx", "pressures", "f "])
+def test_unknown_fields(field: str) -> None:
+    with pytest.raises(InputError, match="field: must be one of pairs, ") as caught:
+        required(scene().model, ["f", field])
+    assert repr(field) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "shift/v",
+        "surface",
+        "surface/r",
+        "surface/n",
+        "surface/divr",
+        "chi",
+        "temperature",
+        "heatflow",
+        "energy",
+        "conductivity",
+        "cv",
+    ],
+)
+def test_fields_that_the_model_has_not(field: str) -> None:
+    with pytest.raises(InputError, match=f"field: is not part of this model .*found '{field}'"):
+        required(scene().model, [field])
+
+
+def test_status_is_there_without_surfaces() -> None:
+    assert required(scene().model, ["status"]) == ()
+
+
+def test_bounds_cover_every_field() -> None:
+    """Fields of an evaluation and of its bounds are the same set."""
+    built = recipe("walls, thermal", 2)
+    assert {"f", "grad/v", "grad/rho", "grad/energy", "heatflow", "chi", "shift/v"} <= bounded(built).keys()
+
+
+@pytest.mark.parametrize("fields", [("drho", "grad/v"), ("pressure",)])
+def test_steps_and_outputs_need_what_was_evaluated(fields: tuple[str, ...]) -> None:
+    built = scene()
+    sim = Simulation(built.model, built.box, built.state, fields)
+    sim.setup()
+    with pytest.raises(InputError, match="was not evaluated"):
+        sim.output("f")
+    with pytest.raises(InputError, match="fields: must name what time steps need: f"):
+        sim.step(0.01)

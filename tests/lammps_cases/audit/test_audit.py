@@ -1,0 +1,506 @@
+"""The audit of decks: real LAMMPS runs decks that bend the flow in every documented way; faults are planted."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from eos_ref import EOSTable, InputError
+from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
+from lammps_cases.audit.options import Place, Task
+from lammps_cases.records.run_record import CaseRecord
+
+DECKS = Path(__file__).parents[2] / "decks"
+HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
+PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
+
+
+@functools.cache
+def audited(name: str, folder: Path) -> AuditResult:
+    """Audit of a deck of ours; what the deck writes is kept in ``folder``."""
+    return audit_deck(DECKS / f"in.{name}", AuditOptions(keep=folder))
+
+
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    return functools.cache(lambda name: tmp_path_factory.mktemp(name))
+
+
+def case_of(result: AuditResult) -> CaseRecord:
+    return result.record.cases[0]
+
+
+def write_deck(folder: Path, commands: str) -> Path:
+    shutil.copy(DECKS / "fluid.inc", folder)
+    deck = folder / "in.deck"
+    deck.write_text("variable style string rheo\ninclude fluid.inc\n" + commands)
+    return deck
+
+
+MELT = """lattice fcc 0.8
+region cell block 0 3 0 3 0 3
+create_box 1 cell
+create_atoms 1 box
+mass 1 1.0
+pair_style lj/cut 2.5
+pair_coeff 1 1 1.0 1.0
+run 5
+"""
+FIXES = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\n"
+
+
+# --- healthy decks ---
+
+# Their densities lie on both sides of rho0 at random: the audit says rightly that such a tension would clump in time.
+CLUMPING = "of the tension at which particles clump"
+
+
+@pytest.mark.parametrize("name", HEALTHY)
+def test_healthy_deck_is_clean(name: str, kept: Callable[[str], Path]) -> None:
+    result = audited(name, kept(name))
+    case = case_of(result)
+    assert case.verdict in ("exact", "pass"), case.message
+    assert result.record.exit_code == 0
+    assert case.tags == ["audit"] and case.case == f"in.{name}"
+    assert [warning for warning in case.warnings if CLUMPING not in warning] == []
+    assert [field.atom_type for field in case.fields] == [1, 2]
+    assert all(field.worst_step is not None and (field.max_over_bound or 0) < 1 for field in case.fields)
+
+
+@pytest.mark.parametrize(
+    ("name", "looks"),
+    [
+        ("plain", {1: [0, 10, 20, 30, 40]}),
+        ("loop", {1: [0, 10, 20], 2: [20, 30, 40], 3: [40, 50, 60]}),
+        ("include", {1: [0, 10], 2: [15, 20]}),
+        ("systems", {1: [0, 10, 20], 2: [30, 40], 3: [0, 10, 20], 4: [20, 30, 30, 40]}),
+        ("deposit", {1: [0, 10, 20, 30], 2: [33, 40]}),
+    ],
+)
+def test_every_run_is_looked_at(name: str, looks: dict[int, list[int]], kept: Callable[[str], Path]) -> None:
+    checks = [check for check in case_of(audited(name, kept(name))).checks if check.type == 1]
+    found: dict[int, list[int]] = {}
+    for check in checks:
+        found.setdefault(check.run, []).append(check.step)
+    assert found == looks
+
+
+def test_minimization_is_not_looked_at(tmp_path: Path) -> None:
+    """It calls back as a run does, but evaluates no pressure."""
+    commands = f"set group all rheo/rho 1.1\n{FIXES}fix 3 all rheo/pressure * linear\n"
+    case = case_of(audit_deck(write_deck(tmp_path, f"{commands}run 20\nminimize 1e-5 1e-5 50 50\nrun 20\n")))
+    assert case.verdict == "exact" and {check.run for check in case.checks} == {1, 2}
+    assert [check.step for check in case.checks if (check.run, check.type) == (1, 1)] == [0, 10, 20]
+
+
+def test_laws_are_those_after_substitution_and_redefinition(kept: Callable[[str], Path]) -> None:
+    loop = case_of(audited("loop", kept("loop"))).laws
+    assert [(law.style, law.parameter, law.background) for law in loop] == [("tait/general", 3.5, 0.03)] * 2
+    assert [(law.rho0, law.mass) for law in loop] == [(1.1, 1.3), (1.3, 0.7)]
+    systems = case_of(audited("systems", kept("systems"))).laws
+    assert [(law.style, law.rho0, law.background) for law in systems] == [
+        ("tait/water", 1.5, 0.0),
+        ("tait/water", 1.4, 0.1),
+    ]
+
+
+def test_atoms_that_come_and_go_are_checked(kept: Callable[[str], Path]) -> None:
+    result = audited("deposit", kept("deposit"))
+    natoms = [check.natoms for check in case_of(result).checks if check.type == 1]
+    assert natoms[0] < natoms[1] < natoms[3] and case_of(result).natoms == 66 == len(result.arrays["id"])
+
+
+def test_energy_is_per_mass(kept: Callable[[str], Path]) -> None:
+    result = audited("gas", kept("gas"))
+    arrays = result.arrays
+    gamma_n = np.where(arrays["type"] == 1, 1.4, 1.67)
+    expected_n = (gamma_n - 1) * arrays["rho"] * arrays["e"] + 0.05
+    # All terms are positive and gamma - 1 is exact: five roundings on either side (energy/mass, two products, the sum).
+    np.testing.assert_allclose(arrays["pressure.lammps"], expected_n, rtol=10 * 2.0**-53)
+
+
+def test_arrays_of_the_last_look(kept: Callable[[str], Path]) -> None:
+    arrays = audited("plain", kept("plain")).arrays
+    assert np.all(np.diff(arrays["id"]) > 0) and arrays["step"] == 40
+    assert arrays["x"].shape == (64, 3) and arrays["box"].tolist() == [[0, 0, -0.01], [8, 8, 0.01]]
+    difference = np.abs(arrays["pressure.lammps"] - arrays["pressure.reference"])
+    assert np.all(difference <= arrays["pressure.bound"]) and np.all(arrays["pressure.bound"] > 0)
+
+
+# --- the audit changes nothing ---
+
+
+def written(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".dump", ".txt")}
+
+
+@pytest.mark.parametrize("name", [*HEALTHY, "flow"])
+def test_deck_does_the_same_as_without_audit(name: str, kept: Callable[[str], Path], tmp_path: Path) -> None:
+    shutil.copytree(DECKS, tmp_path / "plain")
+    subprocess.run([sys.executable, "-c", PLAIN, f"in.{name}"], cwd=tmp_path / "plain", check=True)
+    expected = written(tmp_path / "plain")
+    assert len(expected) >= (1 if name == "flow" else 2)
+    if name == "flow":
+        with pytest.raises(InputError, match="must reach a run command"):
+            audited(name, kept(name))
+        assert expected["flow.txt"].count(b"\n") == 19
+    else:
+        audited(name, kept(name))
+    assert written(kept(name)) == expected
+
+
+def test_original_folder_stays_untouched(kept: Callable[[str], Path]) -> None:
+    audited("loop", kept("loop"))
+    assert (kept("loop") / "passes.txt").exists()
+    assert written(DECKS) == {}
+
+
+# --- planted faults, in the process that runs the deck ---
+
+
+def _stiffer(task: Task, connection: Connection) -> None:
+    from lammps_cases.audit import child, watch
+
+    right = watch.Watch._laws
+
+    def wrong(self: watch.Watch) -> EOSTable | None:
+        table = right(self)
+        assert table is not None
+        one, two = table.laws
+        return EOSTable((one, replace(two, cs=two.cs * (1 + 1e-12))))
+
+    watch.Watch._laws = wrong  # type: ignore[method-assign]
+    child.main(task, connection)
+
+
+def _at_each_look(act: Callable[[Any, int, int], None], task: Task, connection: Connection) -> None:
+    from lammps_cases.audit import child, watch
+
+    right = watch.Watch._look
+
+    def wrong(self: watch.Watch, step: int, n: int, tag: Any, x_nc: Any) -> None:
+        act(self.lmp, step, n)
+        right(self, step, n, tag, x_nc)
+
+    watch.Watch._look = wrong  # type: ignore[method-assign]
+    child.main(task, connection)
+
+
+def _one_atom(task: Task, connection: Connection) -> None:
+    def act(lmp: Any, step: int, n: int) -> None:
+        if step >= 20:
+            row = lmp.numpy.extract_atom("id")[:n].tolist().index(17)
+            lmp.numpy.extract_atom("pressure")[row] += 1e-13
+
+    _at_each_look(act, task, connection)
+
+
+def _segfault(task: Task, connection: Connection) -> None:
+    def act(lmp: Any, step: int, n: int) -> None:
+        if step == 20:
+            os.write(2, b"free(): invalid pointer\n")
+            os.kill(os.getpid(), signal.SIGSEGV)
+
+    _at_each_look(act, task, connection)
+
+
+def _wrong_look(task: Task, connection: Connection) -> None:
+    def act(lmp: Any, step: int, n: int) -> None:
+        raise InputError("look", "must not fail", step)
+
+    _at_each_look(act, task, connection)
+
+
+def _hang(task: Task, connection: Connection) -> None:
+    connection.send(Place("in.plain:7", "run   45"))
+    time.sleep(600)
+
+
+def test_wrong_law_differs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", _stiffer)
+    result = audit_deck(DECKS / "in.plain")
+    case = case_of(result)
+    assert case.verdict == "differs" and result.record.exit_code == 1
+    assert [field.verdict for field in case.fields] == ["exact", "differs"]
+    assert "first at step 0 (run 1), type 2" in case.message
+
+
+def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable[[str], Path]) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", _one_atom)
+    case = case_of(audit_deck(DECKS / "in.plain"))
+    healthy = audited("plain", kept("plain")).arrays
+    wrong_type = int(healthy["type"][healthy["id"] == 17][0])
+    assert f"first at step 20 (run 1), type {wrong_type}, atom 17: 1 of 32 atoms" in case.message
+    field = case.fields[wrong_type - 1]
+    assert (field.verdict, field.worst_id, field.outside) == ("differs", 17, 1) and field.worst_step in (20, 30, 40)
+    bad = {(check.step, check.type) for check in case.checks if check.verdict == "differs"}
+    assert bad == {(step, wrong_type) for step in (20, 30, 40)}
+
+
+def test_crash_keeps_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", _segfault)
+    result = audit_deck(DECKS / "in.plain")
+    case = case_of(result)
+    assert case.verdict == "crashed" and result.record.exit_code == 3
+    assert {check.step for check in case.checks} == {0, 10}
+    assert "SIGSEGV" in case.message and "run 45 (in.plain:12)" in case.message
+    assert "free(): invalid pointer" in case.message
+
+
+def test_quit_inside_a_run_ends_only_the_child() -> None:
+    case = case_of(audit_deck(DECKS / "in.quit"))
+    assert case.verdict == "crashed" and "exit status 4" in case.message
+    assert max(check.step for check in case.checks) >= 60
+
+
+def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", _hang)
+    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(timeout=3.0)))
+    assert case.verdict == "timeout" and "run 45 (in.plain:7)" in case.message
+
+
+def test_error_inside_a_look_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", _wrong_look)
+    with pytest.raises(InputError, match="look: must not fail"):
+        audit_deck(DECKS / "in.plain")
+
+
+def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import multiprocessing
+    import tempfile
+
+    def interrupted(done: int, total: int | None) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(KeyboardInterrupt):
+        audit_deck(DECKS / "in.plain", AuditOptions(progress=interrupted))
+    assert not list(tmp_path.iterdir()) and not multiprocessing.active_children()
+
+
+# --- LAMMPS' own errors, limits ---
+
+
+def test_error_of_lammps_is_refused() -> None:
+    result = audit_deck(DECKS / "in.error")
+    case = case_of(result)
+    assert case.verdict == "refused" and result.record.exit_code == 3
+    assert "Unrecognized fix style 'no_such_style'" in case.message and "in.error:2" in case.message
+    assert len(case.checks) == 10 and len(result.arrays["id"]) == 64
+
+
+@pytest.mark.parametrize(("steps", "looks"), [(25, [0, 10, 20, 20, 25]), (40, [0, 10, 20, 20, 30, 40])])
+def test_steps_end_the_deck(steps: int, looks: list[int], tmp_path: Path) -> None:
+    done: list[tuple[int, int | None]] = []
+    options = AuditOptions(steps=steps, keep=tmp_path, progress=lambda *progress: done.append(progress))
+    case = case_of(audit_deck(DECKS / "in.loop", options))
+    assert [check.step for check in case.checks if check.type == 1] == looks
+    assert case.steps == steps and done[-1] == (steps, steps)
+    assert not (tmp_path / "final.dump").exists() and (tmp_path / "passes.txt").read_text().count("\n") == 1
+
+
+def test_every() -> None:
+    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(every=7)))
+    assert [check.step for check in case.checks if check.type == 1] == [0, 7, 14, 21, 28, 35, 42]
+
+
+# --- decks that are not run ---
+
+
+def test_shell_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"command shell: may not be run .*in\.shell:2"):
+        audit_deck(DECKS / "in.shell", AuditOptions(keep=tmp_path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_shell_made_of_variables_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'shell touch touched' \(in\.hidden_shell:6\)"):
+        audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path))
+    assert not (tmp_path / "touched").exists()
+
+
+def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
+    case = case_of(audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, allow_shell=True)))
+    assert case.verdict == "refused"  # by LAMMPS, for want of fix rheo
+    assert (tmp_path / "touched").exists()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "shell rm -rf .",
+        "python f here 'x = 1'",
+        "plugin load evil.so",
+        "variable x python f",
+        "fix 1 all python/invoke 10 end_of_step f",
+        "pair_style hybrid/overlay rheo 3.0 python 2.5",
+        "if '1 > 0' then 'print a' else \"shell ls\"",
+        "run 100 every 10 'shell ls'",
+        "partition yes 1 shell ls",
+        "log /elsewhere/log.lammps",
+        "dump 1 all atom 10 ../out.dump",
+        "write_data sub/../../x.data",
+        "print 'x' file /elsewhere/x",
+        "write_dump all atom 'a;touch b;.gz'",
+        "dump 1 all movie 10 m.mp4 type type",
+        "   'shell' ls # quoted",
+    ],
+)
+def test_commands_that_reach_outside(command: str) -> None:
+    with pytest.raises(InputError):
+        guard.check(text.words(text.without_comment(command)), "here")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "# shell ls",
+        "print 'shell ls'",
+        "print '/elsewhere'",
+        "variable a equal 1 / 2",
+        "read_data ../common/fluid.data",
+        "include ../settings.inc",
+        "dump 1 all atom/gz 10 out.*.gz",
+        "dump 1 all custom 10 sub/../out.dump id x",
+        "label shell",
+        "thermo_style custom step temp",
+        "fix 3 all rheo/pressure * linear",
+        "group python type 1",
+        "if '1 > 0' then 'print shell'",
+    ],
+)
+def test_commands_that_do_not(command: str) -> None:
+    guard.check(text.words(text.without_comment(command)), "here")
+
+
+def test_includes_are_judged(tmp_path: Path) -> None:
+    deck = tmp_path / "in.deck"
+    deck.write_text("if '0 > 1' then 'include a.inc'\n")
+    (tmp_path / "a.inc").write_text("jump b.inc\njump SELF\n")
+    (tmp_path / "b.inc").write_text("\nprint &\n  x\nshell ls\ninclude a.inc\n")
+    with pytest.raises(InputError, match=r"shell.*b\.inc:4"):
+        audit_deck(deck)
+
+
+@pytest.mark.parametrize(
+    ("commands", "rule"),
+    [
+        (FIXES, "must reach a run command"),
+        (f"{FIXES}fix 3 all rheo/pressure * linear\nrun 9 every 3 'unfix 3'\n", "may not hold a command"),
+        (f"{FIXES}variable c string fix\nrun 9 every 3 '${{c}} 3 all x'\n", "may not hold a command"),
+        (f"{FIXES}variable c string log\npartition yes 1 clear\n", "may not hold a command"),
+    ],
+)
+def test_decks_that_cannot_be_checked(commands: str, rule: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rule):
+        audit_deck(write_deck(tmp_path, commands))
+
+
+def test_deck_without_rheo(tmp_path: Path) -> None:
+    (tmp_path / "in.melt").write_text(MELT)
+    with pytest.raises(InputError, match="must define fix rheo and fix rheo/pressure before a run"):
+        audit_deck(tmp_path / "in.melt")
+
+
+def test_missing_deck_and_bad_options(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="deck: must be a readable file"):
+        audit_deck(tmp_path / "in.none")
+    wrongs: list[dict[str, Any]] = [{"every": 0}, {"steps": 0}, {"timeout": 0.0}, {"timeout": math.nan}]
+    for wrong in wrongs:
+        with pytest.raises(InputError, match="must be"):
+            AuditOptions(**wrong)
+
+
+@pytest.mark.parametrize("command", ["include no.inc", "jump no.inc", "jump SELF nowhere", "if '1 >", "next z"])
+def test_errors_of_the_flow_are_refused(command: str, tmp_path: Path) -> None:
+    case = case_of(audit_deck(write_deck(tmp_path, command + "\n")))
+    assert case.verdict == "refused" and case.message.startswith("ERROR") and "in.deck:" in case.message
+
+
+# --- warnings ---
+
+
+def test_density_never_set() -> None:
+    (line,) = [w for w in case_of(audit_deck(DECKS / "in.never_set")).warnings if w.startswith("type 1")]
+    assert line.startswith("type 1: rho was never set: all 32 fluid atoms") and "rho0 = 1000" in line
+
+
+def test_offset_and_density_off_rho0() -> None:
+    offset, unreached = case_of(audit_deck(DECKS / "in.offset")).warnings
+    assert offset.startswith("type 1: fixed pressure offset") and "(5 of it is the background" in offset
+    assert unreached.startswith("type 2: rho0 = 0.8 was never reached")
+
+
+def test_run_without_pressure_is_said(tmp_path: Path) -> None:
+    commands = f"set group all rheo/rho 1.0\n{FIXES}fix 3 all rheo/pressure * linear\nrun 5\n"
+    deck = write_deck(tmp_path, commands)
+    deck.write_text(f"{MELT}clear\n{deck.read_text()}")
+    case = case_of(audit_deck(deck))
+    assert case.warnings == ["run 1: no fix rheo/pressure was defined, nothing was checked"]
+    assert {check.run for check in case.checks} == {2}
+
+
+# --- syntax, copy, command line ---
+
+
+@pytest.mark.parametrize(
+    ("script", "lines"),
+    [
+        ("a b # c", ["a b"]),
+        ("# a &\nb\nc", ["", "c"]),
+        ("a & # b\nc", ["a &", "c"]),
+        ("a &  \n b\nc\r\n", ["a  b", "c", ""]),
+        ('a """b\n# c""" # d\ne', ['a """b\n# c"""', "e"]),
+        ("a 'b # c' \"# d\" # e", ["a 'b # c' \"# d\""]),
+    ],
+)
+def test_logical_lines(script: str, lines: list[str]) -> None:
+    assert [text.without_comment(line.text) for line in text.logical_lines(script)] == lines
+
+
+def test_words() -> None:
+    found = text.words('if "a b" \'c "d"\' """e \'f\' """ g"h')
+    assert [word.value for word in found] == ["if", "a b", 'c "d"', "e 'f' ", 'g"h']
+    assert [word.raw for word in found][1:3] == ['"a b"', "'c \"d\"'"]
+
+
+def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    (source / "sub").mkdir(parents=True)
+    (source / "sub" / "data").write_bytes(b"x" * 100)
+    (source / "sub" / "data").chmod(0o400)
+    (source / "sub" / "back").symlink_to(source)
+    (source / "link").symlink_to(source / "sub" / "data")
+    os.mkfifo(source / "fifo")
+    scratch.copy_folder(source, tmp_path / "copy")
+    found = sorted(str(path.relative_to(tmp_path / "copy")) for path in (tmp_path / "copy").rglob("*"))
+    assert found == ["link", "sub", "sub/data"]
+    assert (tmp_path / "copy" / "sub" / "data").stat().st_mode & 0o200
+    with pytest.raises(InputError, match="must hold at most"):
+        scratch.copy_folder(source, tmp_path / "other", largest=150)
+
+
+def test_command_line(tmp_path: Path) -> None:
+    from lammps_cases.cli.audit import audit_command
+
+    arguments = [str(DECKS / "in.plain"), "--steps", "20", "--json"]
+    result = CliRunner().invoke(audit_command, arguments, standalone_mode=False)
+    assert result.return_value == 0
+    document = json.loads(result.stdout)
+    assert document["cases"][0]["steps"] == 20 and document["summary"] == {"exact": 1}

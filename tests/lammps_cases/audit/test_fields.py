@@ -1,0 +1,337 @@
+"""The audit of fields beside the pressure: real LAMMPS runs decks of ours, faults are planted on either side."""
+
+from __future__ import annotations
+
+import functools
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from eos_ref import InputError, parse_fix_rheo
+from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
+from eos_ref.numbers.rounded import error, value
+from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
+from lammps_cases.audit.options import Task
+from lammps_cases.audit.seen import Seen, View
+from lammps_cases.records.run_record import CaseRecord
+
+DECKS = Path(__file__).parents[2] / "decks"
+PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
+SURFACE = {"surface", "surface/r", "surface/n", "surface/divr"}
+STRESS = {"grad/v", "viscosity", "stress/v", "stress/t"}
+HEAT = {"conductivity", "cv", "temperature"}
+EVERYWHERE = {"coordination", "pressure"}
+MOVED = "wall-velocity-lost"
+# Fields checked in each deck, and what the ledger has to explain.
+FOUND: dict[str, tuple[set[str], dict[str, str]]] = {
+    "summed": (EVERYWHERE | SURFACE | STRESS | {"rho", "shift/v", "drho", "f"}, {"f": "force-per-volume"}),
+    "walls_quintic": (
+        EVERYWHERE | STRESS | {"chi", "shift/v", "drho", "f"},
+        dict.fromkeys(("grad/v", "stress/v", "stress/t"), MOVED) | {"f": f"force-per-volume, {MOVED}"},
+    ),
+    "walls_summed": (
+        EVERYWHERE | STRESS | {"rho", "chi", "shift/v", "drho", "f"},
+        dict.fromkeys(("grad/v", "stress/v", "stress/t"), MOVED) | {"f": f"force-per-volume, {MOVED}"},
+    ),
+    "walls_corrected": (EVERYWHERE | {"viscosity", "chi", "shift/v"}, {}),
+    "power": (
+        EVERYWHERE | SURFACE | STRESS | HEAT | {"heatflow", "drho", "f"},
+        {"f": "force-per-volume", "heatflow": "heat-is-temperature-rate"},
+    ),
+    "gas": (EVERYWHERE | STRESS | HEAT | {"drho", "f"}, {"f": "force-per-volume"}),
+}
+
+
+@functools.cache
+def audited(name: str, folder: Path) -> AuditResult:
+    """Audit of all fields of a deck of ours; what the deck writes is kept in ``folder``."""
+    return audit_deck(DECKS / f"in.{name}", AuditOptions(keep=folder, fields=("all",)))
+
+
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    return functools.cache(lambda name: tmp_path_factory.mktemp(name))
+
+
+def case_of(result: AuditResult) -> CaseRecord:
+    return result.record.cases[0]
+
+
+# --- every field that can be checked is
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_every_field_is_compared(name: str, kept: Callable[[str], Path]) -> None:
+    case = case_of(audited(name, kept(name)))
+    checked, explained = FOUND[name]
+    assert {field.field for field in case.fields} == checked
+    assert {f.field: f.explained_by for f in case.fields if f.verdict == "explained"} == explained
+    assert all(f.verdict in ("exact", "pass") for f in case.fields if f.field not in explained)
+    assert all((f.max_over_bound or 0) < 1 for f in case.fields if f.field not in explained)
+    assert case.verdict == ("explained" if explained else "pass")
+    named = {line.partition(":")[0] for line in case.not_checked}
+    assert named | checked == set(fields.FIELDS)
+
+
+def test_fields_have_values(kept: Callable[[str], Path]) -> None:
+    """A comparison of zeros would be clean as well."""
+    summed = audited("summed", kept("summed")).arrays
+    assert set(np.unique(summed["surface.lammps"])) == {0.0, 1.0, 2.0}
+    for field in ("shift/v", "grad/v", "surface/n", "surface/r", "stress/v"):
+        assert np.abs(summed[f"{field}.lammps"]).max() > 1e-6
+    walls = audited("walls_quintic", kept("walls_quintic")).arrays
+    assert 0.3 < walls["chi.lammps"].min() < 0.9 and np.abs(walls["drho.lammps"]).max() > 1e-6
+    power = audited("power", kept("power")).arrays
+    assert len(np.unique(power["viscosity.lammps"][power["type"] == 1])) > 16
+    assert np.abs(power["heatflow.lammps"]).max() > 1e-6
+
+
+def test_looks_on_one_step_are_fresh(kept: Callable[[str], Path]) -> None:
+    """A run set up anew calls back twice on a step, with other half-step velocities: both agree with the reference."""
+    checks = [c for c in case_of(audited("summed", kept("summed"))).checks if c.field == "grad/v"]
+    assert [(c.run, c.step) for c in checks] == [(1, 0), (1, 10), (1, 20), (2, 20), (2, 30), (2, 30), (2, 40)]
+    assert all(c.verdict == "pass" and c.natoms == 75 for c in checks)
+
+
+def test_set_up_with_summed_walls(kept: Callable[[str], Path]) -> None:
+    """There LAMMPS shows densities of solids that it did not use: fluid alone is judged, by density not at all."""
+    checks = case_of(audited("walls_summed", kept("walls_summed"))).checks
+    first = {(c.field, c.type): c.natoms for c in checks if c.step == 0}
+    assert first == {("coordination", 0): 64, ("rho", 0): 22, ("chi", 0): 64, ("viscosity", 0): 64, ("pressure", 1): 22}
+    later = {(c.field, c.type): c.natoms for c in checks if c.step == 10}
+    assert later["pressure", 2] == 42 and later["grad/v", 0] == 64 and later["rho", 0] == 22
+
+
+def test_atoms_off_the_plane(kept: Callable[[str], Path]) -> None:
+    """Deposited into a slab, they lie off the plane of a 2D deck: fields near them are no longer those of 2D."""
+    case = case_of(audited("deposit", kept("deposit")))
+    assert "atoms of this 2D deck have neighbours at another height" in case.warnings[0]
+    assert {c.step for c in case.checks if c.field == "grad/v"} == {0}
+    assert {c.step for c in case.checks if c.field == "pressure"} == {0, 10, 20, 30, 33, 40}
+    assert all(field.verdict in ("exact", "pass", "explained") for field in case.fields)
+
+
+# --- the audit changes nothing
+
+
+def written(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".dump", ".txt")}
+
+
+@pytest.mark.parametrize("name", [*FOUND, "deposit", "loop", "systems"])
+def test_deck_does_the_same_as_without_audit(name: str, kept: Callable[[str], Path], tmp_path: Path) -> None:
+    shutil.copytree(DECKS, tmp_path / "plain")
+    subprocess.run([sys.executable, "-c", PLAIN, f"in.{name}"], cwd=tmp_path / "plain", check=True)
+    audited(name, kept(name))
+    expected = written(tmp_path / "plain")
+    assert len(expected) >= 2 and written(kept(name)) == expected
+
+
+# --- planted faults, in the process that runs the deck
+
+
+def _wrong(plant: Callable[[Any], None], task: Task, connection: Connection) -> None:
+    from lammps_cases.audit import child, look
+
+    plant(look)
+    child.main(task, connection)
+
+
+def _damage(field: str, look: Any) -> None:
+    right = look.Reader._shown
+    calls: list[int] = []
+
+    def wrong(self: Any, n: int) -> Any:
+        shown = right(self, n)
+        calls.append(n)
+        if len(calls) > 1:  # from the second look on
+            row = self.lmp.numpy.extract_atom("id")[:n].tolist().index(17)
+            values = shown[field].reshape(n, -1)
+            values[row, -1] += 1 if field == "coordination" else 1e-9
+        return shown
+
+    look.Reader._shown = wrong
+
+
+def _thicker(look: Any) -> None:
+    right = look.Reader.__init__
+
+    def wrong(self: Any, lmp: Any, names: Any, model: Model, *rest: Any) -> None:
+        one, two = model.viscosity
+        right(self, lmp, names, replace(model, viscosity=(replace(one, K=one.K * (1 + 1e-10)), two)), *rest)
+
+    look.Reader.__init__ = wrong
+
+
+def _heavier(look: Any) -> None:
+    right = look.Reader._view
+
+    def wrong(self: Any, *arguments: Any) -> Any:
+        view = right(self, *arguments)
+        return replace(view, mass_n=view.mass_n * (1 + 1e-12))
+
+    look.Reader._view = wrong
+
+
+SUMMED_WRONG = ["coordination", "rho", "grad/v", "shift/v", "surface/r", "surface/n", "surface/divr", "f", "drho"]
+
+
+@pytest.mark.parametrize("field", SUMMED_WRONG)
+def test_one_wrong_value_is_named(field: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", functools.partial(_wrong, functools.partial(_damage, field)))
+    result = audit_deck(DECKS / "in.summed", AuditOptions(fields=("all",), steps=20))
+    case = case_of(result)
+    assert case.verdict == "differs" and result.record.exit_code == 1
+    assert f"{field} leaves its bound first at step 10 (run 1), atom 17: 1 of 75 atoms" in case.message or field == "f"
+    bad = {(check.field, check.step) for check in case.checks if check.verdict == "differs"}
+    assert bad == {(field, 10), (field, 20)}
+    if field == "f":  # without the finding, which takes all others out of their bounds as well
+        assert "f leaves its bound first at step 10 (run 1)" in case.message
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "red"),
+    [(_thicker, "power", {"viscosity", "stress/v", "stress/t", "f"}), (_heavier, "summed", {"rho", "shift/v"})],
+)
+def test_wrong_parameter_differs(plant: Any, name: str, red: set[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", functools.partial(_wrong, plant))
+    case = case_of(audit_deck(DECKS / f"in.{name}", AuditOptions(fields=("all",), steps=10)))
+    found = {field.field for field in case.fields if field.verdict == "differs"}
+    assert red <= found and not found & {"coordination", "pressure", "temperature"}
+    assert "first at step 0 (run 1)" in case.message
+
+
+# --- what is asked for
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "why"),
+    [
+        ("plain", "surface", "fix rheo has no surface/detection in this deck"),
+        ("plain", "rho", "integrated from step to step"),
+        ("plain", "x", "the state that a look starts from"),
+        ("gas", "heatflow", r"fix 6 \(add/heat\) may add to it"),
+        ("walls_corrected", "f", "reproducing kernels saw densities of walls"),
+    ],
+)
+def test_field_that_a_deck_does_not_have(name: str, field: str, why: str) -> None:
+    with pytest.raises(InputError, match=rf"{field}: cannot be checked in this deck: .*{why}"):
+        audit_deck(DECKS / f"in.{name}", AuditOptions(fields=("pressure", field)))
+
+
+def test_unknown_field_is_one_line() -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "lammps_cases.cli.main", "audit", "in.plain", "--fields", "pressure,densty"],
+        cwd=DECKS,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 2 and run.stdout == ""
+    (line,) = run.stderr.splitlines()
+    assert "densty" in line and "must be one of all, coordination, rho, chi, grad/v" in line
+    with pytest.raises(InputError, match="must name at least one"):
+        AuditOptions(fields=())
+
+
+def test_command_line_prints_fields(tmp_path: Path) -> None:
+    from lammps_cases.cli.audit import audit_command
+
+    arguments = [str(DECKS / "in.summed"), "--fields", "all", "--steps", "10", "--out", str(tmp_path)]
+    result = CliRunner().invoke(audit_command, arguments, standalone_mode=False)
+    assert result.return_value == 0, result.output
+    lines = {line.split()[0]: line.split() for line in result.stdout.splitlines() if line.strip()}
+    assert lines["f"][1:4] == ["all", "2", "75"] and lines["f"][-3:] == ["explained", "by", "force-per-volume"]
+    assert "not checked: conductivity, cv, temperature, heatflow: fix rheo has no thermal in this deck" in result.stdout
+    page = (tmp_path / "report.html").read_text()
+    assert "<td>surface/divr</td>" in page and "Not checked" in page
+
+
+def test_chosen_fields_alone() -> None:
+    case = case_of(audit_deck(DECKS / "in.summed", AuditOptions(fields=("surface/n", "rho"), steps=10)))
+    assert [field.field for field in case.fields] == ["rho", "surface/n"] and case.verdict == "pass"
+    assert "--fields rho,surface/n" in case.reproduce and case.not_checked == []
+
+
+# --- what a deck says
+
+
+def followed(commands: str) -> deck.Deck:
+    found = deck.Deck()
+    for line in commands.splitlines():
+        found.note(line.split())
+    return found
+
+
+MODEL = """pair_style hybrid/overlay rheo 3.0 artificial/visc 0.1 harmonic/means rheo/solid
+pair_coeff * * rheo
+fix 1 all rheo 3.0 RK1 8 thermal
+fix 2 all rheo/viscosity * constant 0.1 2 power 1 2 3 4
+fix 3 g rheo/thermal conductivity * constant 1 2 constant 2 react 1.5 1 specific/heat * constant 3 Tfreeze 1 constant 4
+"""
+
+
+def test_parameters_of_a_hybrid_deck() -> None:
+    found = followed(MODEL)
+    assert deck.pair_rheo(found.pair) == PairRheo(3.0, 0.1, 0.0, True)
+    assert deck.viscosity(found.fix("rheo/viscosity") or [], 2) == (
+        Viscosity("constant", 0.1),
+        Viscosity("power", 1, 2, 3, 4),
+    )
+    assert deck.thermal(found.fix("rheo/thermal") or [], 2) == (Thermal(1, 3, T_freeze=4), Thermal(2, 3))
+
+
+@pytest.mark.parametrize(
+    ("commands", "why"),
+    [
+        ("", "pair_style rheo/solid adds to it"),
+        ("pair_style rheo 3.0\npair_coeff * *", ""),
+        ("pair_style rheo 3.0\npair_coeff 1 1", "pair_coeff gives rheo to some types only"),
+        ("pair_style rheo 3.0\npair_coeff * *\nbond_style harmonic", "bond_style harmonic adds to it"),
+        ("pair_style rheo 3.0\npair_coeff * *\nfix 9 all wall/harmonic ylo EDGE 1 1 1", "fix 9 (wall/harmonic)"),
+        ("pair_style rheo 3.0\npair_coeff * *\nfix 9 all gravity v_g vector 0 -1 0", "fix 9 (gravity): cannot be"),
+        ("pair_style rheo 3.0\npair_coeff * *\nfix 9 all gravity 1 vector 0 -1 0", ""),
+        ("pair_style rheo 3.0\npair_coeff * *\nfix 9 all setforce 0 0 0 region r", "cannot be followed"),
+        ("pair_style rheo 3.0\npair_coeff * *\nfix 9 all spring/self 1\nunfix 9", ""),
+    ],
+)
+def test_what_adds_to_the_force(commands: str, why: str) -> None:
+    found = followed(MODEL + commands)
+    reason = found.adds_force() or found.changes_pairs()
+    assert why in reason and bool(why) == bool(reason)
+
+
+def test_what_takes_pairs_out() -> None:
+    assert followed("neigh_modify exclude type 1 1").hides_pairs() and not followed(MODEL).hides_pairs()
+    assert not followed("neigh_modify exclude type 1 1\nneigh_modify exclude none").hides_pairs()
+    bonds = "bond_style bpm/spring\nspecial_bonds lj 0 1 1 "
+    assert followed(bonds).hides_pairs() and not followed(f"{bonds}coul 1 1 1").hides_pairs()
+
+
+# --- decisions at the cutoff
+
+
+def test_pairs_at_the_cutoff_are_open() -> None:
+    """Of a square lattice with a cutoff of 3 spacings four neighbours lie on it, to the last bit or not."""
+    from eos_ref import EOS, EOSTable
+
+    for limit, open_ in ((24, False), (25, True), (28, True), (29, False)):
+        fix = parse_fix_rheo(f"fix 1 all rheo 3.0 quintic 0 surface/detection coordination {limit} 0")
+        model = Model(2, fix, (1.0,), EOSTable((EOS("linear"),)), PairRheo(3.0), (Viscosity("constant", 0.1),))
+        x_nc = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0)), -1).reshape(-1, 2) + 0.1
+        n = len(x_nc)
+        ones_n = np.ones(n)
+        state = State(x_nc, np.zeros((n, 2)), ones_n, np.ones(n, int), np.zeros(n, bool))
+        seen = Seen(View(model, Box((0, 0), (10, 10), (True, True)), state, ones_n), ("coordination", "surface"))
+        counted = seen.output("coordination")
+        assert np.all(error(counted) == 4) and np.all((value(counted) >= 24) & (value(counted) <= 28))
+        assert np.all((error(seen.output("surface")) > 0) == open_)
+        assert np.all(value(seen.output("surface")) == (limit == 29)) or open_

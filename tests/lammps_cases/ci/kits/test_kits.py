@@ -1,0 +1,326 @@
+"""The files for CI services: by the services' own schemas, by shellcheck, and run as a service runs them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from check_jsonschema import main as check_jsonschema
+from click.testing import CliRunner
+
+from lammps_cases.ci.kits.files import KITS, TEMPLATES, kit
+from lammps_cases.engine import session
+from tests.support.action_runner import run_action
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+Write = Callable[..., Path]
+
+ROOT = Path(__file__).parents[4]
+BIN = Path(sys.executable).parent
+ACTION = ROOT / ".github" / "actions" / "eos-ref"
+SCHEMAS = {
+    "vendor.github-workflows": re.compile(r"\.github/workflows/"),
+    "vendor.github-actions": re.compile(r"action\.yml$"),
+    "vendor.gitlab-ci": re.compile(r"\.gitlab-ci\.yml$"),
+}
+# A package named lammps that is the real one, but that takes another exponent.
+FAULTY = """
+__path__.append({real!r})
+exec(open({real!r} + "/__init__.py").read())
+_lammps = lammps
+
+class lammps(_lammps):
+    def commands_string(self, text):
+        return super().commands_string(text.replace("tait/general 2.3", "tait/general 2.31"))
+"""
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Every file of every kit, and this project's own."""
+    folder = tmp_path_factory.mktemp("kits")
+    paths = [ACTION / "action.yml", ROOT / ".github" / "workflows" / "ci.yml", ROOT / ".gitlab-ci.yml"]
+    for each in KITS:
+        for file in each.filled("me/eos-ref"):
+            path = folder / each.name / file.path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(file.content)
+            paths.append(path)
+    return paths
+
+
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_files_are_what_the_service_takes(schema: str, unpacked: list[Path]) -> None:
+    ours = [path for path in unpacked if SCHEMAS[schema].search(path.as_posix())]
+    assert ours
+    outcome = CliRunner().invoke(check_jsonschema, ["--builtin-schema", schema, *map(str, ours)])
+    assert outcome.exit_code == 0, outcome.output
+
+
+def test_scripts_pass_shellcheck(unpacked: list[Path], tmp_path: Path) -> None:
+    """Those that are files, and those inside workflows."""
+    scripts = [*ACTION.glob("*.sh"), *(path for path in unpacked if path.suffix == ".sh")]
+    for path in of_yaml(unpacked):
+        for text in _commands(yaml.safe_load(path.read_text())):
+            inside = tmp_path / f"{len(scripts)}-{path.stem}.sh"
+            inside.write_text(f"#!/usr/bin/env bash\n{text}\n")
+            scripts.append(inside)
+    assert len(scripts) > 10
+    outcome = subprocess.run([BIN / "shellcheck", *scripts], capture_output=True, text=True, check=False)
+    assert outcome.returncode == 0, outcome.stdout
+
+
+def of_yaml(paths: list[Path]) -> list[Path]:
+    return [path for path in paths if path.suffix in (".yml", ".yaml")]
+
+
+def _commands(node: Any) -> list[str]:
+    """The shell inside a workflow of GitHub or a file of GitLab."""
+    if isinstance(node, list):
+        return [text for each in node for text in _commands(each)]
+    if not isinstance(node, dict):
+        return []
+    found = [text for key, each in node.items() if key not in ("run", "script") for text in _commands(each)]
+    if isinstance(node.get("run"), str):
+        found.append(node["run"])
+    if "script" in node:
+        script = node["script"]
+        found.append(script if isinstance(script, str) else "\n".join(script))
+    return found
+
+
+def test_workflows_hand_no_text_of_others_to_a_shell_and_ask_for_no_rights(unpacked: list[Path]) -> None:
+    for path in of_yaml(unpacked):
+        document = yaml.safe_load(path.read_text())
+        if ".github/workflows" in path.as_posix():
+            assert document["permissions"] == {"contents": "read"}, path
+            assert all(job["timeout-minutes"] for job in document["jobs"].values()), path
+        assert not any("${{" in text for text in _commands(document)), path
+
+
+def test_workflows_give_the_action_only_inputs_that_it_has(unpacked: list[Path]) -> None:
+    inputs = yaml.safe_load((ACTION / "action.yml").read_text())["inputs"]
+    given = 0
+    for path in of_yaml(unpacked):
+        for job in (yaml.safe_load(path.read_text()).get("jobs") or {}).values():
+            for step in job["steps"]:
+                if ".github/actions/eos-ref" in step.get("uses", ""):
+                    assert set(step["with"]) <= set(inputs), path
+                    given += 1
+    assert given == 4
+
+
+def test_matrix_of_engines_is_that_of_the_ledger() -> None:
+    from lammps_cases.findings import ALL
+
+    engines = {"env", *(f"pypi:{version}" for version in ALL)}
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    assert {each["engine"] for each in workflow["jobs"]["quick"]["strategy"]["matrix"]["include"]} == engines
+    pipeline = yaml.safe_load((ROOT / ".gitlab-ci.yml").read_text())
+    assert set(pipeline["quick"]["parallel"]["matrix"][0]["ENGINE"]) == engines
+
+
+def test_make_targets_of_ci_exist() -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    named = [text for path in (".github/workflows/ci.yml", ".gitlab-ci.yml") for text in _words(ROOT / path)]
+    assert named and set(named) <= targets
+
+
+def _words(path: Path) -> list[str]:
+    return re.findall(r"make ([a-z]+)", path.read_text())
+
+
+# --- eos-ref kit
+
+
+def test_every_template_is_in_a_kit() -> None:
+    assert sorted(path.name for path in TEMPLATES.iterdir()) == sorted(name for each in KITS for name in each.files)
+
+
+@pytest.mark.parametrize("name", [each.name for each in KITS])
+def test_kit_written_and_printed(name: str, eos_ref_command: Run, tmp_path: Path) -> None:
+    out = tmp_path / "repository"
+    code, said, err = eos_ref_command("kit", name, "--repository", "me/eos-ref", "--out", out)
+    assert (code, err) == (0, "")
+    files = kit(name).filled("me/eos-ref")
+    assert said.split() == [str(out / file.path) for file in files]
+    for file in files:
+        path = out / file.path
+        assert path.read_text() == file.content
+        assert os.access(path, os.X_OK) == file.executable
+        assert "me/eos-ref" in file.content or "eos-ref.sh" in file.content
+    printed = eos_ref_command("kit", name, "--repository", "me/eos-ref").out
+    assert all(file.content in printed for file in files)
+    document = json.loads(eos_ref_command("kit", name, "--repository", "me/eos-ref", "--json").out)
+    assert [file["path"] for file in document["files"]] == [file.path for file in files]
+    assert eos_ref_command("kit", name, "--repository", "me/eos-ref", "--out", out).code == 0, "the same once more"
+
+
+def test_kits_are_listed(eos_ref_command: Run) -> None:
+    assert [line.split()[0] for line in eos_ref_command("kit").out.splitlines()] == [each.name for each in KITS]
+    assert len(json.loads(eos_ref_command("kit", "--json").out)["kits"]) == len(KITS)
+
+
+def test_place_of_eos_ref_that_is_not_given_is_said(eos_ref_command: Run) -> None:
+    code, out, err = eos_ref_command("kit", "github")
+    assert code == 0 and "OWNER/eos-ref/.github/actions/eos-ref@main" in out
+    assert err == "put the place of your copy of eos-ref for OWNER/eos-ref (--repository)\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["githb"], "eos-ref: kit: must be one of github, gitlab, lammps, decks, pre-commit (did you mean github?)"),
+        (["github", "--repository", "a b; rm"], "eos-ref: repository: must be OWNER/NAME, found 'a b; rm'"),
+    ],
+)
+def test_bad_input(arguments: list[str], line: str, eos_ref_command: Run) -> None:
+    code, out, err = eos_ref_command("kit", *arguments)
+    assert (code, out) == (2, "") and err.startswith(line) and err.count("\n") == 1
+
+
+def test_file_of_somebody_else_is_left_alone(eos_ref_command: Run, tmp_path: Path) -> None:
+    theirs = tmp_path / ".github" / "workflows" / "eos-ref.yml"
+    theirs.parent.mkdir(parents=True)
+    theirs.write_text("name: mine\n")
+    code, _, err = eos_ref_command("kit", "lammps", "--out", tmp_path)
+    assert code == 2 and str(theirs) in err
+    assert theirs.read_text() == "name: mine\n"
+    assert not (tmp_path / "tools").exists(), "all files or none"
+
+
+def test_installation_holds_every_file_that_the_package_reads() -> None:
+    """The action installs the package; in a checkout all files are there anyway."""
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    for package, patterns in data.items():
+        root = ROOT / package
+        packed = {path for pattern in patterns for path in root.glob(pattern)}
+        files = [path for path in root.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        needed = {path for path in files if path.suffix != ".py"}
+        assert needed - packed == set(), package
+
+
+# --- run as a service runs them
+
+
+@pytest.fixture
+def faulty(tmp_path: Path) -> Path:
+    package = tmp_path / "faulty" / "lammps"
+    package.mkdir(parents=True)
+    real = session.package_directory()
+    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
+    (package / "liblammps.so").symlink_to(real / "liblammps.so")
+    return package.parent
+
+
+@pytest.fixture
+def stub(tmp_path: Path) -> Path:
+    """An eos-ref that only writes down what it is given."""
+    program = tmp_path / "programs" / "eos-ref"
+    program.parent.mkdir()
+    program.write_text('#!/bin/sh\nfor word in "$@"; do printf "[%s]" "$word"; done\necho\nexit "${STUB:-0}"\n')
+    program.chmod(0o755)
+    return program.parent
+
+
+def test_steps_of_the_action(case_file: Write, stub: Path, tmp_path: Path) -> None:
+    case_file().rename(tmp_path / "my cases.yaml")
+    given = {"cases": "my cases.yaml\n\n", "names": "mine.*\nother\n", "strict": "true", "baseline": "b c"}
+    done = run_action(ACTION, given, tmp_path, stub)
+    assert done.code == 0, done.out
+    assert done.out == (
+        "[run][--engine][env][--strict][--out][reports/cases][--cases][my cases.yaml][--baseline][b c]"
+        "[--][mine.*][other]\n"
+    )
+    assert done.outputs == {"exit-code": "0", "report": "reports"}
+    assert list(done.used) == ["actions/setup-python@v5", "actions/cache@v4", "actions/upload-artifact@v4"]
+    assert re.fullmatch(r"eos-ref-Linux-X64-py3\.12-[0-9a-f]{16}", done.used["actions/cache@v4"]["key"])
+
+
+def test_action_takes_inputs_as_data(stub: Path, tmp_path: Path) -> None:
+    """An input is no command, and a name is no option."""
+    given = {"names": "$(touch owned)\n--help", "tag": "; touch owned `touch owned`"}
+    done = run_action(ACTION, given, tmp_path, stub)
+    assert done.out.endswith("[--tag][; touch owned `touch owned`][--][$(touch owned)][--help]\n")
+    assert not (tmp_path / "owned").exists()
+
+
+@pytest.mark.parametrize("code", ["1", "2", "3", "130"])
+def test_exit_code_reaches_the_job(code: str, stub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STUB", code)
+    done = run_action(ACTION, {}, tmp_path, stub)
+    assert (done.code, done.outputs["exit-code"]) == (int(code), code)
+    assert "actions/upload-artifact@v4" in done.used, "the report is kept first"
+
+
+def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path: Path) -> None:
+    """The reports are kept, every deck is audited, and then the job fails with the worst exit code."""
+    case_file()
+    decks = tmp_path / "decks" / "a b"
+    decks.mkdir(parents=True)
+    shutil.copy(ROOT / "tests" / "decks" / "fluid.inc", decks)
+    fixes = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\nfix 3 all rheo/pressure * linear\n"
+    (decks / "in.one").write_text(f"variable style string rheo\ninclude fluid.inc\n{fixes}run 2\n")
+    given = {"engine": f"path:{faulty}", "cases": "mine.yaml", "decks": "**/in.*", "audit-options": "--every 1"}
+    done = run_action(ACTION, given, tmp_path, BIN)
+    assert done.code == 1 and done.outputs["exit-code"] == "1", done.out
+    assert "actions/upload-artifact@v4" in done.used
+    assert {path.name for path in (tmp_path / "reports").iterdir()} == {"cases", "audit-decks-a-b-in.one"}
+    run = json.loads((tmp_path / "reports" / "cases" / "run.json").read_text())
+    assert run["summary"] == {"differs": 1}
+    looks = json.loads((tmp_path / "reports" / "audit-decks-a-b-in.one" / "run.json").read_text())["cases"][0]["checks"]
+    assert sorted({look["step"] for look in looks}) == [0, 1, 2]
+    assert done.summary.startswith("## eos-ref: FAIL") and "::error file=mine.yaml,line=" in done.out
+
+
+def test_action_left_green_and_decks_that_are_missing(stub: Path, tmp_path: Path) -> None:
+    given = {"decks": "nowhere/in.*\nelsewhere/*", "fail": "false", "artifact": ""}
+    done = run_action(ACTION, given, tmp_path, stub)
+    assert done.code == 0 and done.outputs["exit-code"] == "2"
+    assert done.out.count("::error title=eos-ref::no deck matches: ") == 2
+    assert "actions/upload-artifact@v4" not in done.used
+
+
+def test_key_of_the_cache_follows_cases_and_engine(case_file: Write, stub: Path, tmp_path: Path) -> None:
+    def key(**given: str) -> str:
+        done = run_action(ACTION, given, tmp_path, stub)
+        return done.used["actions/cache@v4"]["key"]
+
+    case_file()
+    first = key(cases="mine.yaml")
+    assert first == key(cases="mine.yaml") and first != key(cases="mine.yaml", engine="pypi:1.0")
+    case_file(rho={"ratio": [0.7, 1.3]})
+    assert first != key(cases="mine.yaml")
+
+
+def test_script_for_lammps(case_file: Write, tmp_path: Path) -> None:
+    """Build directory in, verdict out; eos-ref itself is that of this environment."""
+    (script,) = [file for file in kit("lammps").filled("me/eos-ref") if file.executable]
+    path = tmp_path / "eos-ref.sh"
+    path.write_text(script.content)
+    build = tmp_path / "build"
+    build.mkdir()
+    environ = {**os.environ, "EOS_REF_VENV": str(BIN.parent), "EOS_REF_REPORT": str(tmp_path / "report")}
+
+    def verdict(*arguments: object) -> subprocess.CompletedProcess[str]:
+        command = ["bash", str(path), *map(str, arguments)]
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
+
+    assert (verdict().returncode, verdict(build).returncode, verdict(tmp_path / "no").returncode) == (2, 2, 2)
+    assert "must hold liblammps.so" in verdict(build).stderr
+    (build / "liblammps.so").symlink_to(session.package_directory() / "liblammps.so")
+    done = verdict(build, "--cases", case_file())
+    assert done.returncode == 0, done.stderr
+    run = json.loads((tmp_path / "report" / "run.json").read_text())
+    assert run["engine"]["name"] == f"path:{build}" and run["summary"] == {"exact": 1}

@@ -1,0 +1,327 @@
+"""Predictions are found again only where nothing has changed, to the last bit, and give the same report."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import platform
+import shutil
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison import prediction_keys, store
+from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.store import Store
+from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.findings.variants import ForcePerVolume, HeatOverDensity, NormalOfLastPair
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.judgement import particles_of
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+ROOT = Path(prediction_keys.__file__).parents[2]
+
+
+def _scene(name: str = "thermal.latent.2d") -> Particles:
+    case = casefile.select(casefile.load(), (name,))[0]
+    return particles_of(case.scene, campaign.prepare(case).atoms, case.where, (0, 1))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Particles:
+    return _scene()
+
+
+def _leaves(value: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Every number, word and array of a nest of dataclasses and tuples."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return [leaf for f in fields(value) for leaf in _leaves(getattr(value, f.name), (*path, f.name))]
+    if isinstance(value, tuple):
+        return [leaf for i, each in enumerate(value) for leaf in _leaves(each, (*path, str(i)))]
+    return [path]
+
+
+def _nudged(value: Any, path: tuple[str, ...]) -> Any:
+    """The nest with one leaf changed by as little as can be."""
+    if path:
+        if isinstance(value, tuple):
+            at = int(path[0])
+            return (*value[:at], _nudged(value[at], path[1:]), *value[at + 1 :])
+        changed = object.__new__(type(value))  # without its checks, which a change may not pass
+        for f in fields(value):
+            object.__setattr__(changed, f.name, getattr(value, f.name))
+        object.__setattr__(changed, path[0], _nudged(getattr(value, path[0]), path[1:]))
+        return changed
+    if isinstance(value, np.ndarray):
+        other = value.copy()
+        other.flat[-1] = _nudged(other.flat[-1].item(), ())
+        return other
+    match value:
+        case None:
+            return 0.0
+        case bool():
+            return not value
+        case int():
+            return value + 1
+        case float():
+            return float(np.nextafter(value, np.inf))
+        case str():
+            return value + "'"
+    raise AssertionError(f"no change for {value!r}")
+
+
+@pytest.mark.parametrize("name", ["thermal.latent.2d", "walls.reconstructed.gravity", "cross-type.both.2d"])
+def test_any_change_of_the_problem_is_another_key(name: str) -> None:
+    scene = _scene(name)
+    leaves = _leaves(scene)
+    assert ("state", "x_nc") in leaves
+    assert ("model", "eos", "laws", "0", "cs") in leaves
+    found = {fingerprint(_nudged(scene, leaf)) for leaf in leaves}
+    assert len(found | {fingerprint(scene)}) == len(leaves) + 1
+
+
+def test_every_element_counts(scene: Particles) -> None:
+    x_nc = scene.state.x_nc.copy()
+    found = {fingerprint(x_nc)}
+    for at in np.ndindex(x_nc.shape):
+        moved_nc = x_nc.copy()
+        moved_nc[at] = np.nextafter(moved_nc[at], np.inf)
+        found.add(fingerprint(moved_nc))
+    assert len(found) == x_nc.size + 1
+    assert (
+        len({fingerprint(x) for x in (0.0, -0.0, 0, False, None, "", (), ((),), np.zeros(1), np.zeros((1, 1)))}) == 10
+    )
+
+
+def test_variants_are_told_apart() -> None:
+    fitted = [
+        type("Fitted", (NormalOfLastPair,), {"pair": pair, "__module__": "lammps_cases.findings.variants"})
+        for pair in ((1, 2), (2, 1))
+    ]
+    both = type("Stages", (ForcePerVolume, NormalOfLastPair), {"__module__": "lammps_cases.findings.variants"})
+    kinds = [Plain, ForcePerVolume, HeatOverDensity, NormalOfLastPair, *fitted, both, Simulation, None]
+    assert len({fingerprint(kind) for kind in kinds}) == len(kinds)
+
+
+def test_a_variant_from_elsewhere_is_never_kept(scene: Particles, tmp_path: Path) -> None:
+    class Foreign(Plain):
+        pass
+
+    with pytest.raises(Unnamed):
+        fingerprint(Foreign)
+    with pytest.raises(Unnamed):
+        fingerprint(np.array([object()]))
+    for _ in range(2):
+        predictor = Predictor(Store(tmp_path))
+        predictor.predict(scene, (Foreign, Simulation))
+        assert (predictor.computed, predictor.stored) == (1, 0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copied = ("eos_ref", "lammps_cases")
+    for package in copied:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__", "cases"))
+    assert prediction_keys.context(tmp_path) == prediction_keys.context()
+    hashed = prediction_keys.hashed(tmp_path)
+    assert len(hashed) > 30
+    for path in hashed:
+        source = path.read_bytes()
+        path.write_bytes(source[:-1] + b" ")
+        assert prediction_keys.context(tmp_path) != prediction_keys.context(), path.name
+        path.write_bytes(source)
+    (tmp_path / "eos_ref" / "new.py").write_text("")
+    assert prediction_keys.context(tmp_path) != prediction_keys.context()
+    before = prediction_keys.context()
+    monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2")
+    assert prediction_keys.context() != before
+
+
+@pytest.mark.parametrize(
+    ("where", "name"),
+    [(prediction_keys, "_version"), (prediction_keys, "processor"), (np, "show_config"), (platform, "python_version")],
+)
+def test_libraries_and_processor_are_part_of_the_context(
+    where: Any, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = prediction_keys.context()
+    monkeypatch.setattr(where, name, lambda *of, **options: {"SIMD Extensions": "another"} if options else "another")
+    assert prediction_keys.context() != before
+
+
+def _imported(name: str) -> set[str]:
+    """Modules of lammps_cases that one of them imports anywhere in its text."""
+    module = ROOT / "lammps_cases" / name
+    files = sorted(module.glob("*.py")) if module.is_dir() else [module.with_suffix(".py")]
+    found = set()
+    for node in (node for file in files for node in ast.walk(ast.parse(file.read_text()))):
+        if isinstance(node, ast.ImportFrom) and node.module == "lammps_cases":
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lammps_cases."):
+            found.add((node.module or "").split(".")[1])
+    return found
+
+
+def test_the_context_holds_every_module_that_predictions_go_through() -> None:
+    seen, left = set(), {"predictions"}
+    while left:
+        name = left.pop()
+        seen.add(name)
+        left |= _imported(name) - seen
+    assert seen == {*prediction_keys.SOURCES, "methods"}
+    assert {path.parent.name for path in prediction_keys.hashed(ROOT)} == {"eos_ref", "lammps_cases", "methods"}
+
+
+def _bits(prediction: Prediction) -> list[bytes]:
+    return [
+        np.asarray(a).tobytes() for side in (prediction.fields, prediction.bounds) for at in side for a in at.values()
+    ]
+
+
+def test_what_is_found_has_the_bits_of_what_was_computed(scene: Particles, tmp_path: Path) -> None:
+    kept = Store(tmp_path, "context")
+    made = ForcePerVolume, Simulation
+    first, second, alone = Predictor(kept), Predictor(kept), Predictor()
+    for predictor in (first, second, alone):
+        predictor.predict(scene, seed=5)
+        predictor.unseen(scene, seed=5)
+    assert [(p.computed, p.stored) for p in (first, second, alone)] == [(2, 0), (0, 2), (2, 0)]
+    for one, other in ((first, second), (first, alone)):
+        assert _bits(one.predict(scene, seed=5)) == _bits(other.predict(scene, seed=5))
+        assert _bits(one.predict(scene, made, 5)) == _bits(other.predict(scene, made, 5))
+        assert one.unseen(scene, 5) == other.unseen(scene, 5)
+        digits = [p.precise(scene) for p in (one, other)]
+        assert all(np.array_equal(digits[0][f], digits[1][f], equal_nan=True) for f in scene.fields)
+        assert all(digits[0][f].dtype == digits[1][f].dtype for f in scene.fields)
+        for a, b in zip(one.values(scene, made), other.values(scene, made), strict=True):
+            assert all(a[f].tobytes() == b[f].tobytes() for f in scene.fields)
+    assert first.computed == alone.computed == 5
+    assert _bits(first.predict(scene, seed=6)) != _bits(first.predict(scene, seed=5))
+    assert Predictor(replace(kept, context="another")).store != kept
+
+
+@pytest.mark.parametrize("spoil", ["truncated", "empty", "one bit", "another's"])
+def test_damaged_entry_is_computed_anew(spoil: str, scene: Particles, tmp_path: Path) -> None:
+    kept = Store(tmp_path)
+    right = _bits(Predictor(kept).predict(scene, seed=1))
+    (file,) = tmp_path.iterdir()
+    content = file.read_bytes()
+    if spoil == "another's":
+        Predictor(kept).predict(scene, seed=2)
+        (other,) = set(tmp_path.iterdir()) - {file}
+        file.write_bytes(other.read_bytes())
+    else:
+        middle = len(content) // 2
+        flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+        file.write_bytes({"truncated": content[:-1], "empty": b"", "one bit": flipped}[spoil])
+    again = Predictor(kept)
+    assert _bits(again.predict(scene, seed=1)) == right
+    assert (again.computed, again.stored) == (1, 0)
+    assert file.read_bytes() == content
+
+
+def test_context_and_fresh_hide_what_is_there(scene: Particles, tmp_path: Path) -> None:
+    Predictor(Store(tmp_path, "a")).predict(scene)
+    for kept in (Store(tmp_path, "b"), Store(tmp_path, "a", fresh=True)):
+        predictor = Predictor(kept)
+        predictor.predict(scene)
+        assert (predictor.computed, predictor.stored) == (1, 0)
+    assert prediction_keys.current(prediction_keys.open_store())
+    assert not prediction_keys.current(Store(tmp_path, "sources of another time"))
+
+
+def test_folder_that_cannot_be_written_costs_no_result(scene: Particles, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    predictor = Predictor(Store(tmp_path / "file" / "below"))
+    assert _bits(predictor.predict(scene)) == _bits(Predictor().predict(scene))
+
+
+def test_the_longest_unused_goes_first(tmp_path: Path) -> None:
+    kept = Store(tmp_path)
+    for age, key in enumerate("abcd"):
+        kept.write(key, {"x": np.zeros(100)})
+        os.utime(kept._path(key), (1000 + age, 1000 + age))
+    count, size = kept.size()
+    assert count == 4
+    assert kept.read("a") is not None  # used just now
+    kept.trim(size // 2)
+    assert [kept.read(key) is not None for key in "abcd"] == [True, False, False, True]
+    kept.trim(0)
+    assert kept.size() == (0, 0)
+    assert Store(tmp_path / "absent").size() == (0, 0)
+
+
+def test_entries_keep_type_shape_and_bits() -> None:
+    arrays = {
+        "none": np.zeros((0, 3)),
+        "words": np.array(["a", "masses ignored"]),
+        "no words": np.array([], dtype=str),
+        "long": np.array([1, 3], np.longdouble) / 3,
+        "flags": np.array([[True], [False]]),
+        "columns": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        "special": np.array([np.nan, np.inf, -0.0]),
+        "one": np.float64(2.5),
+    }
+    found = store.unpacked("name", store.packed("name", arrays))
+    assert found is not None
+    assert list(found) == list(arrays)
+    for name, array in arrays.items():
+        assert found[name].dtype == np.asarray(array).dtype
+        assert found[name].shape == np.shape(array)
+        assert np.array_equal(found[name], array, equal_nan=np.asarray(array).dtype.kind == "f")
+    assert np.signbit(found["special"][2])
+    assert store.unpacked("other", store.packed("name", arrays)) is None
+    with pytest.raises(TypeError):
+        store.packed("name", {"x": np.array([{}])})
+
+
+def _document(path: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((path / "run.json").read_text())
+    for key in ("seconds", "date", "command", "predictions"):
+        document.pop(key)
+    for case in document["cases"]:
+        case.pop("seconds")
+        case.pop("predictions")
+    return document
+
+
+def test_second_run_finds_every_prediction_and_says_so(
+    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "kept"))
+    cases = (
+        "forces.all.quintic.2d",
+        "cross-type.both.2d",
+        "zmin.some.rk1",
+        "twins.walls.boost",
+        "walls-summed.quintic",
+    )
+    counts = {}
+    for out, arguments in {"cold": (), "warm": (), "fresh": ("--fresh",)}.items():
+        code, said, _ = eos_ref_command("run", *cases, *arguments, "--out", tmp_path / out)
+        assert code == 0
+        counts[out] = json.loads((tmp_path / out / "run.json").read_text())["predictions"]
+        assert ("from the store" in said) == (out == "warm")
+        assert ("from the store" in (tmp_path / out / "report.html").read_text()) == (out == "warm")
+        assert _document(tmp_path / out) == _document(tmp_path / "cold")
+        for file in (tmp_path / "cold" / "fields").iterdir():
+            assert file.read_bytes() == (tmp_path / out / "fields" / file.name).read_bytes(), file.name
+    made = counts["cold"]["computed"]
+    assert made > 10
+    assert counts == {
+        "cold": {"computed": made, "stored": 0},
+        "warm": {"computed": 0, "stored": made},
+        "fresh": {"computed": made, "stored": 0},
+    }
+    doctor = json.loads(eos_ref_command("doctor", "--json").out)["checks"]
+    assert any(check["what"] == "predictions" and str(tmp_path / "kept") in check["found"] for check in doctor)

@@ -1,0 +1,139 @@
+"""Each case is isolated: whatever LAMMPS does to its process costs that case alone, and the rest goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lammps_cases.engine import session
+from tests.support.outcome import Outcome
+
+# A package named lammps that is the real one, but for masses that stand for a fault.
+FAULTY = """
+import ctypes, os, signal, time
+__path__.append({real!r})
+exec(open({real!r} + "/__init__.py").read())
+_lammps = lammps
+
+class lammps(_lammps):
+    def commands_string(self, text):
+        fault = next((f for m, f in FAULTS.items() if f"mass 1 {{m}}.0" in text), None)
+        if fault is not None:
+            fault(self)
+        return super().commands_string(text)
+
+def _refuse(lmp):
+    lmp.command("no_such_command")
+
+def _fail(lmp):
+    raise Exception("ERROR: made up by the test")
+
+FAULTS = {{
+    101: lambda lmp: ctypes.string_at(0),
+    102: lambda lmp: os.abort(),
+    103: lambda lmp: time.sleep(600),
+    104: lambda lmp: lmp.command("quit 7"),
+    105: lambda lmp: bytearray(10**15),
+    106: lambda lmp: os.kill(os.getpid(), signal.SIGKILL),
+    107: _refuse,
+    108: _fail,
+}}
+"""
+POSITIONS: dict[str, Any] = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2}
+FAULTS = {
+    "good-first": (1.5, "exact", ""),
+    "segfault": (101.0, "crashed", "SIGSEGV"),
+    "aborts": (102.0, "crashed", "SIGABRT"),
+    "hangs": (103.0, "timeout", "time limit of 3 s"),
+    "quits": (104.0, "crashed", "exited with code"),
+    "memory": (105.0, "crashed", "out of memory"),
+    "killed": (106.0, "crashed", "SIGKILL"),
+    "error": (107.0, "refused", "Unknown command: no_such_command"),
+    "exception": (108.0, "refused", "made up by the test"),
+    "good-last": (1.7, "exact", ""),
+}
+
+
+@pytest.fixture(scope="module")
+def faulty_engine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    site = tmp_path_factory.mktemp("engine")
+    package = site / "lammps"
+    package.mkdir()
+    real = session.package_directory()
+    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
+    (package / "liblammps.so").symlink_to(real / "liblammps.so")
+    return site
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_fault_costs_its_own_case(
+    jobs: int,
+    faulty_engine: Path,
+    case_file: Callable[..., Path],
+    eos_ref_command: Callable[..., Outcome],
+    tmp_path: Path,
+) -> None:
+    matrix: dict[str, Any] = {
+        "fault": {label: {"types": [{"mass": mass, "rho0": 1.2, "cs": 3.1}]} for label, (mass, _, _) in FAULTS.items()}
+    }
+    file = case_file(matrix=matrix, engine={"time_limit": 3})
+    code, out, _ = eos_ref_command(
+        "run", "--cases", file, "--engine", f"path:{faulty_engine}", "--jobs", jobs, "--out", tmp_path / "report"
+    )
+    assert code == 3
+    run = json.loads((tmp_path / "report" / "run.json").read_text())
+    found = {case["case"].split(".")[1]: case for case in run["cases"]}
+    for label, (_, verdict, text) in FAULTS.items():
+        assert found[label]["verdict"] == verdict, (label, found[label]["message"])
+        assert text in found[label]["message"]
+        assert (f"mine.{label}:" in out) == (verdict != "exact"), "the failed cases, and only they, are named"
+    assert run["summary"] == {"exact": 2, "refused": 2, "crashed": 5, "timeout": 1}
+
+
+def test_words_of_a_dying_lammps_stay_off_the_terminal(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+    """LAMMPS aborts for a range of two stars; what the C++ runtime prints then is kept for the message."""
+    code, out, err = eos_ref_command("run", "refused.range-two-stars", "--out", tmp_path / "report")
+    assert code == 0, "the ledger explains it"
+    assert "terminate called" not in err + out
+    run = json.loads((tmp_path / "report" / "run.json").read_text())
+    assert "terminate called" in run["cases"][0]["message"]
+    assert run["cases"][0]["explained_by"] == "double-star-abort"
+
+
+def _alive(mark: str) -> list[int]:
+    """Processes that carry a mark in their environment."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in (process / "environ").read_bytes():
+                found.append(int(process.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="reads the process table of Linux")
+def test_killed_run_takes_a_computing_lammps_with_it(case_file: Callable[..., Path], tmp_path: Path) -> None:
+    """LAMMPS in a long run notices nothing of a parent that is gone."""
+    mark = f"EOS_REF_TEST={tmp_path.name}-{os.getpid()}"
+    file = case_file(evolve={"steps": 100000, "timestep": 0.001}, positions={**POSITIONS, "cells": [20, 20]})
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--cases", str(file), "--out", str(tmp_path / "r")]
+    environment = dict(os.environ, **dict([mark.split("=")]))
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 30
+    while len(_alive(mark)) < 4:  # itself, resource tracker, server, worker
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    time.sleep(1.0)  # the worker is in its time steps
+    process.kill()
+    process.wait()
+    while _alive(mark):
+        assert time.monotonic() < deadline, "a process outlives the run"
+        time.sleep(0.1)

@@ -1,0 +1,237 @@
+"""The main job on real LAMMPS: all shipped cases, what a run leaves behind, shards, kills."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from lammps_cases.records.run_record import RunRecord, read_run
+from lammps_cases.run import schemas
+from lammps_cases.scene import casefile
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """``eos-ref run`` as a user runs it, on every case that is not long."""
+    out = tmp_path_factory.mktemp("run") / "report"
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--out", str(out)]
+    return out, subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_every_shipped_case_is_as_expected(everything: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    out, done = everything
+    assert done.returncode == 0, done.stdout + done.stderr
+    run = read_run(out)
+    laws = [case for case in run.cases if "model" not in case.tags]
+    assert len(laws) >= 80
+    assert len(run.cases) - len(laws) >= 150
+    for case in run.cases:
+        assert case.as_expected, (case.case, case.verdict, case.message)
+    for case in laws:
+        if not case.expects:
+            assert [field.field for field in case.fields][-1] == "pressure"
+            assert case.verdict == "exact", "LAMMPS' order of operations is known for every law"
+    assert run.notes == [], "every finding that is listed for this engine is still there"
+    assert f"report: {out / 'report.html'}" in done.stdout
+
+
+def test_shipped_scenes_of_the_model_tell_formulas_apart(
+    everything: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    """What scenes are blind to: means where all viscosities are equal, walls never thinner than rho0, unit values."""
+    run = read_run(everything[0])
+    means, floor = "arithmetic for harmonic mean, or the reverse", "no lower limit to the density of walls"
+    blind = {case.case: set(case.lint) - {means} for case in run.cases if "model" in case.tags}
+    assert {name: lint for name, lint in blind.items() if lint} == {
+        "claims-walls.pressed": {floor},
+        "fluids.defaults": {"speed of sound ignored in artificial viscosity"},
+        "fluids.unit": {
+            "masses ignored",
+            "rho0 for rho in volumes",
+            "V_i for V_j",
+            "no volume in the force",
+            "speed of sound ignored in artificial viscosity",
+        },
+        "power-walls.background": {floor},
+        "walls-summed.quintic": {floor},
+        "walls-summed.shift": {floor},
+    }
+
+
+def test_what_a_run_leaves_behind(everything: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    out, _ = everything
+    names = {path.name for path in out.iterdir()}
+    assert names == {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
+    document = json.loads((out / "run.json").read_text())
+    jsonschema.Draft202012Validator(schemas.run_schema()).validate(document)
+    assert document["engine"]["distribution"]
+    assert len(document["engine"]["library_sha256"]) == 64
+    assert "stable" in document["engine"]["git"] or document["engine"]["git"]
+    compared = [case for case in document["cases"] if case["fields"]]
+    assert {f"{case['case']}.npz" for case in compared} == {path.name for path in (out / "fields").iterdir()}
+    suite = ET.parse(out / "junit.xml").getroot()
+    assert len(list(suite.iter("testcase"))) == len(document["cases"])
+
+
+def test_arrays_of_a_case_hold_both_sides(everything: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    out, _ = everything
+    with np.load(out / "fields" / "ranges.override.npz") as arrays:
+        n = len(arrays["id"])
+        assert np.array_equal(arrays["id"], np.arange(1, n + 1))
+        difference = np.abs(arrays["pressure.lammps"] - arrays["pressure.reference"])
+        assert np.all(difference <= arrays["pressure.bound"])
+        assert set(arrays["type"]) == {1, 2, 3, 4}
+        assert arrays["x"].shape == (n, 3)
+
+
+def _without_times(path: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((path / "run.json").read_text())
+    for key in ("seconds", "date", "command", "shard"):
+        document.pop(key)
+    for case in document["cases"]:
+        case.pop("seconds")
+    return document
+
+
+def test_second_run_and_merged_shards_give_the_same(eos_ref_command: Run, tmp_path: Path) -> None:
+    names = ("near-rho0", "ranges", "files")
+    for out, arguments in {"a": (), "b": ("--jobs", 2), "s1": ("--shard", "1/2"), "s2": ("--shard", "2/2")}.items():
+        assert eos_ref_command("run", *names, *arguments, "--out", tmp_path / out).code == 0
+    assert eos_ref_command("merge", tmp_path / "s1", tmp_path / "s2", "--out", tmp_path / "m").code == 0
+    for other in ("b", "m"):
+        assert _without_times(tmp_path / "a") == _without_times(tmp_path / other)
+        for file in (tmp_path / "a" / "fields").iterdir():
+            assert file.read_bytes() == (tmp_path / other / "fields" / file.name).read_bytes(), file.name
+    code, _, err = eos_ref_command("merge", tmp_path / "a", tmp_path / "b", "--out", tmp_path / "n")
+    assert code == 2
+    assert "occurs in two of the runs" in err
+    code, _, err = eos_ref_command("merge", tmp_path / "s1", "--out", tmp_path / "n")
+    assert code == 2
+    assert "missing 2/2" in err
+
+
+def test_json_is_the_only_output(eos_ref_command: Run, tmp_path: Path) -> None:
+    code, out, err = eos_ref_command("run", "near-rho0.linear", "--json", "--out", tmp_path / "report")
+    assert code == 0
+    assert RunRecord.model_validate_json(out).summary == {"exact": 2}
+    assert err == ""
+    assert json.loads(eos_ref_command("list", "--json").out)["cases"][0].keys() == {"case", "tags"}
+    assert {"id", "title", "severity", "engines", "cases", "variant"} == json.loads(
+        eos_ref_command("ledger", "--json").out
+    )["entries"][0].keys()
+
+
+def test_strict_turns_explained_into_failure(eos_ref_command: Run, tmp_path: Path) -> None:
+    assert eos_ref_command("run", "refused.range-two-stars", "--out", tmp_path / "a").code == 0
+    assert eos_ref_command("run", "refused.range-two-stars", "--strict", "--out", tmp_path / "b").code == 1
+
+
+def test_refusal_with_another_text_differs(
+    case_file: Callable[..., Path], eos_ref_command: Run, tmp_path: Path
+) -> None:
+    file = case_file(violate="no-fix-viscosity", expect={"refused": "something else"})
+    code, out, _ = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report")
+    assert code == 1
+    assert "Missing fix rheo/viscosity" in out
+
+
+def test_refusal_that_does_not_come_differs(
+    case_file: Callable[..., Path], eos_ref_command: Run, tmp_path: Path
+) -> None:
+    file = case_file(expect={"refused": "any error"})
+    code, out, _ = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report")
+    assert code == 1
+    assert "LAMMPS accepts what the manual refuses" in out
+
+
+def test_unexpected_refusal_is_exit_code_3(
+    case_file: Callable[..., Path], eos_ref_command: Run, tmp_path: Path
+) -> None:
+    # Particles outside of a box that is not periodic cannot be told from the scene alone: LAMMPS loses them.
+    (tmp_path / "d.extxyz").write_text(
+        '1\nLattice="4 0 0 0 4 0 0 0 1" Properties=species:S:1:pos:R:3:rho:R:1 pbc="F F F"\nH 1.0 1.0 0 1.1\n'
+    )
+    file = case_file(positions={"extxyz": "d.extxyz"}, rho=None, dimension=3, name="flat")
+    code, _out, _ = eos_ref_command("run", "--cases", file, "--out", tmp_path / "report")
+    assert code in (0, 3)
+    run = read_run(tmp_path / "report")
+    assert (code == 3) == (run.cases[0].verdict == "refused")
+
+
+@pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_path: Path) -> None:
+    out = tmp_path / "report"
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--out", str(out), "--jobs", "1"]
+    subprocess.run([*command, "near-rho0.linear"], check=True, capture_output=True)
+    before = {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's children inherit that it is ignored
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob(".report.partial/fields/*")):  # it is in the middle of its work
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    if kill == signal.SIGKILL:
+        os.killpg(process.pid, kill)
+    else:
+        process.send_signal(kill)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode != 0
+    if kill != signal.SIGKILL:
+        assert process.returncode == 130
+        assert err.strip().splitlines()[-1] == "eos-ref: interrupted; nothing half-written"
+        assert not (tmp_path / ".report.partial").exists()
+    assert before == {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
+    assert subprocess.run([*command, "near-rho0.linear"], check=False, capture_output=True).returncode == 0
+
+
+def test_report_is_rendered_again(eos_ref_command: Run, tmp_path: Path) -> None:
+    eos_ref_command("run", "near-rho0.linear", "--out", tmp_path / "report")
+    page = tmp_path / "report" / "report.html"
+    before = page.read_bytes()
+    page.unlink()
+    assert eos_ref_command("report", tmp_path / "report").code == 0
+    assert page.read_bytes() == before
+
+
+def test_shipped_cases_cover_what_they_must() -> None:
+    cases = casefile.load()
+    assert len(cases) >= 80
+    scenes = [case.scene for case in cases]
+    styles = {law.style for scene in scenes for law in scene.pressure}
+    assert styles == {"linear", "cubic", "tait/water", "tait/general", "ideal/gas", "background"}
+    assert {scene.units for scene in scenes} == {"lj", "si", "real", "metal", "cgs", "micro", "nano"}
+    assert {scene.dimension for scene in scenes} == {2, 3}
+    assert any(scene.rho_sum for scene in scenes)
+    assert any(scene.evolve for scene in scenes)
+    assert sum(scene.expect is not None for scene in scenes) >= 10
+    forms = {law.types for scene in scenes for law in scene.pressure}
+    assert {"*", "1", "*3", "3*", "2*3"} <= forms
+
+
+def test_published_schemas_are_current() -> None:
+    for path, content in schemas.documents().items():
+        assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.run.schemas"
+
+
+@pytest.mark.parametrize("path", sorted(casefile.SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_case_files_fit_the_published_schema(path: Path) -> None:
+    schema = json.loads((schemas.FOLDER / "scene.schema.json").read_text())
+    jsonschema.Draft202012Validator(schema).validate(casefile.read_yaml(path))

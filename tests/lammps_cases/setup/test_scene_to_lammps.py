@@ -1,0 +1,149 @@
+"""What a scene becomes: particles, plan, commands; only what the scene needs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from lammps_cases.engine.session import Job, Run
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile, models
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from tests.support.outcome import Outcome
+
+Write = Callable[..., Path]
+
+
+def told(name: str) -> Job:
+    (case,) = casefile.select(casefile.load(), [name])
+    return job(case.scene, campaign.prepare(case).atoms, plan(case.scene))
+
+
+def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
+    commands = (*told("near-rho0.linear.2d").setup, *told("near-rho0.linear.2d").commands)
+    words = " ".join(commands)
+    for absent in ("pair_style", "comm_modify", "thermal", "enforce2d", "rho/sum", "timestep"):
+        assert absent not in words
+    fixes = [command.split()[3] for command in commands if command.startswith("fix ")]
+    assert fixes == ["rheo", "rheo/viscosity", "rheo/pressure"], "what LAMMPS itself insists on, and no more"
+    assert told("near-rho0.linear.2d").runs == (Run("run 0 post no"),)
+
+
+def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
+    summed, moved = told("summed.2d"), told("evolved.2d")
+    assert any(command.startswith("pair_style rheo") for command in summed.commands)
+    assert any("rho/sum" in command for command in summed.commands)
+    assert moved.runs == (Run("run 10 post no", read=False), Run("run 0 post no"))
+    assert any("enforce2d" in command for command in moved.commands)
+    assert not any("enforce2d" in command for command in told("evolved.3d").commands)
+    assert any("rheo/thermal" in command for command in told("evolved.ideal-gas").commands)
+
+
+@pytest.mark.parametrize("name", ["near-rho0.linear.2d", "evolved.ideal-gas", "ideal-gas.beside-tait", "summed.3d"])
+def test_numbers_in_commands_read_back_as_the_same_doubles(name: str) -> None:
+    (case,) = casefile.select(casefile.load(), [name])
+    (rheo,) = [command for command in told(name).commands if " rheo " in command and command.startswith("fix")]
+    words = rheo.split()
+    n = len(case.scene.types)
+    at = words.index("density")
+    assert tuple(map(float, words[at + 1 : at + 1 + n])) == case.scene.rho0
+    at = words.index("speed/sound")
+    assert tuple(map(float, words[at + 1 : at + 1 + n])) == case.scene.cs
+
+
+def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
+    """No text of a scene reaches LAMMPS but numbers, type ranges and words of closed lists."""
+    free_text = []
+    for name, field in _text_fields():
+        free_text.append(f"{name}.{field}")
+    # types: a range that the reference's parser accepts, or a scene that expects refusal (digits, stars, hyphens);
+    # extxyz, csv, column: files read by the harness; refused: compared with LAMMPS' answer.
+    assert sorted(free_text) == [
+        "Expect.refused",
+        "ForceSettings.types",
+        "FromFile.extxyz",
+        "Law.types",
+        "ShiftSettings.exclude",
+        "Table.column",
+        "Table.csv",
+    ]
+    assert casefile.load_file(case_file(pressure=[{"types": "*", "style": "linear"}]))
+    for evil in ("1 linear\nshell date", "* linear fix", "${x}", "1;2", "all"):
+        places: dict[str, dict[str, Any]] = {
+            "types": {"pressure": [{"types": evil, "style": "linear"}]},
+            "types ": {"forces": [{"style": "gravity", "vector": [0, -1], "types": evil}]},
+            "exclude": {"rheo": {"shift": {"exclude": [evil]}}},
+        }
+        for place, changes in places.items():
+            file = case_file(**changes, expect={"refused": "Invalid range string"})
+            with pytest.raises(ValueError, match=place.strip()):
+                casefile.load_file(file)
+
+
+def _text_fields() -> list[tuple[str, str]]:
+    return [
+        (model.__name__, name)
+        for model in models()
+        for name, field in model.model_fields.items()
+        if _holds_text(field.annotation)
+    ]
+
+
+def _holds_text(annotation: Any) -> bool:
+    return annotation is str or any(
+        _holds_text(part) for part in get_args(annotation) if isinstance(part, type) or get_args(part)
+    )
+
+
+def test_positions_are_seeded_by_the_name_and_inside_the_box() -> None:
+    cases = [case for case in casefile.load() if case.name.startswith(("near-rho0.linear", "ranges"))]
+    built = {case.name: campaign.prepare(case).atoms for case in cases}
+    for case in cases:
+        again = campaign.prepare(case).atoms
+        atoms = built[case.name]
+        assert np.array_equal(again.x_nc, atoms.x_nc)
+        assert again.rho_n is not None and np.array_equal(again.rho_n, atoms.rho_n)
+        assert np.all(atoms.x_nc >= atoms.low_c) and np.all(atoms.x_nc < atoms.high_c)
+    for one, other in itertools.combinations(sorted(name for name in built if name.startswith("ranges")), 2):
+        if built[one].x_nc.shape == built[other].x_nc.shape:
+            assert not np.array_equal(built[one].x_nc, built[other].x_nc)
+
+
+def test_types_have_equal_shares() -> None:
+    atoms = campaign.prepare(casefile.select(casefile.load(), ["ranges.single"])[0]).atoms
+    assert np.ptp(np.bincount(atoms.type_n)[1:]) <= 1
+    blocks = campaign.prepare(casefile.select(casefile.load(), ["ranges.blocks"])[0]).atoms
+    assert np.all(np.diff(blocks.type_n) >= 0)
+
+
+def test_explain_prints_the_plan(eos_ref_command: Callable[..., Outcome]) -> None:
+    code, out, _ = eos_ref_command("explain", "near-rho0.linear.2d")
+    assert code == 0
+    for part in ("neighbour list", "no compared field is a sum over neighbours", "roundings x 2^-53", "pair rheo"):
+        assert part in out
+
+
+def test_every_shipped_scene_of_a_law_tells_formulas_apart_unless_it_is_about_coincidence(tmp_path: Path) -> None:
+    """The lint: what a scene is blind to is known and listed here, scene by scene."""
+    from lammps_cases.engine.installations import Engine
+
+    run = campaign.run_cases(casefile.select(casefile.load(), tag="eos"), Engine(), 2, tmp_path / "report")
+    blind = {case.case: set(case.lint) for case in run.cases if case.lint}
+    same_law = {"types exchanged"}  # an ideal gas does not depend on rho0 and cs: its types differ in mass only
+    ones = {"cs instead of cs^2", "cs ignored", "rho0 ignored", "rho0 and cs exchanged", "types exchanged"}
+    assert blind == {
+        "defaults.linear": ones,
+        "defaults.tait-water": ones,
+        "exponents.g-7": {"exponent 7 for every Tait law"},
+        "ideal-gas.nearly-isothermal": same_law,
+        "ideal-gas.negative-energy": same_law,
+        "ideal-gas.stiff": same_law,
+        "ideal-gas.three-dimensions": same_law,
+        "prefactors.zero": {"linear instead of Tait or cubic"},
+    }

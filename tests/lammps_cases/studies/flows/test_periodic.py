@@ -1,0 +1,181 @@
+"""Periodic flows: order on the reference, faults that it sees, what LAMMPS does otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model import kernels
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.converge import ENGINES, Engine, by_lammps, by_reference, converge
+from lammps_cases.studies.flows.flow import Flow, Options, Start
+from lammps_cases.studies.flows.periodic import (
+    COMPRESSED,
+    FLOWS,
+    HEAT,
+    MOVED,
+    QUICK,
+    SHEAR,
+    SOUND,
+    SOUNDS,
+    STRIP,
+    VORTICES,
+    wave_number,
+)
+from tests.support.flow_faults import Plant, differences, in_scene, of_types
+
+PROMISED = 2
+SAME = 1e-8  # formulas that are the same on paper differ by roundings, which hundreds of steps let grow
+
+
+@pytest.fixture(scope="module")
+def lmp() -> Any:
+    return session.open_lammps()
+
+
+def orders(flow: Flow, plant: Plant | None = None) -> dict[str, float]:
+    """Order of every measure on the reference, with a mistake or without."""
+    if plant is not None:
+        planted, begin = plant, flow.start
+        flow = replace(flow, start=lambda n, options: planted(begin(n, options)))
+    (found,) = converge(flow, engines=("reference",), resolutions=QUICK)
+    return {measure: found.fit(measure).order for measure in found.errors}
+
+
+def hotter(start: Start) -> Start:
+    """A gas of 10 % more energy, where sound is 5 % faster."""
+    assert start.atoms.energy_n is not None
+    return replace(start, atoms=replace(start.atoms, energy_n=1.1 * start.atoms.energy_n))
+
+
+@pytest.mark.parametrize("flow", FLOWS, ids=lambda flow: flow.name)
+def test_order(flow: Flow) -> None:
+    """Every measure falls at an order nearer to the one promised than to the one below, or better."""
+    assert str(PROMISED) == flow.expected.split(":")[0]
+    assert min(orders(flow).values()) > PROMISED - 0.5
+
+
+@pytest.mark.parametrize(
+    ("flow", "measure", "plant"),
+    [
+        pytest.param(SHEAR, "rate", of_types(viscosity=1.05), id="shear-viscosity"),
+        pytest.param(HEAT, "rate", of_types(conductivity=1.05), id="heat-conductivity"),
+        pytest.param(HEAT, "rate", of_types(specific_heat=1.05), id="heat-specific-heat"),
+        pytest.param(VORTICES, "rate", of_types(viscosity=1.05), id="vortices-viscosity"),
+        pytest.param(SOUND, "damping", of_types(viscosity=0.95), id="sound-viscosity"),
+        *(
+            pytest.param(flow, "speed", hotter if "gas" in flow.name else of_types(cs=1.05), id=flow.name)
+            for flow in SOUNDS
+        ),
+    ],
+)
+def test_order_sees(flow: Flow, measure: str, plant: Plant) -> None:
+    assert orders(flow, plant)[measure] < PROMISED - 0.5
+
+
+@pytest.mark.parametrize(
+    "flow", [flow for flow in SOUNDS if not flow.name.endswith(("linear", "gas"))], ids=lambda flow: flow.name
+)
+def test_order_sees_another_law(flow: Flow) -> None:
+    """At a density other than rho0 sound of every law has a speed of its own."""
+    law = SOUND.start(QUICK[0], SOUND.options).case.scene.pressure
+    assert orders(flow, in_scene(lambda scene: {"pressure": law}))["speed"] < PROMISED - 0.5
+
+
+def test_shear_wave_decays_as_its_lattice_does() -> None:
+    """Rate of a lattice, -2 nu sum V W'/r (1 - cos k x), in steps whose force is that of half a step before."""
+    n, options = 16, Options()
+    start = SHEAR.start(n, options)
+    k, nu, dt = wave_number(n), start.case.scene.types[0].viscosity, start.timestep
+    assert isinstance(nu, float)
+    x_p, y_p = (a.ravel() for a in np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)))
+    r_p = np.hypot(x_p, y_p)
+    near = (r_p > 0) & (r_p < options.cut)
+    x_p, r_p = x_p[near], r_p[near]
+    slope_p = kernels.normalisation(2, options.cut) * kernels.quintic_slope(r_p)
+    rate = -2 * nu * np.sum(slope_p / r_p * (1 - np.cos(k * x_p)))
+    exact = -np.log(1 - rate * dt) / dt / (nu * k**2) - 1
+    found = SHEAR.measures(n, options, by_reference(start).snapshots)["rate"]
+    assert found == pytest.approx(abs(exact), abs=MOVED**2)
+    assert found > 50 * MOVED  # what is compared is far above what the motion of particles leaves open
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_sound_grows_unless_the_step_is_short(name: Engine) -> None:
+    """The pressure lags by half a step, so that damping misses c^2 dt/(2 nu) of itself; above 1 the wave grows."""
+    n, errors = 24, []
+    for fraction in (1.0, 0.5):
+        options = replace(SOUND.options, dt_fraction=fraction, extra={"attenuation": 0.003})
+        start = SOUND.start(n, options)
+        missed = start.timestep / (2 * 0.003 * n)
+        (found,) = converge(SOUND, options, (name,), (n,))
+        errors.append(found.errors["damping"][0])
+        assert errors[-1] == pytest.approx(missed, rel=(wave_number(n)) ** 2)  # but for the kernel's smoothing
+    assert errors[0] > 1 > errors[1]
+
+
+@pytest.mark.parametrize("flow", [SHEAR, VORTICES, *SOUNDS], ids=lambda flow: flow.name)
+def test_findings_account_for_lammps(flow: Flow, lmp: Any) -> None:
+    """With forces per volume the reference does what LAMMPS does."""
+    n = 12
+    shot = by_reference(flow.start(n, flow.options)).snapshots[-1]
+    assert max(differences(flow, n, variants.ForcePerVolume, lmp)) < SAME
+    assert np.abs(shot.rho_n / shot.rho_n.mean() - 1).max() < 20 * COMPRESSED or flow is VORTICES
+
+
+@pytest.mark.parametrize("extra", [{}, {"cv": 2.0}, {"rho0": 2.0, "cv": 3.0}], ids=["unit", "cv", "rho0-cv"])
+def test_findings_account_for_heat(extra: dict[str, float | str], lmp: Any) -> None:
+    """heat-is-temperature-rate: the diffusivity for the conductivity, which is the same where m, V and cv are 1."""
+    n, options = 12, replace(HEAT.options, extra=extra)
+    start = HEAT.start(n, options)
+    found = by_lammps(start, lmp).snapshots[-1]
+    scene = start.case.scene
+    model, box = reference_side.model(scene, start.atoms, ""), reference_side.box(scene, start.atoms)
+    simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), variants.HeatAsTemperatureRate)
+    simulation.run(start.steps[-1], start.timestep)
+    assert found.energy_n == pytest.approx(simulation.output("energy"), rel=SAME)
+    ours = by_reference(start).snapshots[-1]
+    assert ours.energy_n is not None and found.energy_n is not None
+    assert (np.abs(ours.energy_n / found.energy_n - 1).max() < SAME) == (not extra)
+
+
+def test_heat_of_lammps_flows_slower_by_mass_and_heat_capacity() -> None:
+    options = replace(HEAT.options, extra={"rho0": 2.0, "cv": 3.0})
+    (found,) = converge(HEAT, options, ("lammps",), QUICK)
+    assert found.errors["rate"] == pytest.approx([1 - 1 / 6] * len(QUICK), rel=wave_number(QUICK[0]) ** 2 / 6)
+
+
+def test_summed_density_keeps_the_error_of_its_sum() -> None:
+    """The sum over a lattice misses the density by as much at every resolution, and the wave still converges."""
+    options = Options(kernel="RK1", rho_sum=True)
+    (found,) = converge(SOUND, options, ("reference",), QUICK)
+    cells = np.arange(-3, 4)
+    r_nn = np.hypot(cells[:, None], cells)
+    missed = np.sum(np.where(r_nn < 3, kernels.normalisation(2, 3.0) * kernels.quintic(r_nn), 0.0)) - 1
+    assert found.errors["mean"] == pytest.approx([abs(missed)] * len(QUICK), abs=COMPRESSED**2)
+    assert found.fit("speed").order > PROMISED - 0.5
+
+
+def test_start_conserves_mass() -> None:
+    """Spacing times density is the mass of a column, to second order in the spacing over the wavelength."""
+    n = 32
+    atoms = SOUND.start(n, SOUND.options).atoms
+    assert atoms.rho_n is not None
+    x_n, rho_n = atoms.x_nc[:n, 0], atoms.rho_n[:n]
+    mass_n = np.diff(x_n) * (rho_n[1:] + rho_n[:-1]) / 2
+    assert mass_n == pytest.approx(atoms.mass_n[0], rel=COMPRESSED * wave_number(n) ** 2)
+    assert np.ptp(rho_n) > 1.9 * COMPRESSED and len(atoms) == n * STRIP
+
+
+def test_unknown_law_is_refused() -> None:
+    with pytest.raises(InputError, match="option law"):
+        SOUND.start(16, Options(extra={"law": "ideal"}))
+    with pytest.raises(InputError, match="must be a number"):
+        HEAT.start(16, Options(extra={"cv": "two"}))

@@ -1,0 +1,80 @@
+"""The shock tube: order on the reference, faults that it sees, the solution that LAMMPS converges to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.studies.flows.converge import converge
+from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.flows.shock import SHOCK_TUBE, problem, without_volume
+from tests.support.flow_faults import Plant, differences, of_energy, of_gamma, of_types, order
+
+QUICK = SHOCK_TUBE.quick
+SAME = 1e-8  # velocities over the largest, densities relative: roundings of some dozen steps
+
+
+def test_order() -> None:
+    assert SHOCK_TUBE.expected.startswith("1:")
+    assert order(SHOCK_TUBE, QUICK) > 0.5
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        pytest.param(of_energy(1.1), id="energy"),
+        pytest.param(of_gamma(1.45), id="gamma"),
+        pytest.param(of_types((2,), mass=0.9), id="mass of the thin gas"),
+    ],
+)
+def test_order_sees(plant: Plant) -> None:
+    assert order(SHOCK_TUBE, QUICK, plant) < 0.5
+
+
+def test_lammps_converges_to_the_solution_without_volumes() -> None:
+    """force-per-volume, as a closed solution: LAMMPS falls towards it and not to the one of the gas."""
+    (found,) = converge(SHOCK_TUBE, engines=("lammps",), resolutions=QUICK)
+    assert not found.messages
+    for name in ("density", "velocity"):
+        assert found.fit(name).order < 0.5 < found.fit(f"{name} without volume").order
+        assert found.errors[name][-1] > found.errors[f"{name} without volume"][-1]
+
+
+def test_finding_accounts_for_lammps() -> None:
+    lmp = session.open_lammps()
+    assert max(differences(SHOCK_TUBE, QUICK[0], variants.ForcePerVolume, lmp)) < SAME
+    assert max(differences(SHOCK_TUBE, QUICK[0], Plain, lmp)) > 1e4 * SAME
+
+
+def test_solution_without_volumes() -> None:
+    """The mass stays; in the fan du/dt = -dP/dx / m and d rho/dt = -rho du/dx, by central differences."""
+    gases = problem(Options())
+    left, t, d = gases.left, 1.3, 1e-5
+    x_n = np.linspace(-3.0, 3.0, 600_001)
+    rho_n, _ = without_volume(gases, x_n, t)
+    mass = np.trapezoid(rho_n, x_n)
+    assert mass == pytest.approx(3 * (left.rho + gases.right.rho), abs=x_n[1] - x_n[0])
+    x_n = np.linspace(-0.95, -0.5, 10) * t * left.c
+    (rho_t, u_t), (rho_x, u_x) = (
+        [
+            (a - b) / (2 * d)
+            for a, b in zip(
+                without_volume(gases, x_n + dx, t + dt), without_volume(gases, x_n - dx, t - dt), strict=True
+            )
+        ]
+        for dx, dt in ((0, d), (d, 0))
+    )
+    rho_n, u_n = without_volume(gases, x_n, t)
+    np.testing.assert_allclose(rho_t + u_n * rho_x + rho_n * u_x, 0.0, atol=1e-9)
+    np.testing.assert_allclose(u_t + u_n * u_x + left.c**2 * rho_x / left.rho, 0.0, atol=1e-9)
+
+
+def test_bad_input() -> None:
+    with pytest.raises(InputError, match="thin"):
+        SHOCK_TUBE.start(60, replace(SHOCK_TUBE.options, extra={"thin": 1.5}))

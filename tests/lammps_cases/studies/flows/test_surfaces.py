@@ -1,0 +1,59 @@
+"""The stretching drop and two fluids at rest: order on the reference, faults that it sees, LAMMPS beside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.engine import session
+from lammps_cases.findings import variants
+from lammps_cases.studies.flows.converge import converge
+from lammps_cases.studies.flows.flow import Flow
+from lammps_cases.studies.flows.surfaces import DROP, INTERFACE
+from tests.support.flow_faults import Plant, differences, faster, of_types, order
+
+QUICK = DROP.quick  # and the interface's
+SAME = 1e-8  # velocities over the largest, densities relative: roundings of a hundred steps
+flows = pytest.mark.parametrize("flow", [DROP, INTERFACE], ids=["drop", "interface"])
+
+
+@pytest.fixture(scope="module")
+def lmp() -> Any:
+    return session.open_lammps()
+
+
+@flows
+def test_order(flow: Flow) -> None:
+    assert flow.expected.startswith("1:")
+    assert order(flow, QUICK) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("flow", "plant"),
+    [
+        pytest.param(DROP, faster(1.05), id="drop-rate"),
+        pytest.param(DROP, of_types(cs=0.3), id="drop-sound"),
+        pytest.param(INTERFACE, of_types((2,), mass=1.1), id="interface-mass"),
+        pytest.param(INTERFACE, of_types((2,), rho0=1.1), id="interface-density"),
+    ],
+)
+def test_order_sees(flow: Flow, plant: Plant) -> None:
+    assert order(flow, QUICK, plant) < 0.5
+
+
+@flows
+def test_lammps_converges_as_well(flow: Flow) -> None:
+    """Volumes stay near 1, so the missing volume hardly shows: within a tenth of the error itself."""
+    ours, theirs = converge(flow, resolutions=QUICK)
+    assert not theirs.messages
+    headline = next(iter(ours.errors))
+    np.testing.assert_allclose(theirs.errors[headline], ours.errors[headline], rtol=0.1)
+
+
+@flows
+def test_finding_accounts_for_lammps(flow: Flow, lmp: Any) -> None:
+    assert max(differences(flow, QUICK[0], variants.ForcePerVolume, lmp)) < SAME
+    assert max(differences(flow, QUICK[0], Plain, lmp)) > 1e3 * SAME

@@ -1,0 +1,332 @@
+"""Planted faults turn cases red by the ordinary verdict; without one nothing is red; what is not seen is said."""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from multiprocessing import forkserver
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.engine import installations
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation import collect, formula, page, plant, read, record, source, told
+from lammps_cases.studies.mutation.alarms import Alarm, AlarmRun
+from lammps_cases.studies.mutation.control import Control
+from lammps_cases.studies.mutation.fault import FAMILIES, KINDS, Fault, Seen
+from lammps_cases.studies.mutation.plant import Field, Planted
+from lammps_cases.studies.mutation.player import Mistake, load
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kept, Power
+from lammps_cases.studies.mutation.source import SourceFault
+from tests.support.outcome import Outcome
+
+CASES = {case.name: case for case in casefile.load()}
+# Small cases without time steps: laws of several types, a gas, viscosities, surfaces, a refusal.
+NAMES = ("ranges.background-override", "ideal-gas.beside-tait", "strain.thinning.2d", "power-status.divergence")
+REFUSED = "refused.no-fix-rheo"
+LAW, GAS, FLUID, SURFACE = NAMES
+# fault: the case that sees it first, the verdict, the field it names
+SEEN: dict[str, tuple[str, str, str] | None] = {
+    "told.cs-off": (LAW, "differs", "pressure_used"),
+    "told.range-ends-early": (LAW, "differs", "pressure_used"),
+    "told.energy-not-per-mass": (GAS, "differs", "esph"),
+    "told.no-pressure-fix": (LAW, "crashed", ""),
+    "told.power-gd0": (FLUID, "differs", "viscosity"),
+    "told.refusal-not-asked": (REFUSED, "differs", ""),
+    "read.single-rho": (LAW, "differs", "rho"),
+    "read.one-off-output-grad-v": (FLUID, "differs", "grad/v"),
+    "read.one-more-output-status": (SURFACE, "differs", "status"),
+    "read.id-repeated": (LAW, "differs", "id"),
+    "formula.lint-background-dropped": (LAW, "differs", "pressure_used"),
+    "formula.lint-masses-ignored": (FLUID, "differs", "grad/v"),
+    "formula.strain-half": (FLUID, "differs", "viscosity"),
+    "formula.status-without-layer": (SURFACE, "differs", "status"),
+    "formula.kick-missing": None,  # no time step here
+    "source.hangs": (LAW, "timeout", ""),
+    "source.dies": (LAW, "crashed", ""),
+    "source.raises": (LAW, "crashed", ""),
+}
+
+
+def _own_fault(name: str, statement: str) -> SourceFault:
+    """A fault in the law of NAMES[0]."""
+    text = source.text_of("eos.laws")
+    changed = text.replace("    return cs * cs * (rho - rho0)\n", f"    {statement}\n")
+    assert changed != text
+    return SourceFault(f"source.{name}", "source", statement, "eos.laws", changed)
+
+
+OWN = {
+    fault.id: fault
+    for fault in (
+        _own_fault("hangs", "while True: pass"),
+        _own_fault("dies", "import os; os._exit(3)"),
+        _own_fault("raises", "raise ValueError('no')"),
+    )
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def clean_server() -> None:
+    """Mistakes are loaded in processes without the reference; the server of tests before these may have loaded it."""
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]
+
+
+@pytest.fixture(scope="module")
+def planted() -> Iterator[tuple[list[Control], dict[str, Planted]]]:
+    """The control, and all faults of SEEN planted."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plant, "CASE_LIMIT", 2.0)
+        with Field(installations.resolve("env"), 2, None) as field:
+            control = field.prepare([CASES[name] for name in (*NAMES, REFUSED)], lambda *_: None)
+            done: dict[str, Planted] = {}
+            faults = plant.faults() | OWN
+            field.plant([faults[name] for name in SEEN], lambda one: done.__setitem__(one.fault.id, one))
+            yield control, done
+
+
+def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, Planted]]) -> None:
+    control, _ = planted
+    assert [(c.case, c.answered, c.played, c.red) for c in control] == [
+        *((name, True, True, ()) for name in NAMES),
+        (REFUSED, True, None, ()),
+    ]
+
+
+@pytest.mark.parametrize("fault", SEEN)
+def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, Planted]]) -> None:
+    seen = planted[1][fault].caught_by
+    expected = SEEN[fault]
+    if expected is None:
+        assert seen == ()
+    else:
+        assert [(one.case, one.verdict, one.field) for one in seen] == [expected]
+
+
+def test_every_case_that_sees_a_fault() -> None:
+    with Field(installations.resolve("env"), 1, None, every=True) as field:
+        field.prepare([CASES[LAW], CASES[GAS]], lambda *_: None)
+        done: list[Planted] = []
+        field.plant([plant.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")], done.append)
+    assert {p.fault.id: sorted(s.case for s in p.caught_by) for p in done} == {
+        "told.cs-off": sorted((LAW, GAS)),
+        "formula.linear-of-rho": [LAW],
+    }
+
+
+# --- the faults themselves
+
+
+def test_faults_are_many_and_named_once() -> None:
+    faults = plant.faults()
+    assert len(faults) >= 500
+    assert {fault.family for fault in faults.values()} == set(FAMILIES)
+    assert {fault.kind for fault in faults.values()} == set(KINDS)
+    assert all(name == fault.id and fault.what for name, fault in faults.items())
+
+
+def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
+    assert "formula.lint-no-volume-in-the-force" not in plant.faults("2025.7.22.4.0")
+    assert "formula.lint-no-volume-in-the-force" in plant.faults("2025.7.22.1.0")
+    assert "formula.lint-heat-divided-by-the-density" in plant.faults("2025.7.22.4.0")
+
+
+def test_changed_sources_are_others_each() -> None:
+    changed = [fault for fault in plant.faults().values() if isinstance(fault, SourceFault)]
+    assert len({(fault.module, fault.text) for fault in changed}) == len(changed)
+    for fault in formula.faults().values():
+        if isinstance(fault, SourceFault):
+            compile(fault.text, fault.id, "exec")
+    for drawn in source.faults().values():
+        before, _, after = drawn.what.partition(": ")[2].partition(" \N{RIGHTWARDS ARROW} ")
+        assert before != after, drawn.id
+
+
+def test_faults_keep_their_names_when_code_is_added() -> None:
+    text = (source.FOLDER / "kernels.py").read_text(encoding="utf-8")
+    before = source.names("kernels", ast.parse(text))
+    after = source.names("kernels", ast.parse(text + "\n\ndef more(a, b):\n    return a + b\n"))
+    assert set(after) - set(before) == {"source.kernels.more.operator-1"}
+    assert {name: after[name] for name in before} == before
+
+
+def test_a_sample_is_the_same_each_time() -> None:
+    drawn = [fault.id for fault in collect.select(plant.faults(), (), sample=7)]
+    assert drawn == [fault.id for fault in collect.select(plant.faults(), (), sample=7)]
+    assert len(drawn) == 7
+
+
+def test_a_fault_that_changes_nothing_does_not_apply() -> None:
+    ready = campaign.prepare(CASES[FLUID])
+    sides = [(ready.case.scene, ready.jobs[0])]
+    assert told.jobs(told.faults()["told.A3-sign"], sides, [ready.atoms]) is None
+    assert told.jobs(told.faults()["told.mass-off"], sides, [ready.atoms]) is not None
+
+
+def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> None:
+    from lammps_cases.engine.session import Answer
+
+    right = {"id": np.arange(1, 5), "f": np.arange(12.0).reshape(4, 3)}
+    answer = Answer(right, 0.0, (right,), (0,))
+    for fault in read.faults().values():
+        spoilt = read.spoilt(fault, answer)
+        assert right["f"].tolist() == np.arange(12.0).reshape(4, 3).tolist(), fault.id
+        assert spoilt is None or set(spoilt.arrays) == set(right)
+
+
+def test_a_loaded_reference_cannot_be_mistaken() -> None:
+    with pytest.raises(RuntimeError, match="loaded already"):
+        load(Mistake("eos.laws", "x = 1"))
+
+
+def test_arguments_are_of_faults_that_are_planted() -> None:
+    planted = {(fault.id, fault.what) for fault in plant.faults().values()}
+    assert set(record.arguments()) <= planted
+
+
+def test_names_of_faults() -> None:
+    faults = plant.faults()
+    assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
+    with pytest.raises(InputError, match=r"did you mean told\.cs-off"):
+        collect.select(faults, ("told.cs-of",))
+
+
+# --- the record
+
+
+def _power(*faults: FaultRecord, **more: Any) -> Power:
+    whole = {"whole": False, "quick_only": False, "controls": (), "resolution": (), "alarms": ()} | more
+    return Power("eos-ref power", {"cores": "2"}, {"name": "env"}, seconds=1.0, faults=faults, **whole)
+
+
+def _fault(name: str, *cases: str, quick: bool = True, argued: str = "") -> FaultRecord:
+    seen = tuple(Seen(case, "differs", "f", "") for case in cases)
+    return FaultRecord(f"told.{name}", "told", "constant", name, cases, quick and bool(cases), seen, argued)
+
+
+def _alarmed(alarm: Alarm) -> AlarmRun:
+    return AlarmRun(alarm.kind, "two", cases=1, same_bits=0, within=0, verdicts={"differs": 1}, alarms=(alarm,))
+
+
+def test_what_is_wrong_is_said() -> None:
+    assert _power(_fault("a", "x")).complaints == []
+    assert _power(_fault("a", argued="equal")).complaints == []
+    assert "unseen: told.a" in _power(_fault("a")).complaints[0]
+    red = ControlRecord("told", 3, ("x: differs",))
+    assert "control told: x" in _power(_fault("a", "x"), controls=(red,)).complaints[0]
+    alarm = _alarmed(Alarm("x", "ranks", "differs", "f"))
+    known = _alarmed(replace(alarm.alarms[0], finding="walls-after-rebuild"))
+    assert _power(_fault("a", "x"), alarms=(known,)).complaints == []
+    assert "false alarm, ranks: x" in _power(_fault("a", "x"), alarms=(alarm,)).complaints[0]
+
+
+@pytest.mark.parametrize(
+    ("slow", "unseen", "quick_only", "wrong"),
+    [
+        (10, 0, False, []),
+        (11, 0, False, ["quick"]),
+        (0, 1, False, []),
+        (0, 2, False, ["all"]),
+        (11, 0, True, ["quick"]),
+    ],
+)
+def test_rates_count_for_all_faults_together(slow: int, unseen: int, quick_only: bool, wrong: list[str]) -> None:
+    faults = [_fault(str(k), "x", quick=k >= slow) for k in range(100 - unseen)]
+    faults += [_fault(f"unseen-{k}", argued="equal") for k in range(unseen)]
+    found = _power(*faults, whole=True, quick_only=quick_only).complaints
+    assert [line.split()[0] for line in found] == wrong
+    assert _power(*faults).complaints == []
+
+
+def test_a_red_control_is_of_the_families_that_use_it() -> None:
+    found = record.controls([Control("x", True, False, ("played: differs",)), Control("y", True, None)])
+    assert {c.family: (c.cases, len(c.red)) for c in found} == {
+        "told": (2, 0),
+        "read": (2, 0),
+        "formula": (1, 1),
+        "source": (1, 1),
+    }
+
+
+def test_faults_done_are_found_again_after_a_kill(tmp_path: Path) -> None:
+    one, other = _fault("a", "x"), _fault("b")
+    record.keep(tmp_path, Kept("key", one))
+    with (tmp_path / "planted.jsonl").open("ab") as file:
+        file.write(b'{"key": "key", "rec')  # killed here
+    record.keep(tmp_path, Kept("key", other))
+    assert record.kept(tmp_path, "key") == {one.id: one, other.id: other}
+    assert record.kept(tmp_path, "other sources") == {}
+    record.forget(tmp_path)
+    assert record.kept(tmp_path, "key") == {}
+
+
+def test_page_holds_faults_whatever_they_are_called(tmp_path: Path) -> None:
+    page.write(_power(_fault("<b>", "case<i>"), _fault("quiet")), tmp_path)
+    text = (tmp_path / "power.html").read_text()
+    assert "told.&lt;b&gt;" in text
+    assert "<i>" not in text
+    assert "not known" in text
+    assert "http" not in text.replace("http://www.w3.org", "")
+
+
+# --- the command
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command knows two cases."""
+    monkeypatch.setattr(casefile, "load", lambda *_: [CASES[LAW], replace(CASES[FLUID], tags=("model",))])
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.mark.usefixtures("few")
+def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: Path) -> None:
+    out = tmp_path / "power"
+    asked = ("power", "told.cs-off", "told.power-n", "told.kappa-off", "--out", out, "--jobs", 1)
+    first = eos_ref_command(*asked, "--json")
+    assert first.code == 1  # no case conducts heat
+    found = json.loads(first.out)
+    assert {fault["id"]: fault["caught_by"] for fault in found["faults"]} == {
+        "told.cs-off": [LAW],
+        "told.power-n": [FLUID],
+        "told.kappa-off": [],
+    }
+    assert found["resolution"] == []
+    assert found["rates"] == {"faults": 3, "caught": 2, "caught_by_quick": 1}
+    kept = (out / "planted.jsonl").read_bytes()
+    again = eos_ref_command(*asked)
+    assert again.code == 1
+    assert "unseen: told.kappa-off" in again.out
+    assert (out / "planted.jsonl").read_bytes() == kept
+    assert json.loads((out / "power.json").read_text())["faults"] == found["faults"]
+
+
+def test_bad_input_is_one_line(eos_ref_command: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for arguments in (("nothing.*",), ("told.cs-off", "--out", tmp_path / "file" / "x"), ("--sample", "0")):
+        left = eos_ref_command("power", "--out", tmp_path / "power", *arguments)
+        assert left.code == 2
+        assert len(left.err.strip().splitlines()) == 1
+
+
+def test_fault_says_its_family() -> None:
+    assert Fault("source.laws.x-1", "source", "x").family == "source"
+    assert set(formula.faults()) <= set(plant.faults("none"))
+
+
+def test_without_lammps_it_says_so(eos_ref_command: Command, tmp_path: Path) -> None:
+    (tmp_path / "build").mkdir()
+    left = eos_ref_command(
+        "power", "told.cs-off", "--engine", f"path:{tmp_path / 'build'}", "--out", tmp_path / "power"
+    )
+    assert left.code in (2, 3)
+    assert len(left.err.strip().splitlines()) == 1

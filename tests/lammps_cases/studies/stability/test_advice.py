@@ -1,0 +1,275 @@
+"""Advice: how far a scene lies from measured limits, and when it warns."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.model.kernels import quintic
+from eos_ref.model.parameters import Box, Model, State
+from lammps_cases.audit.warn import Questions
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.stability.advice import advice, judge
+from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Point, Tension, measured, numbers, read, save
+from lammps_cases.studies.stability.model import Axis, Boundary, Cell, StabilityMap, Watch
+from tests.support.outcome import Outcome
+
+NU, CS, MASS = 0.4, 3.0, 1.5  # the scene's; h = cut/3 = 0.9
+
+
+def square(dt: float, viscosity: float = MASS * NU, cs: float = CS, **scene: Any) -> Start:
+    """Fluid at rest on a square lattice."""
+    kind = {"mass": MASS, "rho0": MASS, "cs": cs, "viscosity": viscosity}
+    made = {"types": [kind], "pressure": [{"types": "*", "style": "linear"}], **scene}
+    return start("square", made, rows(0, 9, 9), (9.0, 9.0), options=Options(cut=2.7), times=[dt], timestep=dt)
+
+
+def parts(made: Start) -> tuple[Model, Box, State, float]:
+    scene, atoms = made.case.scene, made.atoms
+    return (
+        reference_side.model(scene, atoms, ""),
+        reference_side.box(scene, atoms),
+        reference_side.state(scene, atoms),
+        made.timestep,
+    )
+
+
+RATIO = NU / (CS * 0.9)  # below 1/2: sound limits the step
+LIMITS = Limits(
+    "1",
+    (
+        Curve("step", "", "lammps", "energy growth", (Point(RATIO / 10, 2.0, 2.1), Point(RATIO * 10, 0.5, 0.6))),
+        Curve("step", "", "reference", "energy growth", (Point(RATIO, 0.01, 0.02),)),
+        Curve("other", "shift", "reference", "clumping", (Point(RATIO, 1.5, 1.6),)),
+    ),
+)
+LIMIT = 1.0 * 0.9 / (4 * CS)  # 1 is halfway, in logarithms, between 2 and 0.5
+
+
+@pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
+def test_time_step_over_the_measured_limit(fraction: float, warns: bool) -> None:
+    [first] = [line for line in advice(*parts(square(fraction * LIMIT)), LIMITS) if "time step is" in line]
+    expected = f"time step is {fraction:.2f} of the measured limit (sound; step: energy growth from 0.075 to "
+    assert first.startswith(("warning: " if warns else "") + expected)
+    assert f"{fraction:.2f} of CFL h/4(c+U), {2 * fraction * RATIO:.2f} of viscous h^2/8nu" in first
+    assert "beyond the viscosities" not in first
+
+
+def test_a_limit_of_lammps_goes_before_that_of_the_reference_and_the_nearest_before_others() -> None:
+    [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[1:]))
+    assert "step: energy growth" in said.text
+    assert "50.00 of the measured" in said.text
+    [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[2:]))
+    assert "time step is 0.33 of the measured limit (sound; other, shift: clumping" in said.text
+
+
+def test_beyond_the_viscosities_measured_it_says_so() -> None:
+    for viscosity, dt in ((0.0, 2.0 * 0.9 / (4 * CS)), (MASS * NU * 100, 0.5 * 0.9**2 / (8 * NU * 100))):
+        [said, *_] = judge(*parts(square(0.7 * dt, viscosity)), replace(LIMITS, curves=LIMITS.curves[:1]))
+        assert "time step is 0.70 of the measured limit" in said.text
+        assert "beyond the viscosities measured" in said.text
+
+
+@pytest.mark.parametrize(("fraction", "grows"), [(0.9, False), (1.1, True)])
+def test_sound_grows_beyond_two_nu_over_c_squared(fraction: float, grows: bool) -> None:
+    dt = fraction * 2 * NU / CS**2
+    said = advice(*parts(square(dt)), Limits("", ()))
+    assert any("sound waves grow" in line for line in said) == grows
+    if grows:
+        assert f"warning: sound waves grow: time step {dt:.3g} > 2 nu/c^2 = 0.0889" in said
+        damped = advice(*parts(square(dt, pair={"artificial_visc": 1.0})), Limits("", ()))
+        assert any(line.startswith("sound waves grow") and "not counted" in line for line in damped)
+
+
+def test_without_steps_there_is_nothing_to_say_of_them() -> None:
+    model, box, state, _ = parts(square(1.0))
+    assert advice(model, box, state, None, LIMITS) == []
+
+
+def test_without_measured_limits_theory_speaks() -> None:
+    [line, *_] = advice(*parts(square(0.4 * LIMIT)), Limits("", ()))
+    assert line == "time step is 0.40 of CFL h/4(c+U), 0.12 of viscous h^2/8nu (no measured limit)"
+    assert advice(*parts(square(1.01 * LIMIT)), Limits("", ()))[0].startswith("warning: time step is 1.01 of CFL")
+
+
+def test_density_near_the_end_of_a_law_warns() -> None:
+    made = square(1e-3, pressure=[{"types": "*", "style": "cubic", "A3": -4.0}])
+    model, box, state, dt = parts(made)
+    end = MASS + 1 / math.sqrt(12)
+    for left, warns in ((0.5, False), (0.1, True), (-0.1, True)):
+        state.rho_n = np.full(81, end + left * (MASS - end))
+        said = [a for a in judge(model, box, state, dt, LIMITS) if "stops growing" in a.text]
+        assert [a.warns for a in said] == ([True] if warns else [])
+        assert all(f"{left:.2f} of the way" in a.text for a in said)
+
+
+def test_surfaces_say_how_near_the_limit_lies() -> None:
+    made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 20, "splash": 3}})
+    # 20 neighbours lie within 2.7 spacings on a square lattice.
+    assert (
+        "surface limit 20 (coordination) is within 0.0 % of misclassifying; 81 of 81 fluid particles lie within 5 %"
+        in (advice(*parts(made), LIMITS))
+    )
+    made = square(1e-3, rheo={"surface_detection": {"style": "coordination", "limit": 10, "splash": 3}})
+    assert "surface limit 10 (coordination) is within 100.0 % of misclassifying" in (advice(*parts(made), LIMITS))
+
+
+def test_matrices_say_their_worst_condition() -> None:
+    def lines(x_nc: Any) -> list[str]:
+        made = square(1e-3, rheo={"kernel": "RK1"})
+        made = replace(made, atoms=replace(made.atoms, x_nc=np.hstack([x_nc, np.zeros((81, 1))])))
+        return [line for line in advice(*parts(made), LIMITS) if "matri" in line]
+
+    [line] = lines(rows(0, 9, 9))
+    # On the square lattice the matrix is diagonal: sums of V W and of V W (x/rc)^2 over the 20 neighbours within 2.7.
+    offset_pc = np.array([(a, b) for a in range(-2, 3) for b in range(-2, 3) if 0 < a * a + b * b < 2.7**2]) / 2.7
+    q_p = np.sqrt((offset_pc**2).sum(axis=1))
+    w_p = quintic(3 * q_p)
+    condition = w_p.sum() / (w_p * offset_pc[:, 0] ** 2).sum()
+    assert line == f"condition number of moment matrices up to {condition:.2g}"
+    x_nc = rows(0, 9, 9)
+    x_nc[:, 1] = 4.5 + 1e-7 * (x_nc[:, 1] - 4.5)  # all but on a line
+    assert any(line.startswith("warning: condition number") or "no Cholesky factor" in line for line in lines(x_nc))
+
+
+# --- limits
+
+
+def test_numbers_are_those_of_the_fastest_and_the_most_viscous() -> None:
+    kinds = [{"mass": 1.0, "rho0": 1.0, "cs": c, "viscosity": eta} for c, eta in ((2.0, 0.6), (5.0, 0.2))]
+    type_n = np.repeat([1, 2], [40, 41])
+    made = start(
+        "two",
+        {"types": kinds, "pressure": [{"types": "*", "style": "linear"}]},
+        rows(0, 9, 9),
+        (9.0, 9.0),
+        options=Options(cut=2.7),
+        times=[0.1],
+        timestep=0.1,
+        type_n=type_n,
+        v_nc=np.stack([np.where(type_n == 2, 0.5, 4.0), np.zeros(81)], axis=1),
+        rho_n=np.where(type_n == 1, 0.5, 1.0),
+    )
+    model, _, state, dt = parts(made)
+    found = numbers(model, state, dt)
+    assert found == Numbers(6.0, 1.2, pytest.approx(0.9), 0.1)
+    assert (found.acoustic, found.viscous) == pytest.approx((4 * 6.0 * 0.1 / 0.9, 8 * 1.2 * 0.1 / 0.81))
+    assert found.fraction == found.acoustic
+    assert found.ratio == pytest.approx(1.2 / (6.0 * 0.9))
+
+
+def step_map(make: Any) -> StabilityMap:
+    axis = Axis("dt", 0.01, 1.0, 0.05, log=True)
+    return StabilityMap(
+        "step", "t", "a", axis, Axis("nu", 0.1, 10.0, 0.1, log=True), (0.1, 1.0), make, lambda _: Watch()
+    )
+
+
+def test_limits_are_the_boundaries_along_a_time_step() -> None:
+    maps = {"step": step_map(lambda cell: square(cell.x, MASS * cell.y))}
+    boundaries = [
+        Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
+        Boundary("step", "", 0.1, "lammps", 0.2, 0.22, "stable", "non-finite"),
+        Boundary("step", "", 1.0, "lammps", 0.3, 0.32, "energy growth", "non-finite"),
+        Boundary("step", "", 1.0 + 1e-9, "lammps", 0.15, 0.16, "stable", "energy growth"),
+        Boundary("gone", "", 1.0, "lammps", 0.1, 0.12, "stable", "energy growth"),
+    ]
+    found = measured(boundaries, maps, "1")
+    [curve] = found.curves
+    assert [p.ratio for p in curve.points] == pytest.approx([0.1 / (CS * 0.9), 1.0 / (CS * 0.9)])
+    assert [(p.low, p.high) for p in curve.points] == [
+        pytest.approx((0.2 * 4 * CS / 0.9, 0.22 * 4 * CS / 0.9)),
+        pytest.approx((0.1 * 4 * CS / 0.9, 0.12 * 4 * CS / 0.9)),
+    ]
+
+
+def test_boundaries_along_anything_else_are_no_limits_of_the_step() -> None:
+    maps = {"step": step_map(lambda cell: square(0.01 * cell.x, cs=cell.x))}
+    assert not measured([Boundary("step", "", 1.0, "lammps", 0.1, 0.12, "stable", "clumping")], maps, "1").curves
+
+
+def test_limits_are_read_as_they_were_written(tmp_path: Path) -> None:
+    save(LIMITS, tmp_path / "limits.json")
+    assert read(tmp_path / "limits.json") == LIMITS
+    assert read(tmp_path / "none.json") == Limits("", ())
+    (tmp_path / "bad.json").write_text("{}")
+    with pytest.raises(InputError, match="stability limits: are not of the schema"):
+        read(tmp_path / "bad.json")
+
+
+# --- tension
+
+
+@pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
+def test_tension_over_the_measured_one(fraction: float, warns: bool) -> None:
+    tensions = (
+        Tension("tension", "", "reference", False, -0.9, -0.8),
+        Tension("tension", "", "lammps", False, -0.05, -0.04),
+        Tension("tension", "shift", "lammps", True, -0.5, -0.4),
+    )
+    limits = replace(LIMITS, tensions=tensions)
+    model, box, state, dt = parts(square(1e-3))
+    state.rho_n[7] = MASS * (1 - 0.04 * fraction)
+    [said] = [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
+    assert said.warns == warns
+    expected = f"is {fraction:.2f} of the tension at which particles clump (tension: -0.05 to -0.04)"
+    assert said.text == f"lowest pressure {-0.04 * fraction:.3g} rho0 c^2 {expected}"
+    model, *_ = parts(square(1e-3, rheo={"shift": True}))
+    [said] = [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
+    assert f"is {fraction / 10:.2f} of" in said.text
+    state.rho_n[:] = MASS
+    assert not [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
+
+
+def test_tensions_are_the_boundaries_of_clumping_along_a_pressure() -> None:
+    def make(cell: Cell) -> Start:
+        law = [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": MASS * CS**2 * cell.x}]
+        return square(1e-3, pressure=law)
+
+    found = measured(
+        [
+            Boundary("step", "", 0.1, "lammps", -0.3, -0.2, "clumping", "stable"),
+            Boundary("step", "", 1.0, "lammps", -0.1, -0.05, "clumping", "stable"),
+            Boundary("step", "", 1.0, "lammps", -0.5, -0.4, "overlap", "clumping"),
+        ],
+        {"step": step_map(make)},
+        "1",
+    )
+    [one] = found.tensions
+    assert (one.low, one.high, one.shift) == (pytest.approx(-0.1), pytest.approx(-0.05), False)
+    assert not found.curves
+
+
+# --- where it is said
+
+
+def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+    explained = json.loads(eos_ref_command("explain", "fluids.unit", "--json").out)["cases"]
+    assert all(any(line.partition("time step is ")[1] for line in case["stability"]) for case in explained)
+    assert "\nstability:\n  " in eos_ref_command("explain", "fluids.unit").out
+    # Particles that do not interact need no advice.
+    assert json.loads(eos_ref_command("explain", "near-rho0.linear.2d", "--json").out)["cases"][0]["stability"] == []
+    deck = Path(__file__).parents[3] / "decks" / "in.walls_corrected"
+    out = eos_ref_command("audit", deck, "--steps", 3, "--out", tmp_path / "audit").out
+    assert "0.32 of CFL h/4(c+U), 0.02 of viscous h^2/8nu" in out
+    assert "stability: sound waves grow: time step 0.02 > 2 nu/c^2 = 0.0147" in out
+
+
+def test_an_audit_says_it_once_for_a_time_step_and_marks_what_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: Limits("", ()))
+    model, box, state, _ = parts(square(1e-3))
+    questions = Questions()
+    for run, dt in enumerate((1e-3, 1e-3, 2 * LIMIT), 1):
+        questions.begin(run, model, box, state, dt)
+    assert [line.partition(" of CFL")[0] for line in questions.stability] == [f"time step is {1e-3 / LIMIT:.2f}"]
+    assert questions.lines()[0].startswith("run 3: time step is 2.00 of CFL")

@@ -1,0 +1,248 @@
+"""Boundaries are bisected, engines compared, cells kept and used again."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.studies.stability import atlas, kinds, record
+from lammps_cases.studies.stability.atlas import Progress, Survey
+from lammps_cases.studies.stability.lines import Line, agreement, boundaries, places, sequence, wanted
+from lammps_cases.studies.stability.maps import maps
+from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.studies.stability.probe import Examined, follow
+from lammps_cases.studies.stability.record import Atlas
+from lammps_cases.studies.stability.runs import Living, open_run
+from tests.support.stability_scenes import resting, viscous
+
+LINEAR = Axis("x", 0.0, 1.0, 0.05)
+LOG = Axis("x", 0.01, 100.0, 0.1, log=True)
+
+
+def plain(axis: Axis = LINEAR, coarse: int = 4, **more: object) -> StabilityMap:
+    made = StabilityMap(
+        "m", "", "", axis, LINEAR, (0.0, 1.0), lambda cell: resting(1), lambda cell: Watch(), coarse=coarse
+    )
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+def bisected(of: StabilityMap, kind: Callable[[float], Kind]) -> dict[float, Kind]:
+    known: dict[float, Kind] = {}
+    while asked := wanted(of, known):
+        known |= {x: kind(x) for x in asked}
+    return known
+
+
+# --- lines
+
+
+@pytest.mark.parametrize("axis", [LINEAR, LOG])
+def test_places_are_even_and_hold_the_ends(axis: Axis) -> None:
+    found = places(axis, 5)
+    assert (found[0], found[-1]) == (axis.low, axis.high)
+    gaps = np.diff(np.log10(found) if axis.log else found)
+    assert gaps == pytest.approx([gaps[0]] * 4)
+
+
+@pytest.mark.parametrize(("axis", "edge"), [(LINEAR, 0.39), (LOG, 7.3)])
+def test_a_boundary_is_found_to_the_width(axis: Axis, edge: float) -> None:
+    of = plain(axis)
+    known = bisected(of, lambda x: "stable" if x < edge else "overflow")
+    [found] = boundaries(Line("m", "", 0.0, "lammps"), known)
+    assert found.low < edge <= found.high
+    assert (found.below, found.above) == ("stable", "overflow")
+    gap = np.log10(found.high / found.low) if axis.log else found.high - found.low
+    assert axis.width / 2 <= gap <= axis.width
+    assert len(known) <= 4 + np.ceil(np.log2(((4 if axis.log else 1) / 3) / axis.width))
+
+
+def test_several_boundaries_are_kept_in_order() -> None:
+    def kind(x: float) -> Kind:
+        return "overflow" if 0.3 < x < 0.5 else "clumping" if x > 0.9 else "stable"
+
+    known = bisected(plain(), kind)
+    assert sequence(known) == ("stable", "overflow", "stable", "clumping")
+    found = boundaries(Line("m", "", 0.0, "lammps"), known)
+    assert all(b.low < edge <= b.high for b, edge in zip(found, (0.3, 0.5, 0.9), strict=True))
+
+
+def test_a_third_kind_that_bisection_meets_has_both_its_edges() -> None:
+    known = bisected(plain(), lambda x: "stable" if x < 0.4 else "overflow" if x < 0.55 else "clumping")
+    assert sequence(known) == ("stable", "overflow", "clumping")
+
+
+@pytest.mark.parametrize(
+    ("edge", "verdict"), [(0.39, "same"), (0.43, "same"), (0.53, "differs"), (0.25, "differs"), (2.0, "differs")]
+)
+def test_engines_agree_within_the_width(edge: float, verdict: str) -> None:
+    of = plain()
+    ours, theirs = (bisected(of, lambda x, e=e: "stable" if x < e else "overflow") for e in (0.39, edge))  # type: ignore[misc]
+    found = agreement(of, "", 0.0, ours, theirs)
+    assert found.verdict == verdict
+    assert [len(side) for side in found.boundaries] == [1, 0 if edge > 1 else 1]
+
+
+def test_other_kinds_at_the_same_place_differ() -> None:
+    of = plain()
+    ours, theirs = (bisected(of, lambda x, k=k: "stable" if x < 0.4 else k) for k in ("overflow", "non-finite"))  # type: ignore[misc]
+    assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
+    ours, theirs = ({0.0: k, 1.0: k} for k in ("stable", "error"))  # type: ignore[misc]
+    assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
+
+
+# --- a survey without LAMMPS
+
+
+@dataclass
+class Later:
+    """A cell that is examined in a thread of its own."""
+
+    future: Future[Examined]
+
+
+class Threads:
+    """A source that answers in an order that changes; the second engine is the reference with a planted fault."""
+
+    def __init__(self, fault: float = 1.0, delays: int = 0) -> None:
+        self.random, self.factor, self.asked = np.random.default_rng(delays), fault, 0
+
+    def ask(self, of: StabilityMap, cell: Cell, side: Engine) -> Later:
+        self.asked += 1
+        later = Later(Future())
+        faulty = viscous(self.factor if side == "lammps" else 1.0)
+        start, watch = faulty.start(cell), of.watch(cell)
+
+        def work() -> None:
+            run = open_run(start, watch, "reference", Living(None))
+            later.future.set_result(follow(run, kinds.subject(start), watch, start.steps[-1]))
+
+        threading.Timer(float(self.random.uniform(0, 0.01)), work).start()
+        return later
+
+    def settle(self, asked: Later) -> Examined:
+        return asked.future.result()
+
+    def key(self, of: StabilityMap, cell: Cell, side: Engine) -> str:
+        return f"{cell} {side}"
+
+
+def surveyed(source: Threads, out: Path) -> Atlas:
+    of = viscous(1.0)
+    lines = [Line(of.id, "", y, side) for y in of.lines for side in ENGINES]
+    out.mkdir(exist_ok=True)
+    found = Survey({of.id: of}, lines, source, out, lambda progress: None).run(2)  # type: ignore[arg-type]
+    return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
+
+
+def test_the_same_engine_agrees_with_itself(tmp_path: Path) -> None:
+    [found] = surveyed(Threads(), tmp_path).maps[0].agreement
+    assert found.verdict == "same"
+    assert found.reference == ("stable", "energy growth")
+    assert {ran.engine for ran in surveyed(Threads(), tmp_path).maps[0].cells} == set(ENGINES)
+
+
+def test_a_planted_viscosity_differs(tmp_path: Path) -> None:
+    """A viscosity twice as large moves the limit to half the step."""
+    whole = surveyed(Threads(2.0), tmp_path)
+    [found] = whole.maps[0].agreement
+    assert found.verdict == "differs"
+    assert whole.disagreements == [found]
+    ours, theirs = found.boundaries
+    assert theirs[0].low < ours[0].high / 2 < theirs[0].high * 1.13
+
+
+def test_results_do_not_depend_on_who_comes_first(tmp_path: Path) -> None:
+    ones = [surveyed(Threads(delays=k), tmp_path / str(k)).maps for k in (1, 2)]
+    assert ones[0] == ones[1]
+    kept = [(tmp_path / str(k) / "cells.jsonl").read_text().splitlines() for k in (1, 2)]
+    assert sorted(kept[0]) == sorted(kept[1])
+
+
+def test_a_second_survey_asks_for_nothing(tmp_path: Path) -> None:
+    first = surveyed(Threads(), tmp_path)
+    again = Threads()
+    assert surveyed(again, tmp_path).maps == first.maps
+    assert again.asked == 0
+
+
+def test_a_killed_survey_loses_the_cell_it_was_writing(tmp_path: Path) -> None:
+    first = surveyed(Threads(), tmp_path)
+    file = tmp_path / "cells.jsonl"
+    lines = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join(lines[:-3]) + lines[-3][:40])
+    again = Threads()
+    assert surveyed(again, tmp_path).maps == first.maps
+    assert again.asked == 3
+    assert len(record.kept(tmp_path)) == len(lines)
+
+
+# --- the whole, with LAMMPS
+
+
+@pytest.fixture(scope="module")
+def small() -> list[StabilityMap]:
+    return [
+        replace(maps()["laws-tait-negative"], lines=(2.3, 4.0)),
+        replace(viscous(1.0), x=Axis("step", 3.0, 6.0, 0.1)),
+    ]
+
+
+def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[StabilityMap]) -> None:
+    seen: list[Progress] = []
+    first = atlas.measure(small, tmp_path, "test", report=seen.append)
+    assert not any(progress.reused for progress in seen)
+    assert repr(record.read(tmp_path)) == repr(first)  # NaN is not itself
+    assert [a.verdict for m in first.maps for a in m.agreement] == ["same"] * 3
+    states = {record.state_file(tmp_path, r.cell, r.engine) for r in first.maps[1].cells if r.outcome.kind != "stable"}
+    assert states == set((tmp_path / "states").glob("*.npz"))
+    failed = next(r for r in first.maps[1].cells if r.outcome.kind == "energy growth")
+    before = record.read_state(tmp_path, failed.cell, failed.engine)
+    assert before is not None
+    assert before["failing"].tolist() == [failed.outcome.atom]
+    assert before["x"].shape == (100, 2) and int(before["step"]) == (failed.outcome.step or 0) - 1
+
+    table, shown = (tmp_path / "cells.csv").read_bytes(), []
+    again = atlas.measure(small, tmp_path, "test", report=shown.append)
+    assert all(progress.reused for progress in shown) and len(shown) == len(seen)
+    assert (tmp_path / "cells.csv").read_bytes() == table
+    assert repr(again.maps) == repr(first.maps)
+
+    other = [replace(small[0], start=lambda cell: maps()["laws-tait-negative"].start(replace(cell, y=cell.y + 1)))]
+    atlas.measure(other, tmp_path, "test", report=(stale := list[Progress]()).append)
+    assert stale and not any(progress.reused for progress in stale)
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        record.read(tmp_path)
+    (tmp_path / "atlas.json").write_text("{}")
+    with pytest.raises(InputError, match="eos-ref/stability/1"):
+        record.read(tmp_path)
+
+
+def test_numbers_that_json_has_not_come_back() -> None:
+    ran = record.Ran(Cell("m", 0.1, 1.0), "lammps", Outcome("overflow", 3, 5, float("inf")))
+    kept = record._KEPT.validate_json(record._KEPT.dump_json(record.Kept("k", ran)))
+    assert kept.ran == ran
+
+
+# --- the maps
+
+
+def test_maps_are_well_made() -> None:
+    assert {"timestep-mach", "timestep-viscosity", "timestep-kernel"} <= set(maps())
+    for name, of in maps().items():
+        assert of.id == name and of.title and of.about
+        assert of.x.low < of.x.high and of.x.width > 0 and of.coarse >= 2
+        for y, layer in itertools.product((min(of.lines), max(of.lines)), of.layers):
+            assert of.y.low <= y <= of.y.high
+            for x in (of.x.low, of.x.high):
+                assert len(of.start(Cell(of.id, x, y, layer)).atoms) > 0

@@ -1,0 +1,162 @@
+"""The command: what it runs, prints and leaves, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lammps_cases.studies.stability import atlas, known, maps, record, select, tables
+from lammps_cases.studies.stability.inputs import InputRow
+from lammps_cases.studies.stability.known import Known
+from lammps_cases.studies.stability.limits import Limits, read
+from tests.support.made_atlas import MAP, made_atlas
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture(autouse=True)
+def one_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(maps, "maps", lambda: {"made": MAP})
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """An atlas that nobody has run; how it was asked for."""
+    asked: list[dict[str, Any]] = []
+
+    def measure(chosen: Any, out: Path, command: str, **options: Any) -> Any:
+        asked.append({"chosen": [one.id for one in chosen], **options})
+        found = made_atlas(out)
+        record.write(found, out)
+        return found
+
+    monkeypatch.setattr(atlas, "measure", measure)
+    return asked
+
+
+def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
+    eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = eos_ref_command("stability", "made", "--out", tmp_path, "--jobs", 1)
+    assert out.code == 1
+    assert "made                        48 runs,    24 fail, 2 of 6 lines differ (24.0 s)" in out.out
+    assert "2 lines differ without a known finding" in out.out
+    assert (tmp_path / "report.html").exists()
+    assert measured == [{"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "report": measured[0]["report"]}]
+    monkeypatch.setattr(known, "KNOWN", (Known("made", "some-finding", "why"),))
+    assert eos_ref_command("stability", "made", "--out", tmp_path).code == 0
+
+
+def test_the_document_holds_cells_and_disagreements(
+    eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    out = eos_ref_command("stability", "made", "--out", tmp_path, "--json")
+    [one] = json.loads(out.out)["maps"]
+    assert {"id", "cells", "disagreements"} <= set(one)
+    assert (one["id"], len(one["cells"]), len(one["disagreements"])) == ("made", 48, 2)
+
+
+def test_bad_inputs_are_part_of_the_whole_atlas_and_kept(
+    eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = InputRow("a", "law", "gamma 0", "gamma: must be positive", "silent acceptance", "pressure 1")
+    monkeypatch.setattr(tables, "table", lambda workers, progress: [row])
+    eos_ref_command("stability", "--out", tmp_path)
+    assert tables.read(tmp_path) == [row]
+    # An atlas of some maps shows the table that is there.
+    monkeypatch.setattr(tables, "table", lambda workers, progress: [])
+    eos_ref_command("stability", "made", "--out", tmp_path)
+    assert "gamma: must be positive" in (tmp_path / "report.html").read_text()
+
+
+def test_limits_are_saved_where_the_advice_looks_for_them(
+    eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lammps_cases.studies.stability import limits
+
+    def saved(found: Limits, file: Path = tmp_path / "limits.json") -> None:
+        save(found, file)
+
+    save = limits.save
+    monkeypatch.setattr(limits, "save", saved)
+    eos_ref_command("stability", "made", "--out", tmp_path, "--save-limits")
+    found = read(tmp_path / "limits.json")
+    assert [(c.layer, c.engine, len(c.points)) for c in found.curves] == [
+        (layer, engine, 3) for layer in MAP.layers for engine in ("lammps", "reference")
+    ]
+    assert read(limits.FILE) != found
+
+
+def test_fresh_forgets_the_cells(eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path) -> None:
+    kept = tmp_path / "cells.jsonl"
+    kept.write_text("{}\n")
+    eos_ref_command("stability", "made", "--out", tmp_path)
+    assert kept.exists()
+    eos_ref_command("stability", "made", "--out", tmp_path, "--fresh")
+    assert not kept.exists()
+
+
+def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(eos_ref_command: Run, tmp_path: Path) -> None:
+    out = eos_ref_command("stability", "--cell", "made:with <shift>:1.6:0.1", "--out", tmp_path, "--json")
+    document = json.loads(out.out)
+    assert (document["cell"], out.code) == ("made:with <shift>:1.6:0.1", 0)
+    assert [document[side]["kind"] for side in ("lammps", "reference")] == ["stable", "stable"]
+    assert document["lammps"]["steps"] == 2
+    deck = Path(document["deck"]).read_text()
+    assert deck.startswith(
+        "# A <made> map: made:with <shift>:1.6:0.1\n# eos-ref stability --cell 'made:with <shift>:1.6:0.1'\n"
+    )
+    assert deck.endswith("\nrun 2 post no\n")
+    out = eos_ref_command("stability", "--cell", "made:plain:1.6:0.1", "--out", tmp_path)
+    assert out.out.splitlines()[:3] == [
+        "A <made> map: dt = 1.6, nu = 0.1 plain",
+        "LAMMPS     stable",
+        "reference  stable",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (("nade",), "map: does not exist (did you mean made?), found 'nade'"),
+        (("--tag", "none"), "tag: no map has it"),
+        (("--cell", "made"), "cell: must be MAP:LAYER:X:Y with two numbers, found 'made'"),
+        (("--cell", "mode::1:1"), "map: does not exist (did you mean made?), found 'mode'"),
+        (("--cell", "made::1:1"), "layer: must be one of 'plain', 'with <shift>', found ''"),
+        (("--cell", "made:plain:100:1"), "dt: must lie within 0.1 to 6.4, found 100.0"),
+        (("--cell", "made:plain:1:nan"), "nu: must lie within 0.1 to 10, found nan"),
+        (("--engine", "nothing"), "engine: must be env"),
+        (("--jobs", "0"), "--jobs"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_two(
+    eos_ref_command: Run, tmp_path: Path, arguments: tuple[str, ...], error: str
+) -> None:
+    out = eos_ref_command("stability", *arguments, "--out", tmp_path)
+    assert out.code == 2
+    assert error in out.err
+    assert "Traceback" not in out.err
+    assert not out.out
+
+
+def test_maps_are_chosen_by_name_pattern_and_tag() -> None:
+    from dataclasses import replace
+
+    known_maps = {
+        name: replace(MAP, id=name, tags=tags)
+        for name, tags in (("step-a", ("quick",)), ("step-b", ()), ("whole", ("long",)))
+    }
+
+    def ids(*arguments: Any) -> list[str]:
+        return [one.id for one in select.maps(known_maps, *arguments)]
+
+    assert ids() == ["step-a", "step-b"]
+    assert ids(("step-*",)) == ["step-a", "step-b"]
+    assert ids(("whole", "step-a")) == ["step-a", "whole"]
+    assert ids((), "quick") == ["step-a"]
+    assert ids((), "long") == ["whole"]

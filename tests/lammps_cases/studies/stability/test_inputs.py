@@ -1,0 +1,338 @@
+"""Inputs that are refused here, and what LAMMPS does with them: no refusal without a row, no class by hand."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+import eos_ref
+from eos_ref import InputError
+from lammps_cases import scene
+from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.studies.stability import inputs
+from lammps_cases.studies.stability.inputs import (
+    Ended,
+    InputRow,
+    base_job,
+    commands,
+    names_it,
+    offending,
+    put,
+    reaction,
+    said,
+)
+from lammps_cases.studies.stability.refusals import BadInput, bad_inputs, not_for_lammps, parse, refusal
+from tests.lammps_cases.cli.test_bad_input import BAD
+
+BY_ID = {bad.id: bad for bad in bad_inputs()}
+
+
+def our(bad: BadInput) -> str:
+    return refusal(bad, commands(base_job(bad.base)))
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, InputRow]:
+    """The whole table, on LAMMPS."""
+    seen: list[tuple[int, int]] = []
+    with Workers(None, 2) as workers:
+        table = inputs.table(workers, lambda done, of: seen.append((done, of)))
+    assert seen == [(k, len(table)) for k in range(1, len(table) + 1)]
+    return {row.id: row for row in table}
+
+
+def slug(what: str) -> str:
+    return re.sub("[ _]+", "-", what.lower())
+
+
+# --- the list
+
+
+def test_every_refusal_of_a_scene_has_a_row_or_a_reason() -> None:
+    names, reasons = {slug(what) for what in BAD}, not_for_lammps()
+    assert names - set(BY_ID) == set(reasons), "a refusal without a row, or a reason without a refusal"
+    assert not set(reasons) & set(BY_ID)
+    assert all(reasons.values())
+
+
+def test_list() -> None:
+    assert len(BY_ID) == len(bad_inputs()) >= 60
+    for bad in bad_inputs():
+        put(bad)  # every text to be replaced is there
+        assert bad.names or offending(bad), bad.id
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_input_is_refused_here_with_a_clear_error(id: str) -> None:
+    """By the rule that LAMMPS is measured with: a refusal for another reason would not name the quantity."""
+    bad = BY_ID[id]
+    text = our(bad)
+    assert text, f"{id} is not refused here"
+    place, _, rest = text.partition(":")
+    assert names_it(f"{place.replace('.', ' ')}:{rest}", (*bad.names, *offending(bad), *(bad.scene or {}))), text
+
+
+@pytest.mark.parametrize("id", [id for id in map(slug, BAD) if id in BY_ID and BY_ID[id].scene is not None])
+def test_refusal_is_that_of_the_scene(id: str) -> None:
+    """The row that bears the name of a refusal has its first words, where it is a scene that says it."""
+    bad = BY_ID[id]
+    _, parts = next(found for what, found in BAD.items() if slug(what) == id)
+    assert all(part in our(bad) for part in parts[:1]), (parts, our(bad))
+
+
+# --- every rule of the reference and of scenes
+
+
+MODULES = ("syntax/ranges", "eos/table", "syntax/fixes", "model/parameters")
+# Refusals that are nothing to LAMMPS: calls from Python, and the same rule met earlier elsewhere.
+PYTHON_ONLY = (
+    "must be one of {', '.join(STYLES)}",
+    "takes no argument",
+    "needs the argument",
+    "must be a scalar or of the density's shape",
+    "must be given for every atom type",
+    "must lie within 1 to {len(self",
+    "must have one value per particle",
+    "must be a whole number', str(types.dtype)",
+    "ideal/gas needs the internal energy",
+    "must be a single one",
+    "must begin with fix",
+    "needs low, high and periodic for 2 or 3 axes",
+    "must be one of gravity, addforce, setforce",
+    "must be 2 or 3",
+    "must have the shape",
+    "must be at least one",
+    "needs {d} axes",
+    "'must be {rule}'",
+    "InputError(what, f'must be {rule}'",
+)
+
+
+# Rules that the parser or the scene meets first: which row breaks the same one.
+MET_EARLIER = {
+    "InputError(what, 'must be a finite number', value)": "gamma-nan",
+    "InputError(what, 'must be positive', value)": "rho0-zero",
+    "InputError(what, f'needs one value per atom type ({ntypes})'": "rho0-too-many",
+    "'needs a number for every axis": "gravity-left-open",
+    "'needs finite components'": "force-infinite",
+    "InputError('mass', 'must be positive'": "mass-zero",
+    "InputError('kernel'": "unknown-kernel",
+    "InputError('cut', 'must be positive', self": "cut-zero",
+    "InputError('cutoff of pair_style rheo'": "cutoff-of-the-pair-style",
+    "InputError('self/mass', 'is an argument of rho/sum')": "self-mass-alone",
+    "InputError('ideal/gas', 'needs particles with energy": "gas-on-atoms-without-energy",
+    "InputError(what, f'needs one value per atom type ({n})', len(values_t))": "cs-for-one-of-two",
+    "InputError(what, 'must be positive', number)": "cs-zero",
+    "f'needs {self.dimension} components'": "force-of-three-components",
+    "InputError(f'types of {force.style}'": "force-on-no-type",
+    "InputError('type', f'must lie within": "region-of-a-type-beyond",
+    "InputError('energy', 'must be given for every particle of a thermal": "gas-without-energy",
+    "of rheo/viscosity', 'must be a finite number'": "viscosity-nan",
+    "of rheo/viscosity', 'must not be negative'": "viscosity-negative",
+    "InputError('gd0 of rheo/viscosity'": "power-law-of-rate-zero",
+    "InputError('conductivity'": "conductivity-negative",
+    "InputError('specific/heat'": "specific-heat-zero",
+    "InputError('latent/heat', 'must be finite": "latent-heat-negative",
+    "InputError('Tfreeze'": "freezing-nan",
+    "InputError('latent/heat', 'needs a freezing": "latent-heat-without-freezing",
+}
+
+
+def raised(path: Path) -> Iterator[tuple[int, str]]:
+    """Lines that refuse: raise InputError, or fail of the parser."""
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and node.exc is not None and "InputError(" in ast.unparse(node.exc):
+            yield node.lineno, ast.unparse(node.exc)
+        if isinstance(node, ast.Expr) and ".fail(" in (text := ast.unparse(node)):
+            yield node.lineno, text
+
+
+class Traced:
+    """The lines of some files that are run."""
+
+    def __init__(self, files: set[str]) -> None:
+        self.files, self.lines = files, set[tuple[str, int]]()
+
+    def __call__(self, frame: FrameType, event: str, argument: Any) -> Any:
+        if frame.f_code.co_filename not in self.files:
+            return None
+        if event == "line":
+            self.lines.add((frame.f_code.co_filename, frame.f_lineno))
+        return self
+
+    def __enter__(self) -> Traced:
+        self.before = sys.gettrace()
+        sys.settrace(self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        sys.settrace(self.before)
+
+
+def test_rules_of_the_reference_are_covered() -> None:
+    """Every line of the parser, the laws and the model that refuses is run by a row, or named above."""
+    files = [Path(eos_ref.__file__).with_name(f"{name}.py") for name in MODULES]
+    rules = {(str(path), line): text for path in files for line, text in raised(path)}
+    assert len(rules) > 40
+    traced = Traced({str(path) for path in files})
+    for bad in bad_inputs():
+        base = commands(base_job(bad.base))
+        with traced:
+            refusal(bad, base)
+            with contextlib.suppress(InputError):
+                parse(bad, base)
+    uncovered = {
+        f"{Path(path).name}:{line} {text}"
+        for (path, line), text in rules.items()
+        if (path, line) not in traced.lines and not any(part in text for part in (*PYTHON_ONLY, *MET_EARLIER))
+    }
+    assert sorted(uncovered) == []
+    assert set(MET_EARLIER.values()) <= set(BY_ID)
+    for part in (*PYTHON_ONLY, *MET_EARLIER):
+        assert any(part in text for text in rules.values()), f"no rule reads {part}"
+
+
+def test_rules_of_scenes_are_covered() -> None:
+    """Every complaint of a scene's own validators is run by a row, or by a refusal that is nothing to LAMMPS."""
+    files = sorted(Path(scene.__file__).parent.glob("*.py"))
+    rules = {
+        (str(path), node.lineno): ast.unparse(node)
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Raise)
+    }
+    traced = Traced({str(path) for path in files})
+    for bad in bad_inputs():
+        with traced:
+            our(bad)
+    uncovered = [text for key, text in rules.items() if key not in traced.lines]
+    # About files, twins, comparisons and the harness' limits.
+    other = re.compile(
+        "own folder|twin|rescale|refused must|violate|compare|tolerance|method of|exactly one|at most|flags|per_type"
+        "|InputError\\('name'|low must not exceed|log spacing|region|self_mass|cells needs|manual\\'s line"
+    )
+    assert [text for text in uncovered if not other.search(text)] == []
+
+
+# --- classification
+
+
+def test_words_of_an_error() -> None:
+    text = (
+        "ERROR on proc 0: Unknown kernel style RK3 (src/x.cpp:113)\nLast input line: fix rheo all rheo 3 RK3 0\n   ^^"
+    )
+    assert said(text) == "Unknown kernel style RK3"
+    assert not names_it(said("ERROR: Illegal fix\nLast input line: fix a RK3"), ("RK3",)), "LAMMPS repeats its input"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "held"),
+    [
+        ("Must give latent heat", "latent/heat", True),
+        ("Illegal speed/sound command", "speed/sound", True),
+        ("Illegal value -1.2", "-1.2", True),
+        ("Illegal value 1.25", "1.2", False),
+        ("Illegal value 1.2", "1", False),
+        ("rheo/pressure is wrong", "pressure", False),
+        ("PRESSURE is wrong", "pressure", True),
+        ("zminimal", "zmin", False),
+    ],
+)
+def test_a_word_is_named_whole(text: str, name: str, held: bool) -> None:
+    assert names_it(text, (name,)) == held
+
+
+def arrays(**values: Any) -> dict[str, Any]:
+    return {"id": np.array([1, 2]), "x": np.zeros((2, 3)), "q.pressure": np.array([1.0, 2.0])} | values
+
+
+@pytest.mark.parametrize(
+    ("end", "wanted"),
+    [
+        (Ended("error", "ERROR: Illegal fix rheo command: missing zmin"), "clear error"),
+        (Ended("error", "ERROR: Invalid -1"), "clear error"),
+        (Ended("error", "ERROR: Something went wrong\nLast input line: zmin -1"), "misleading error"),
+        (Ended("error", "LAMMPS kept 1 of 2 atoms: some lie outside the box"), "silent acceptance"),
+        (Ended("arrays", arrays=arrays()), "silent acceptance"),
+        (Ended("arrays", arrays=arrays(x=np.array([[0, 0, 0], [0, np.nan, 0]]))), "silent NaN"),
+        (Ended("arrays", arrays=arrays(**{"q.pressure": np.array([1.0, np.inf])})), "silent NaN"),
+        (Ended("crash", "SIGSEGV"), "crash"),
+        (Ended("hang", "time limit"), "hang"),
+    ],
+)
+def test_planted_ends_are_told_apart(end: Ended, wanted: str) -> None:
+    assert reaction(BY_ID["zmin-negative"], end)[0] == wanted
+
+
+def test_candidate_needs_a_promise() -> None:
+    silent = Ended("arrays", arrays=arrays())
+    assert not inputs.row(BY_ID["zmin-negative"], silent).candidate
+    assert inputs.row(BY_ID["range-with-hyphen"], silent).candidate
+    assert not inputs.row(BY_ID["range-with-hyphen"], Ended("error", "ERROR: Invalid range string")).candidate
+
+
+def test_fault_of_the_harness_is_not_lammps() -> None:
+    with pytest.raises(RuntimeError, match="KeyError"):
+        inputs.ended(Failure("error", "KeyError: 'x'"))
+
+
+def test_a_text_that_is_not_there_is_seen() -> None:
+    with pytest.raises(ValueError, match="stands 0 times"):
+        put(BadInput("x", "law", ("x",), (("no such text", "y"),)))
+    with pytest.raises(ValueError, match="times in the commands"):
+        put(BadInput("x", "law", ("x",), (("fix", "y"),)))
+
+
+# --- LAMMPS itself
+
+
+def test_table(rows: dict[str, InputRow]) -> None:
+    assert list(rows) == list(BY_ID)
+    assert all(row.refusal and row.words and row.text for row in rows.values())
+    adapter = TypeAdapter(list[InputRow])
+    assert adapter.validate_json(adapter.dump_json(list(rows.values()))) == list(rows.values())
+
+
+def test_harmless_scenes_are_accepted() -> None:
+    """Else an error would speak of the base, not of the input."""
+    with Workers(None, 1) as workers:
+        for base in ("one", "two", "warm", "open"):
+            outcome = workers.outcome(workers.call(inputs.ask, base_job(base), time_limit=10.0))
+            end = inputs.ended(outcome)
+            assert end.how == "arrays", (base, end)
+            assert reaction(BY_ID["zmin-negative"], end)[0] == "silent acceptance"
+
+
+@pytest.mark.parametrize(
+    ("id", "wanted"),
+    [
+        ("unknown-kernel", "clear error"),
+        ("mass-negative", "clear error"),
+        ("gamma-0", "silent NaN"),
+        ("rho0-zero", "silent NaN"),
+        ("negative-density", "silent NaN"),
+        ("gamma-of-a-gas", "silent acceptance"),
+        ("cs-negative", "silent acceptance"),
+        ("range-of-two-stars", "crash"),
+    ],
+)
+def test_what_lammps_is_known_to_do(rows: dict[str, InputRow], id: str, wanted: str) -> None:
+    assert rows[id].reaction == wanted, rows[id]
+
+
+def test_an_input_that_hangs_costs_itself_alone() -> None:
+    long = BadInput("long", "run", ("run",), (("run 2 pre", "run 100000000 pre"),), scene={"evolve": {"steps": -2}})
+    with Workers(None, 1) as workers:
+        found = inputs.table(workers, None, (long, BY_ID["gamma-0"]), time_limit=1.0)
+    assert [row.reaction for row in found] == ["hang", "silent NaN"]

@@ -1,0 +1,60 @@
+"""Summed densities bear a small density ratio only; self/mass and continuity bear a large one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lammps_cases.studies.stability.maps import phases
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.runs import open_run
+from tests.support.stability_cells import living, outcome
+
+MAP = phases.MAPS[0]
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_a_ratio_of_ten(side: Engine) -> None:
+    assert outcome(MAP, 10.0, 1.0, "continuity", side).kind == "stable"
+    assert outcome(MAP, 10.0, 1.0, "harmonic/means", side).kind == "stable"
+    assert outcome(MAP, 10.0, 1.0, "rho/sum", side).kind == "clumping"
+
+
+def test_harmonic_means_bear_less() -> None:
+    """They take from the light particles the viscosity of the heavy ones, which had damped them."""
+    assert outcome(MAP, 80.0, 1.0, "continuity").kind == "stable"
+    assert outcome(MAP, 80.0, 1.0, "harmonic/means").kind == "clumping"
+
+
+def test_self_mass_is_in_the_reference_alone() -> None:
+    assert outcome(MAP, 10.0, 1.0, "rho/sum self/mass").kind == "stable"
+    found = outcome(MAP, 10.0, 1.0, "rho/sum self/mass", "lammps")
+    assert found.kind == "error"
+    assert "self/mass" in found.message
+
+
+@pytest.mark.parametrize("layer", ["continuity", "rho/sum self/mass"])
+def test_large_ratios_fail(layer: str) -> None:
+    assert outcome(MAP, 1000.0, 1.0, layer).kind != "stable"
+
+
+def test_tension_of_summed_densities() -> None:
+    """In the heavy fluid at the interface it is what the theory's line says, for a ratio without end."""
+    cell = Cell(MAP.id, 1000.0, 1.0, "rho/sum")
+    start = MAP.start(cell)
+    run = open_run(start, MAP.watch(cell), "reference", living())
+    run.begin()
+    look, heavy_n = run.look(), start.atoms.type_n == 1
+    depth_n = phases.SIZE / 4 - np.abs(start.atoms.x_nc[:, 0] - phases.SIZE / 2)
+    face_n = heavy_n & (depth_n < 0.7)
+    deep_n = heavy_n & (depth_n > 2.2)
+    assert look.pressure_n[face_n].max() < 0 < phases.BACKGROUND
+    assert abs(np.mean(look.pressure_n[deep_n]) - phases.BACKGROUND) < 0.05
+    # On the interface half of the mass is missing; the first particles lie half a spacing inside.
+    assert -0.5 < np.mean(look.pressure_n[face_n]) - phases.BACKGROUND < -0.2
+
+
+def test_the_boundary_lies_beyond_the_viscous_limit() -> None:
+    limit = phases.viscous_limit(1.0)
+    assert limit == pytest.approx(11.5)  # 2 h^2/8 over nu dt = 0.1 x 0.2, less 1
+    assert outcome(MAP, limit, 1.0, "continuity").kind == "stable"

@@ -1,0 +1,78 @@
+"""Summed densities draw a free surface in; thresholds far off misclassify; and the counts that theory gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lammps_cases.studies.stability.maps import surfaces
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.runs import open_run
+from tests.support.stability_cells import living, outcome
+
+WRONG = "misclassified surface"
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_summed_densities_make_a_surface_clump(side: Engine) -> None:
+    assert outcome(surfaces.SUMMED, 20.0, 4.0, "rho/sum", side).kind == "clumping"
+    assert outcome(surfaces.SUMMED, 20.0, 4.0, "continuity", side).kind == "stable"
+    assert outcome(surfaces.SUMMED, 0.5, 4.0, "rho/sum", side).kind == "stable"
+
+
+def test_clumping_is_at_the_surface_and_under_tension() -> None:
+    cell = Cell(surfaces.SUMMED.id, 20.0, 4.0, "rho/sum")
+    start = surfaces.SUMMED.start(cell)
+    run = open_run(start, surfaces.SUMMED.watch(cell), "reference", living())
+    run.begin()
+    look = run.look()
+    row_n = np.arange(len(start.atoms)) // surfaces.WIDTH
+    outer_n = np.isin(row_n, (0, surfaces.ROWS - 1))
+    assert look.pressure_n[outer_n].max() < 2 * look.pressure_n[~outer_n].min() < 0
+    atom = outcome(surfaces.SUMMED, 20.0, 4.0, "rho/sum").atom
+    assert atom is not None
+    assert min(row_n[atom - 1], surfaces.ROWS - 1 - row_n[atom - 1]) <= 1
+
+
+@pytest.mark.parametrize("side", ENGINES)
+@pytest.mark.parametrize("layer", surfaces.DETECTION.layers)
+def test_limits_far_off_misclassify(layer: str, side: Engine) -> None:
+    low = outcome(surfaces.DETECTION, 0.4, 0.05, layer, side)
+    assert (low.kind, low.value, low.atom) == (WRONG, 0.0, 1)  # a particle of the surface is taken for bulk
+    high = outcome(surfaces.DETECTION, 1.25, 0.05, layer, side)
+    assert (high.kind, high.value) == (WRONG, 1.0)  # one of the bulk for surface
+    assert high.atom == surfaces.DEEP * surfaces.WIDTH + 1
+    assert outcome(surfaces.DETECTION, 0.8, 0.05, layer, side).kind == "stable"
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_splash_limits_far_off_misclassify(side: Engine) -> None:
+    n = surfaces.LAYERS * surfaces.WIDTH
+    low = outcome(surfaces.SPLASH, 0.0, 2.0, side=side)
+    assert (low.kind, low.atom, low.value) == (WRONG, n + 1, 1.0)
+    high = outcome(surfaces.SPLASH, 0.8, 2.0, side=side)
+    assert (high.kind, high.atom, high.value) == (WRONG, 1, 2.0)
+    assert outcome(surfaces.SPLASH, 0.35, 2.0, side=side).kind == "stable"
+
+
+def test_share_of_the_circle() -> None:
+    """Against points in the circle."""
+    edge = np.linspace(-surfaces.CUT, surfaces.CUT, 2001)
+    x_nn, y_nn = np.meshgrid(edge, edge)
+    inside_nn = x_nn**2 + y_nn**2 < surfaces.CUT**2
+    for height in (-2.0, -0.5, 0.0, 1.3):
+        counted = np.count_nonzero(inside_nn & (y_nn < height)) / np.count_nonzero(inside_nn)
+        assert surfaces.share(height) == pytest.approx(counted, abs=2e-3)
+    assert (surfaces.share(-4.0), surfaces.share(4.0)) == (0.0, 1.0)
+
+
+def test_expected_classes_are_of_the_geometry() -> None:
+    """Rows that the cutoff keeps from the surface are bulk, the outermost ones surface, and nothing else is judged."""
+    cell = Cell(surfaces.DETECTION.id, 0.8, 0.05, "coordination")
+    known = surfaces.DETECTION.watch(cell).surface
+    y_n = surfaces.DETECTION.start(cell).atoms.x_nc[:, 1]
+    for atom, kind in known.items():
+        depth = min(y_n[atom - 1], surfaces.LAYERS - y_n[atom - 1])
+        assert depth < 1 if kind else depth > surfaces.CUT
+    assert sorted(known.values()).count(1) == 2 * surfaces.WIDTH
+    assert sorted(known.values()).count(0) == 3 * surfaces.WIDTH

@@ -1,0 +1,111 @@
+"""Tension clumps, pressure does not; theory says where, and shift moves the boundary."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eos_ref.model import kernels
+from lammps_cases.studies.stability.maps import tension
+from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, Watch
+from lammps_cases.studies.stability.runs import open_run
+from tests.support.stability_cells import living, outcome
+
+
+@pytest.mark.parametrize("density", [0.8, 1.2])
+@pytest.mark.parametrize("side", ENGINES)
+def test_the_sign_of_the_pressure_decides(density: float, side: Engine) -> None:
+    """The boundary follows the background at which the whole pressure is 0."""
+    free = tension.TENSION.theory[0].x_of_y(density)
+    assert outcome(tension.TENSION, free - 0.1, density, side=side).kind == "clumping"
+    assert outcome(tension.TENSION, free + 0.05, density, side=side).kind == "stable"
+
+
+@pytest.mark.parametrize("cut", tension.WIDE.lines)
+def test_pressure_pairs_nothing(cut: float) -> None:
+    assert outcome(tension.WIDE, 0.8, cut).kind == "stable"
+    assert outcome(tension.WIDE, -0.2, cut).kind == "clumping"
+
+
+def test_shift_bears_more_tension() -> None:
+    assert outcome(tension.TENSION, -0.2, 1.0, "").kind == "clumping"
+    assert outcome(tension.TENSION, -0.2, 1.0, "shift").kind == "stable"
+    assert outcome(tension.TENSION, -0.6, 1.0, "shift").kind == "clumping"
+
+
+def test_shift_raises_the_density_until_the_tension_is_gone() -> None:
+    cell = Cell("tension", -0.2, 1.0, "shift")
+    start = tension.TENSION.start(cell)
+    run = open_run(start, tension.TENSION.watch(cell), "reference", living())
+    run.begin()
+    assert np.mean(run.look().pressure_n) == pytest.approx(-0.2)
+    run.advance(start.steps[-1])
+    assert np.mean(run.look().rho_n) > 1.1
+    assert np.mean(run.look().pressure_n) > -0.1
+
+
+def fastest(background: float) -> tuple[np.ndarray, np.ndarray]:
+    """Wave vector and direction of the wave that grows fastest."""
+    stiffness_kab, g_kc, damping_k = tension.waves(3.0)
+    value_kc, vector_kab = np.linalg.eigh(2 * background * stiffness_kab + g_kc[:, :, None] * g_kc[:, None, :])
+    half_k = tension.NU * damping_k / 2
+    k = int(np.argmax(-half_k + np.sqrt(np.maximum(half_k**2 - value_kc[:, 0], 0.0))))
+    _, edges = tension.triangles(tension.WIDTH, tension.HEIGHT)
+    p, q = divmod(k + 1, tension.HEIGHT)  # the wave of infinite length is left out
+    return 2 * np.pi * np.array([p, q]) / edges, vector_kab[k, :, 0]
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_growth_of_a_wave(side: Engine) -> None:
+    """A small wave on the perfect lattice grows at the rate of the theory, to first order in the time step."""
+    background, dt, size = -0.3, 0.01, 1e-5
+    x_nc, edges = tension.triangles(tension.WIDTH, tension.HEIGHT)
+    k_c, e_c = fastest(background)
+    wave_n = np.cos((x_nc - x_nc[0]) @ k_c)
+    start = tension.TENSION.start(Cell("tension", background, 1.0, ""))
+    flat_nc = np.hstack([np.mod(x_nc + size * wave_n[:, None] * e_c, edges), np.zeros((len(x_nc), 1))])
+    start = replace(start, atoms=replace(start.atoms, x_nc=flat_nc), timestep=dt)
+    scene = start.case.scene
+    assert scene.evolve is not None
+    timed = scene.model_copy(update={"evolve": scene.evolve.model_copy(update={"timestep": dt})})
+    run = open_run(replace(start, case=replace(start.case, scene=timed)), Watch(), side, living())
+    run.begin()
+    sizes = []
+    for steps in (500, 500):
+        run.advance(steps)
+        moved_nc = run.look().x_nc - x_nc
+        moved_nc -= np.round(moved_nc / edges) * edges
+        sizes.append(float(wave_n @ moved_nc @ e_c) / float(wave_n @ wave_n))
+    rate = tension.growth_rate(background, 1.0, 3.0)
+    assert size < sizes[1] < 1e-2  # it has grown, and is small still
+    assert np.log(sizes[1] / sizes[0]) / (500 * dt) == pytest.approx(rate, rel=rate * dt)
+
+
+def test_no_growth_without_tension() -> None:
+    assert tension.growth_rate(0.0, 1.0, 3.0) == pytest.approx(0, abs=1e-12)
+    assert tension.growth_rate(0.3, 1.0, 3.0) < 1e-3
+    assert tension.growth_rate(-0.3, 1.0, 3.0) > tension.growth_rate(-0.1, 1.0, 3.0) > 0.05
+
+
+def test_clumping_begins_where_the_fastest_wave_has_had_time() -> None:
+    """The estimate is linear and takes one wave for all of the disorder: it is good to 0.05 rho0 c^2."""
+    expected = tension.clumps_below(1.0, 3.0)
+    assert -0.05 < expected < 0
+    assert outcome(tension.TENSION, expected - 0.05, 1.0).kind == "clumping"
+    assert outcome(tension.TENSION, expected, 1.0).kind == "stable"
+
+
+def test_the_whole_sum_decides_where_single_neighbours_would_not() -> None:
+    """With 6 spacings W'' < 0 at the nearest neighbours, but the lattice is unstable under tension alone."""
+
+    def bend(cut: float) -> float:
+        h, step = cut / kernels.SUPPORT, 1e-4
+        slopes = [kernels.quintic_slope(tension.EDGE / h + side) for side in (-step, step)]
+        return float(slopes[1] - slopes[0])
+
+    assert bend(6.0) < 0 < bend(3.0)
+    for cut in (3.0, 6.0):
+        eigenvalues = np.linalg.eigvalsh(tension.waves(cut)[0])
+        assert -0.01 * eigenvalues.max() < eigenvalues.min() < eigenvalues.max()

@@ -1,0 +1,134 @@
+"""The page of an atlas: complete, offline, escaped, the same bits twice."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.studies.stability import known, names, page
+from lammps_cases.studies.stability.inputs import InputRow
+from lammps_cases.studies.stability.known import Known
+from lammps_cases.studies.stability.model import Cell
+from tests.support.made_atlas import MAP, TEXT, made_atlas
+
+INPUTS = [
+    InputRow("a", "law", "gamma <0>", "gamma: must be positive", "silent acceptance", "pressure 1", ledger="known-one"),
+    InputRow("b", "fix rheo", "cut -1", "cut: must be positive", "crash", "died & gone", "cut > 0", candidate=True),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("page")
+    page.write(made_atlas(out), out, {"made": MAP}, INPUTS)
+    return out
+
+
+def test_the_page_names_no_part_twice_and_its_links_lead_somewhere(folder: Path) -> None:
+    text = (folder / "report.html").read_text()
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert Counter(ids).most_common(1)[0][1] == 1
+    inner = set(re.findall(r'(?:href="#|url\(#)([^")]+)', text))
+    assert inner <= set(ids)
+    assert not re.findall(r'(?:src|href)="https?:', text)
+    for path in re.findall(r'href="(decks/[^"]+)"', text):
+        assert (folder / path).exists()
+
+
+def test_text_is_escaped(folder: Path) -> None:
+    text = (folder / "report.html").read_text()
+    for raw in (TEXT, MAP.title, MAP.about, MAP.layers[1], "gamma <0>", "died & gone"):
+        assert html.escape(raw) in text
+        assert raw not in text
+
+
+def test_every_cell_has_its_numbers_and_its_command(folder: Path) -> None:
+    text = (folder / "report.html").read_text()
+    atlas = made_atlas(folder)
+    for cell in {r.cell for r in atlas.maps[0].cells}:
+        row = text.partition(f'<tr id="{names.anchor(cell)}"')[2].partition("</tr>")[0]
+        assert html.escape(names.command(cell), quote=True).replace("&#x27;", "&#39;") in row
+        assert ("step 7 of 9, atom 12, value 345.68" in row) == (cell.x > 1)
+        assert (html.escape(TEXT) in row) == (cell.x > 5 and cell.y == 10.0)
+    assert '<td>4 of 6 lines</td><td class="number">24.0</td>' in text
+
+
+def test_the_table_of_disagreements_holds_both_sides(folder: Path) -> None:
+    table = (folder / "report.html").read_text().partition('id="disagreements"')[2].partition("</section>")[0]
+    assert table.count("<tr") == 3  # a header, a line of each layer
+    assert "stable, energy growth from dt = 0.4 to 1.6 on, lost particles from dt = 1.6 to 6.4 on" in table
+    assert table.count("none known") == 2
+
+
+def test_a_known_finding_explains_a_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    atlas = made_atlas(folder)
+    finding = Known("made", "some-finding", "it moves <things>", "plain")
+    assert len(known.unexplained(atlas.disagreements)) == 2
+    monkeypatch.setattr(known, "KNOWN", (finding,))
+    assert [line.layer for line in known.unexplained(atlas.disagreements)] == ["with <shift>"]
+    assert [known.finding(line) for line in atlas.disagreements] == [finding, None]
+
+
+def test_inputs_can_be_filtered_by_what_lammps_does(folder: Path) -> None:
+    text = (folder / "report.html").read_text().partition('id="inputs"')[2]
+    assert re.findall(r'<tr data-result="([^"]+)" class="([^"]*)"', text) == [
+        ("silent acceptance", ""),
+        ("crash", "open"),
+    ]
+    assert '<option value="crash">crash (1)</option>' in text
+    assert "against the manual" in text
+
+
+def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
+    text = (folder / "report.html").read_text()
+    cell = Cell("made", 1.6, 0.1, "plain")
+    row = text.partition(f'<tr id="{names.anchor(cell)}"')[2].partition("</tr>")[0]
+    assert row.count("data:image/png;base64,") == 2
+    assert "particles of LAMMPS after step 6, colour: density 1 to 1.05; ringed: 12" in row
+    assert f'href="decks/{names.anchor(cell)}.in"' in row
+    deck = (folder / "decks" / f"{names.anchor(cell)}.in").read_text()
+    assert deck.startswith("# A <made> map: made:plain:1.6:0.1\n# eos-ref stability --cell made:plain:1.6:0.1\n")
+
+
+def test_page_pictures_and_decks_are_the_same_bits_twice(folder: Path, tmp_path: Path) -> None:
+    page.write(made_atlas(tmp_path), tmp_path, {"made": MAP}, INPUTS)
+    files = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file() and p.suffix != ".npz")
+    assert {"report.html", "figures/made.svg", "figures/made.png"} <= {str(f) for f in files}
+    for file in files:
+        assert (folder / file).read_bytes() == (tmp_path / file).read_bytes(), file
+
+
+def test_a_map_that_is_gone_is_still_shown(tmp_path: Path) -> None:
+    page.write(made_atlas(tmp_path), tmp_path, {})
+    text = (tmp_path / "report.html").read_text()
+    assert "A &lt;made&gt; map" in text
+    assert "decks/" not in text
+    assert 'id="inputs"' not in text
+
+
+# --- names
+
+
+@pytest.mark.parametrize("layer", ["", "plain", "with shift", "a:b", "with <shift>", "RK1, zmin 0"])
+def test_a_name_reads_back_as_its_cell(layer: str) -> None:
+    for x, y in ((0.1, 1e-300), (-2.5, 1 / 3), (1e22, 0.0)):
+        cell = Cell("made", x, y, layer)
+        assert names.parse(names.name(cell)) == cell
+        assert re.fullmatch(r"[A-Za-z0-9_.+-]+", names.anchor(cell))
+
+
+def test_names_that_differ_have_other_addresses() -> None:
+    layers = ("", "a b", "a_b", "a:b", "a-b", "a_20_b", "a_", "a__")
+    cells = [Cell("made", x, y, layer) for layer in layers for x in (1.0, -1.0) for y in (1.0, 2.0)]
+    assert len({names.anchor(cell) for cell in cells}) == len(cells)
+
+
+@pytest.mark.parametrize("text", ["", "made", "made:plain:1", "made:plain:one:2", "made:plain:1:"])
+def test_what_is_no_cell_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="cell: must be MAP:LAYER:X:Y"):
+        names.parse(text)

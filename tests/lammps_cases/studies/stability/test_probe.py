@@ -1,0 +1,309 @@
+"""A cell is followed to its first failure: step, atom, value and the particles before; however its engine ends."""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.compiled.evaluator import Fast
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.engine import session
+from lammps_cases.engine.workers import Workers
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.stability import kinds
+from lammps_cases.studies.stability.maps import timestep
+from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, StabilityMap, Watch
+from lammps_cases.studies.stability.probe import Examined, examine, follow
+from lammps_cases.studies.stability.runs import Living, ReferenceRun, Stopped, open_run, saying
+from tests.support.stability_scenes import channel, resting, unstable
+
+WATCH = timestep.watch(1e-3)
+
+
+@pytest.fixture(scope="module")
+def living() -> Living:
+    return Living(None)
+
+
+def followed(start: Start, watch: Watch, side: Engine, living: Living, **options: Any) -> Examined:
+    return follow(open_run(start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options)
+
+
+# --- the first step
+
+
+def by_hand(start: Start, watch: Watch) -> tuple[int, kinds.Found, Simulation]:
+    """Step, failure, and simulation one step before, by plain stepping."""
+    scene, atoms = start.case.scene, start.atoms
+    made = [
+        Simulation(
+            reference_side.model(scene, atoms, ""),
+            reference_side.box(scene, atoms),
+            reference_side.state(scene, atoms),
+            (),
+            Fast,
+        )
+        for _ in range(2)
+    ]
+    for step in range(1, 1000):
+        made[0].run(1, start.timestep)
+        s = made[0].state
+        look = kinds.Look(step, s.x_nc, s.v_nc, s.rho_n, made[0].output("pressure"))
+        found = kinds.first(kinds.subject(start), watch, look, watch.energy)
+        if found is not None:
+            return step, found, made[1]
+        made[1].run(1, start.timestep)
+    raise AssertionError("nothing failed")
+
+
+def test_step_atom_and_value_are_the_first_ones(living: Living) -> None:
+    start = unstable()
+    step, found, before = by_hand(start, WATCH)
+    assert step > 2 and step % WATCH.every  # within a stretch
+    examined = followed(start, WATCH, "reference", living)
+    outcome = examined.outcome
+    assert (outcome.kind, outcome.step, outcome.atom, outcome.value) == (found.kind, step, found.atom, found.value)
+    assert examined.before is not None
+    assert examined.before.step == step - 1
+    assert examined.before.failing == (found.atom,)
+    assert np.array_equal(examined.before.v_nc, before.state.v_nc)
+    assert np.array_equal(examined.before.rho_n, before.state.rho_n)
+
+
+@pytest.mark.parametrize("side", ENGINES)
+@pytest.mark.parametrize("every", [1, 3, 1000])
+def test_the_stretch_does_not_matter(side: Engine, every: int, living: Living) -> None:
+    found = followed(unstable(), WATCH, side, living)
+    again = followed(unstable(), replace(WATCH, every=every), side, living)
+    assert again.outcome == found.outcome
+    assert again.before is not None and found.before is not None
+    assert np.array_equal(again.before.v_nc, found.before.v_nc)
+
+
+def test_engines_fail_alike(living: Living) -> None:
+    ours, theirs = (followed(unstable(), WATCH, side, living).outcome for side in ENGINES)
+    assert (ours.kind, ours.step, ours.atom) == (theirs.kind, theirs.step, theirs.atom)
+    assert ours.value == pytest.approx(theirs.value, rel=1e-2)
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Living) -> None:
+    start = unstable(1e-6)
+    watch = Watch(every=20, growth=10.0)
+    run = open_run(start, watch, side, living)
+    run.begin()
+    of = kinds.subject(start)
+    energies = [kinds.kinetic_energy(of.mass_n, run.look().v_nc)]
+    for _ in range(40):
+        run.advance(1)
+        energies.append(kinds.kinetic_energy(of.mass_n, run.look().v_nc))
+    scale = energies[20]
+    assert scale > energies[0]
+    step = next(k for k in range(21, 41) if energies[k] > 10 * scale)
+    outcome = followed(start, watch, side, living).outcome
+    assert (outcome.kind, outcome.step) == ("energy growth", step)
+    assert outcome.value == pytest.approx(energies[step] / scale, rel=1e-12)
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_sound_runs_are_stable(side: Engine, living: Living) -> None:
+    examined = followed(resting(25), replace(WATCH, closest=0.9), side, living)
+    assert (examined.outcome.kind, examined.before) == ("stable", None)
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_surfaces_are_those_of_the_engine(side: Engine, living: Living) -> None:
+    start = channel()
+    look = followed(start, Watch(surface={60: 0, 66: 1}), side, living)
+    assert look.outcome.kind == "stable"
+    wrong = followed(start, Watch(surface={60: 0, 66: 0}), side, living).outcome
+    assert (wrong.kind, wrong.step, wrong.atom, wrong.value) == ("misclassified surface", 0, 66, 1.0)
+
+
+@pytest.mark.parametrize("side", ENGINES)
+def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Living) -> None:
+    start = channel(60)
+    v_nc = np.zeros(start.atoms.x_nc.shape)
+    v_nc[-1, 1] = 10.0
+    start = replace(start, atoms=replace(start.atoms, v_nc=v_nc))
+    outcome = followed(start, Watch(every=7), side, living).outcome
+    assert (outcome.kind, outcome.atom) == ("lost particles", len(start.atoms))
+    run = open_run(start, Watch(), side, living)
+    run.begin()
+    assert outcome.step is not None
+    run.advance(outcome.step - 1)
+    assert run.look().x_nc[-1, 1] < 13.0
+    with contextlib.suppress(Stopped):  # LAMMPS stops at once if it happens to list neighbours
+        run.advance(1)
+        assert run.look().x_nc[-1, 1] > 13.0
+
+
+def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Living) -> None:
+    """The reference stops in the middle of a step; what it has by then is looked at."""
+    start = unstable(0.3)
+    huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))  # type: ignore[operator]
+    outcome = followed(huge, Watch(), "reference", living).outcome
+    assert outcome.kind in ("non-finite", "lost particles", "negative density")
+    assert outcome.step == 1
+
+
+# --- ends that are not the particles'
+
+
+def test_refusals_are_errors_with_their_text(living: Living) -> None:
+    """A law that the reference refuses and LAMMPS takes."""
+    start = channel(3)
+    law = start.case.scene.pressure[0].model_copy(update={"style": "tait/general", "A3": None, "gamma": 0.0})
+    start = replace(start, case=replace(start.case, scene=start.case.scene.model_copy(update={"pressure": (law,)})))
+    outcome = followed(start, Watch(), "reference", living).outcome
+    assert (outcome.kind, outcome.step) == ("error", 0)
+    assert "gamma of tait/general" in outcome.message
+    assert followed(start, Watch(), "lammps", living).outcome.kind != "error"
+
+
+def test_lammps_errors_keep_their_text(living: Living) -> None:
+    start = channel(3)
+    scene = start.case.scene.model_copy(update={"violate": "unknown-pressure-style"})
+    outcome = followed(replace(start, case=replace(start.case, scene=scene)), Watch(), "lammps", living).outcome
+    assert (outcome.kind, outcome.step) == ("error", 0)
+    assert "Illegal fix command" in outcome.message or "ubic" in outcome.message
+    assert followed(channel(), Watch(), "lammps", living).outcome.kind == "stable"  # the instance serves on
+
+
+def test_mistakes_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytest.MonkeyPatch, living: Living) -> None:
+    def mistaken(*arguments: object) -> None:
+        raise TypeError("a mistake")
+
+    monkeypatch.setattr(session, "read", mistaken)
+    with pytest.raises(TypeError, match="a mistake"):
+        followed(resting(5), Watch(), "lammps", living)
+    monkeypatch.setattr(ReferenceRun, "look", mistaken)
+    with pytest.raises(TypeError, match="a mistake"):
+        followed(resting(5), Watch(), "reference", living)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("ERROR: Lost atoms: original 100 current 99 (src/thermo.cpp:1)", "lost particles"),
+        ("ERROR on proc 0: Non-numeric atom coords - simulation unstable", "non-finite"),
+        ("ERROR: Unknown fix style", "error"),
+    ],
+)
+def test_errors_of_lammps_that_have_a_kind_of_their_own(text: str, kind: str) -> None:
+    assert saying(text) == kind
+
+
+# A package named lammps that is the real one, but for masses that stand for a fault in the 38th step.
+FAULTY = """
+import os, signal, time
+__path__.append({real!r})
+exec(open({real!r} + "/__init__.py").read())
+_lammps = lammps
+
+class lammps(_lammps):
+    steps, fault = 0, None
+
+    def commands_string(self, text):
+        self.fault = next((f for m, f in FAULTS.items() if f"mass 1 {{m}}.0" in text), None)
+        self.steps = 0
+        return super().commands_string(text)
+
+    def command(self, text):
+        if text.startswith("run "):
+            self.steps += int(text.split()[1])
+            if self.steps >= 38 and self.fault:
+                self.fault()
+        return super().command(text)
+
+def _once():
+    if not os.path.exists(__file__ + ".once"):
+        open(__file__ + ".once", "w").close()
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+def _error():
+    raise Exception("ERROR: made up by the test")
+
+FAULTS = {{101: lambda: os.kill(os.getpid(), signal.SIGSEGV), 102: lambda: time.sleep(600), 103: _error,
+    104: _once}}
+"""
+
+
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workers]:
+    """Workers whose LAMMPS has faults in the 38th step."""
+    site = tmp_path_factory.mktemp("site")
+    package = site / "lammps"
+    package.mkdir()
+    real = session.package_directory()
+    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
+    (package / "liblammps.so").symlink_to(real / "liblammps.so")
+    with Workers(str(site), 1) as workers:
+        yield workers
+
+
+def ended(mass: float, workers: Workers, limit: float = 20.0, side: Engine = "lammps") -> Examined:
+    start: Callable[[Cell], Start] = lambda cell: resting(60, mass)  # noqa: E731
+    of = StabilityMap("rest", "", "", Axis("x", 0, 1, 1), Axis("y", 0, 1, 1), (0.0,), start, lambda cell: Watch())
+    return examine(of, Cell("rest", 0.0, 0.0), side, workers, limit)
+
+
+def test_a_worker_that_dies_is_a_crash_at_its_step(faulty: Workers) -> None:
+    found = ended(101.0, faulty)
+    assert (found.outcome.kind, found.outcome.step, found.outcome.steps) == ("crash", 38, 60)
+    assert "SIGSEGV" in found.outcome.message
+    assert found.before is not None and found.before.step == 37
+    assert np.array_equal(found.before.x_nc, resting(60).atoms.x_nc[:, :2])
+
+
+def test_a_crash_that_does_not_come_again_is_still_one(faulty: Workers) -> None:
+    found = ended(104.0, faulty)
+    assert (found.outcome.kind, found.outcome.message[-18:]) == ("crash", "(once in two runs)")
+
+
+def test_a_worker_that_does_not_end_is_a_hang_after_its_last_look(faulty: Workers) -> None:
+    found = ended(102.0, faulty, 4.0)
+    assert (found.outcome.kind, found.outcome.step, found.outcome.seconds) == ("hang", 31, 4.0)
+    assert found.before is not None and found.before.step == 30
+
+
+def test_an_error_is_one_at_its_step(faulty: Workers) -> None:
+    found = ended(103.0, faulty)
+    assert (found.outcome.kind, found.outcome.step) == ("error", 38)
+    assert found.outcome.message == "ERROR: made up by the test"
+    assert found.before is not None and found.before.step == 37
+
+
+def test_others_are_not_touched(faulty: Workers) -> None:
+    assert ended(100.0, faulty).outcome.kind == "stable"
+    assert ended(101.0, faulty, side="reference").outcome.kind == "stable"
+
+
+def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
+    monkeypatch: pytest.MonkeyPatch, living: Living
+) -> None:
+    """LAMMPS may read memory that nobody wrote: the way back then fails itself."""
+    start = unstable()
+    seen = followed(start, WATCH, "reference", living)
+
+    def back(self: ReferenceRun) -> None:
+        raise Stopped("lost particles", "Lost atoms:  2", 7)
+
+    monkeypatch.setattr(ReferenceRun, "back", back)
+    examined = followed(start, WATCH, "reference", living)
+    assert examined.outcome.kind == seen.outcome.kind
+    assert examined.outcome.message == "(run again, it ended earlier: Lost atoms: 2)"
+    assert examined.outcome.step is not None and examined.outcome.step % WATCH.every == 0  # the end of the stretch
+    assert examined.before is not None and examined.before.step == examined.outcome.step - WATCH.every
+
+
+def test_what_stopped_a_run_comes_back_from_a_worker() -> None:
+    again = pickle.loads(pickle.dumps(Stopped("lost particles", "Lost atoms:  2", 7)))
+    assert (again.kind, again.message, again.atom) == ("lost particles", "Lost atoms: 2", 7)

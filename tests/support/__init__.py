@@ -1,0 +1,1 @@
+"""What tests share: independent implementations, scenes, records made by hand."""

@@ -111,8 +111,14 @@ class EOS:
                 p = laws.ideal_gas(rho, self._energy(e), of(self.parameter))
         return p + background
 
-    def pressure(self, rho: npt.ArrayLike, e: npt.ArrayLike | None = None) -> FloatArray:
-        r"""Pressure of particles of this type, compiled: :math:`P = P_{law}(\rho, e) + P_b`.
+    def pressure(
+        self,
+        rho: npt.ArrayLike,
+        e: npt.ArrayLike | None = None,
+        method: str | None = None,
+        tolerance: float | None = None,
+    ) -> FloatArray:
+        r"""Return the pressure of particles of this type: :math:`P = P_{law}(\rho, e) + P_b`.
 
         Parameters
         ----------
@@ -120,21 +126,42 @@ class EOS:
             Density.
         e : array_like, same shape or scalar, optional
             Internal energy per unit mass; needed by ideal/gas.
+        method : str, optional
+            Default: the reference's own compiled loops. ``"auto"``: the cheapest method that meets ``tolerance``. Or
+            the name of a method that evaluates doubles, as ``eos-ref chart`` lists them
+            (`eos_ref.methods.laws.METHODS`).
+        tolerance : float, optional
+            Of ``"auto"``, which needs it: the largest error allowed, relative to the law's value and the background
+            pressure, both taken absolute. The worst error of a method is searched for over the interval that the
+            densities span (`eos_ref.methods.worst`).
 
         Returns
         -------
         ndarray of float64, shape of ``rho`` (a scalar for a scalar)
-            Error at most 2 eps (cubic 5) times the sum of the absolute terms; for the power laws 4 eps times that sum
-            times 1 + \|gamma ln(rho/rho0)\|. NaN where the law is not defined.
+            By default the error is at most 2 eps (cubic 5) times the sum of the absolute terms; for the power laws
+            4 eps times that sum times 1 + \|gamma ln(rho/rho0)\|. NaN where the law is not defined.
 
         Raises
         ------
         InputError
-            No energy for ideal/gas, or energies of another shape.
+            No energy for ideal/gas, or energies of another shape; an unknown method, a tolerance without ``"auto"``
+            or the reverse, a tolerance that no method meets.
+
+        Examples
+        --------
+        >>> gas = EOS("tait/general", parameter=1.4)
+        >>> print(gas.pressure([0.9, 1.1], method="auto", tolerance=1e-9).round(6))
+        [-0.097958  0.101962]
         """
+        rho_n = np.asarray(rho, float)
+        if method is not None or tolerance is not None:
+            from eos_ref.methods import choice
+
+            e_n = self._energy_array(e, rho_n) if self.needs_energy else None
+            within = None if tolerance is None else _finite("tolerance", tolerance)
+            return choice.pressure(self, np.ravel(rho_n), e_n, method, within).reshape(rho_n.shape)[()]
         from eos_ref.eos import compiled
 
-        rho_n = np.asarray(rho, float)
         p_n = np.empty(rho_n.shape)
         outside = compiled.pressure_of_one_type(
             np.ravel(rho_n),
@@ -299,8 +326,15 @@ class EOSTable:
             np.array([law.background for law in self.laws]),
         )
 
-    def pressure(self, rho_n: npt.ArrayLike, type_n: npt.ArrayLike, e_n: npt.ArrayLike | None = None) -> FloatArray:
-        """Pressure of every particle from the law of its own type, compiled.
+    def pressure(
+        self,
+        rho_n: npt.ArrayLike,
+        type_n: npt.ArrayLike,
+        e_n: npt.ArrayLike | None = None,
+        method: str | None = None,
+        tolerance: float | None = None,
+    ) -> FloatArray:
+        """Return the pressure of every particle from the law of its own type.
 
         Parameters
         ----------
@@ -310,6 +344,8 @@ class EOSTable:
             Atom types, 1 to N.
         e_n : array_like, (n,), optional
             Internal energy per unit mass; needed if any type is an ideal/gas.
+        method, tolerance : optional
+            As for `EOS.pressure`; ``"auto"`` chooses for every type by itself.
 
         Returns
         -------
@@ -319,7 +355,8 @@ class EOSTable:
         Raises
         ------
         InputError
-            Arrays of different length, a type that is no whole number or outside 1 to N, or missing energies.
+            Arrays of different length, a type that is no whole number or outside 1 to N, or missing energies; a
+            method or tolerance that `EOS.pressure` refuses.
         """
         from eos_ref.eos import compiled
 
@@ -342,8 +379,13 @@ class EOSTable:
         if self.needs_energy and not e.size and rho.size:
             raise InputError("energy", "ideal/gas needs the internal energy per unit mass of every particle")
         if len(self) == 1:
-            return self.laws[0].pressure(rho, e if e.size else None)
+            return self.laws[0].pressure(rho, e if e.size else None, method, tolerance)
         p = np.empty(rho.shape)
+        if method is not None or tolerance is not None:
+            for t, law in enumerate(self.laws, 1):
+                of_type = types == t
+                p[of_type] = law.pressure(rho[of_type], e[of_type] if e.size else None, method, tolerance)
+            return p
         if compiled.pressure(rho, e, types, *self._columns, p):
             for t, law in enumerate(self.laws, 1):
                 if law.style == "tait/general":

@@ -1,4 +1,4 @@
-r"""The cheapest method that is accurate enough.
+r"""The cheapest method that is accurate enough, for `eos_ref.EOS.pressure`.
 
 Costs come from a chart that was measured (`costs.json`, written by ``eos-ref chart --save-costs``): nanoseconds per
 state, and the seconds that the first call takes (loading compiled code). Accuracy is not read from a chart but searched
@@ -12,139 +12,110 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from eos_ref import EOS, EOSTable, InputError
+from eos_ref import EOS, InputError
 from eos_ref.eos.table import FloatArray
-from eos_ref.methods.laws import METHODS, LawMethod, methods_of
-from eos_ref.methods.worst import SAMPLES, Worst, worst_case
-from eos_ref.model.parameters import IntArray
+from eos_ref.methods.laws import LawMethod, methods_of
+from eos_ref.methods.worst import SAMPLES, worst_case
 
 COSTS = Path(__file__).with_name("costs.json")
+AUTO = "auto"
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a method costs: nanoseconds per state, and seconds before the first one."""
+    """Cost of a method: nanoseconds per state, and seconds before the first one."""
 
     ns: float
     startup: float
 
     def of(self, n: int) -> float:
-        """Seconds for n states."""
+        """Return the seconds that n states take."""
         return self.startup + 1e-9 * self.ns * n
 
 
-@dataclass(frozen=True)
-class Choice:
-    """How a law is evaluated.
-
-    Attributes
-    ----------
-    method : LawMethod
-    error : worst relative error found, see `eos_ref.methods.worst`; None: not asked for
-    allowed : relative error that the scene accepts, to be added to bounds
-    why : in words
-    """
-
-    method: LawMethod
-    error: float | None = None
-    allowed: float = 0.0
-    why: str = "the best conditioned method that costs no more"
-
-
 @cache
-def measured() -> dict[str, Any]:
-    """The costs as measured; see `COSTS`."""
-    found: dict[str, Any] = json.loads(COSTS.read_text(encoding="utf-8"))
-    return found
+def measured() -> dict[str, dict[str, Cost]]:
+    """Return the measured cost of every method by style of law; see `COSTS`."""
+    laws: dict[str, dict[str, dict[str, float]]] = json.loads(COSTS.read_text(encoding="utf-8"))["laws"]
+    return {style: {name: Cost(**cost) for name, cost in costs.items()} for style, costs in laws.items()}
 
 
-def cost(method: LawMethod, law: EOS) -> Cost:
-    """Measured cost of a method for laws of a style."""
-    return Cost(**measured()["laws"][law.style][method.name])
+def usable(law: EOS) -> list[LawMethod]:
+    """Return the methods for densities that are doubles already, as LAMMPS' are."""
+    return [method for method in methods_of(law) if method.store is None]
 
 
-def default(law: EOS, n: int) -> LawMethod:
-    """Of the best conditioned methods the cheapest for n states."""
-    return min(_usable(law), key=lambda m: (m.conditioning, cost(m, law).of(n)))
+def pressure(
+    law: EOS, rho_n: FloatArray, e_n: FloatArray | None, method: str | None, tolerance: float | None
+) -> FloatArray:
+    """Return the pressure (n,) by a method; see `eos_ref.EOS.pressure`.
+
+    Raises
+    ------
+    InputError
+        Unknown method, a tolerance without "auto" or "auto" without one, a tolerance that no method meets.
+    """
+    if method is None or (tolerance is None) == (method == AUTO):
+        raise InputError("tolerance", f'must be given with method="{AUTO}", and with no other', tolerance)
+    chosen = named(method, law) if tolerance is None else None
+    defined_n = law.is_defined(rho_n) & (True if e_n is None else np.isfinite(e_n))
+    rho_d, e_d = rho_n[defined_n], None if e_n is None else e_n[defined_n]
+    with np.errstate(all="ignore"):
+        p_n = np.array(law.evaluate(rho_n, e_n))
+    if not rho_d.size:
+        return p_n
+    if tolerance is not None:
+        chosen = cheapest(law, rho_d, e_d, tolerance)
+    assert chosen is not None
+    p_n[defined_n] = chosen.function(law, float(rho_d.min()), float(rho_d.max()))(rho_d, e_d)
+    return p_n
 
 
-def choose(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float) -> Choice:
-    """The cheapest method whose pressures of some states have a relative error below a tolerance.
+def named(name: str, law: EOS) -> LawMethod:
+    """Return a method by its name.
+
+    Raises
+    ------
+    InputError
+        No method of this name evaluates the law.
+    """
+    for method in usable(law):
+        if method.name == name:
+            return method
+    names = ", ".join(method.name for method in usable(law))
+    raise InputError("method", f"must, for {law.style}, be {AUTO} or one of {names}", name)
+
+
+def cheapest(law: EOS, rho_n: FloatArray, e_n: FloatArray | None, tolerance: float) -> LawMethod:
+    """Return the cheapest method whose pressures of some states have a relative error of at most a tolerance.
 
     The error is relative as in `eos_ref.methods.worst`. It is searched for over the interval of the densities
-    given, and screened at the densities themselves; the best conditioned methods come last, and are taken if no other
-    is accurate enough.
+    given, and screened at the densities themselves. Of a law whose costs were not measured the reference's own
+    methods alone are candidates.
 
     Raises
     ------
     InputError
         A tolerance that no method meets.
     """
-    n, best, least = len(rho_n), None, np.inf
-    for method in sorted(_usable(law), key=lambda m: (cost(m, law).of(n), m.conditioning)):
+    costs, least = measured().get(law.style, {}), np.inf
+    candidates = [method for method in usable(law) if method.name in costs] or [usable(law)[0]]
+    if costs:
+        candidates.sort(key=lambda m: (costs[m.name].of(len(rho_n)), m.conditioning))
+    for method in candidates:
         error = worst_error(method, law, rho_n, e_n)
         least = min(least, error)
         if error <= tolerance:
-            best = method
-            break
-    if best is None:
-        raise InputError("tolerance", f"must be at least {least:.2g}, what the best method reaches here", tolerance)
-    ns, startup = cost(best, law).ns, cost(best, law).startup
-    why = (
-        f"worst error {error:.1e} over rho from {rho_n.min():g} to {rho_n.max():g}, tolerance {tolerance:g}; "
-        f"{ns:.3g} ns a state and {startup:.2g} s to start are the least for {n} states"
-    )
-    return Choice(best, error, tolerance, why)
-
-
-def of_types(
-    table: EOSTable,
-    type_n: IntArray,
-    rho_n: FloatArray,
-    e_n: FloatArray | None,
-    method: str = "default",
-    tolerance: float | None = None,
-) -> tuple[Choice, ...]:
-    """How the law of every type is evaluated for the states of its particles.
-
-    Parameters
-    ----------
-    method : "default", "auto", or the name of a method
-    tolerance : of "auto"; None: as default
-
-    Raises
-    ------
-    InputError
-        A tolerance that no method meets; a name that is none, or not of a method for this law.
-    """
-    found = []
-    for t, law in enumerate(table.laws, 1):
-        of_type = type_n == t
-        rho, e = rho_n[of_type], None if e_n is None else e_n[of_type]
-        if not rho.size or method == "default" or (method == "auto" and tolerance is None):
-            found.append(Choice(default(law, rho.size)))
-        elif method == "auto":
-            assert tolerance is not None
-            found.append(choose(law, rho, e, tolerance))
-        else:
-            given = named(method, law)
-            error = worst_error(given, law, rho, e)
-            found.append(Choice(given, error, error, f"as the scene says; worst error {error:.1e}"))
-    return tuple(found)
-
-
-def stages(evaluations: int) -> Literal["plain", "compiled"]:
-    """The cheaper stages for a number of evaluations of one particle."""
-    found = {name: Cost(**each).of(evaluations) for name, each in measured()["stages"].items()}
-    return "plain" if found["plain"] <= found["compiled"] else "compiled"
+            return method
+    raise InputError("tolerance", f"must be at least {least:.2g}, what the best method reaches here", tolerance)
 
 
 def worst_error(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray | None) -> float:
-    """Worst relative error of a method over the interval that some densities span.
+    """Return the worst relative error of a method over the interval that some densities span.
 
     Distances to rho0 below the least one given are left out: no state is there.
     """
@@ -158,26 +129,4 @@ def worst_error(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray 
         return (rho >= low) & (rho <= high) & (np.abs(rho / law.rho0 - 1) >= nearest)
 
     energies: Sequence[float | None] = [None] if e_n is None else [float(e_n.min()), float(e_n.max())]
-    found: list[Worst] = [worst_case(evaluate, law, start_n, inside, e) for e in energies]
-    return max(worst.error for worst in found)
-
-
-def named(name: str, law: EOS) -> LawMethod:
-    """A method by its name.
-
-    Raises
-    ------
-    InputError
-        No such method, or not for this law.
-    """
-    if name not in {method.name for method in METHODS}:
-        raise InputError("method", f"must be auto or one of {', '.join(m.name for m in METHODS)}", name)
-    found = [method for method in _usable(law) if method.name == name]
-    if not found:
-        raise InputError("method", f"cannot evaluate {law.style} (parameter {law.parameter}) of doubles", name)
-    return found[0]
-
-
-def _usable(law: EOS) -> list[LawMethod]:
-    """Methods for states that are doubles already, as LAMMPS' are."""
-    return [method for method in methods_of(law) if method.store is None]
+    return max(worst_case(evaluate, law, start_n, inside, e).error for e in energies)

@@ -2,8 +2,8 @@ r"""Ways to evaluate an equation of state.
 
 A method prepares, for one law and an interval of densities, a function of densities and energies that returns
 pressures in float64. `eos_ref.eos.laws` holds the law itself; the forms here are the alternatives to it that one meets
-elsewhere (textbooks, LAMMPS, tables, single precision), to be measured, and to be used where a scene's tolerance
-allows (`eos_ref.methods.choice`).
+elsewhere (textbooks, LAMMPS, tables, single precision), to be measured, and to be used where a tolerance allows
+(`eos_ref.methods.choice`).
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ def _explanation(case: Any) -> dict[str, Any]:
         "particles": len(ready.atoms),
         "expects": case.scene.expect.refused if case.scene.expect else None,
         "laws": laws,
-        "methods": _methods(case, ready),
+        "evaluated_by": _evaluator(case, ready),
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
         "stability": _stability(case, ready),
@@ -104,31 +104,20 @@ def _explanation(case: Any) -> dict[str, Any]:
     }
 
 
-def _methods(case: Any, ready: Any) -> list[dict[str, str]]:
-    """How the reference evaluates a scene, and why: the law of every type, or the stages of the model."""
-    from lammps_cases.comparison.trajectory import own_stages
-    from lammps_cases.verdict.judgement import methods_of, particles_of
+def _evaluator(case: Any, ready: Any) -> str | None:
+    """Name the body of the reference that judges a case, and the size that decides it."""
+    from eos_ref.evaluation.array_evaluator import Plain
+    from lammps_cases.comparison.trajectory import COMPILED_ABOVE, evaluations, own_stages
+    from lammps_cases.verdict.judgement import particles_of
 
-    scene, atoms = case.scene, ready.atoms
+    scene = case.scene
     if scene.expect:
-        return []
-    if scene.whole_model:
-        stages = own_stages(particles_of(scene, atoms, case.where, scene.snapshots)).__name__
-        why = (
-            "as the scene says"
-            if scene.method in ("plain", "compiled")
-            else "the least time for all runs, start included"
-        )
-        return [{"of": "all stages", "method": "plain" if stages == "Plain" else "compiled", "why": why}]
-    if atoms.rho_n is None or scene.evolve:
-        why = "chosen for the densities that LAMMPS answers with"
-        return [{"of": "every law", "method": scene.method, "why": why}]
-    e_n = None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
-    choices = methods_of(case, ready.eos, atoms.type_n, atoms.rho_n, e_n)
-    return [
-        {"of": f"type {t}", "method": chosen.method.name, "why": f"{chosen.why} ({chosen.method.reason})"}
-        for t, chosen in enumerate(choices, 1)
-    ]
+        return None
+    if not scene.whole_model:
+        return "the formula of the law, in numpy"
+    problem = particles_of(scene, ready.atoms, case.where, scene.snapshots)
+    name = "array" if own_stages(problem) is Plain else "compiled"
+    return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
 
 
 def _stability(case: Any, ready: Any) -> list[str]:
@@ -162,9 +151,8 @@ def _show(explanation: dict[str, Any]) -> None:
         click.echo(f"type {law['type']}: {law['style']}, {parameters}")
         click.echo(f"  grows with density within {' to '.join(law['monotone'])}")
         click.echo(f"  bound: {law['bound']}")
-    if explanation["methods"]:
-        rows = [(method["of"], method["method"], method["why"]) for method in explanation["methods"]]
-        table(("what", "method", "why"), rows, "evaluated by")
+    if explanation["evaluated_by"]:
+        click.echo(f"evaluated by {explanation['evaluated_by']}")
     if explanation["stability"]:
         click.echo("stability:")
         click.echo("\n".join(f"  {line}" for line in explanation["stability"]))

@@ -18,7 +18,7 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
 @click.option(
     "--out", type=click.Path(path_type=Path), default="reports/chart", show_default=True, help="Folder of the chart."
 )
-@click.option("--save-costs", is_flag=True, help="Keep the laws' times as those by which method: auto chooses.")
+@click.option("--save-costs", is_flag=True, help='Keep the laws\' times as those by which method="auto" chooses.')
 @json_option
 def chart_command(sections: tuple[str, ...], quick: bool, out: Path, save_costs: bool, as_json: bool) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.

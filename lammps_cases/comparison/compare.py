@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +11,6 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from eos_ref.eos import bounds, lammps_rounding, rigorous
 from eos_ref.eos.table import FloatArray
-from eos_ref.methods import choice
-from eos_ref.methods.choice import Choice
 from lammps_cases.records.run_record import DigitsLost, FieldRecord, Verdict, digest
 
 IntArray = npt.NDArray[np.integer]
@@ -39,16 +36,11 @@ class State:
         return None if self.energy_n is None else self.energy_n / self.mass_n
 
 
-def evaluate(
-    table: EOSTable,
-    state: State,
-    number: type[np.floating[Any]] = np.float64,
-    choices: Sequence[Choice] | None = None,
-) -> npt.NDArray[Any]:
-    """The reference's pressure of a state in a floating type.
+def evaluate(table: EOSTable, state: State, number: type[np.floating[Any]] = np.float64) -> npt.NDArray[Any]:
+    """Evaluate the reference's law of every particle, shape (n,), in a floating type.
 
-    In float64 by the methods chosen for the types, by default the best conditioned ones that cost no more: compiled
-    loops are faster per particle, but loading them takes longer than most scenes do.
+    By the law's own formula in numpy (`eos_ref.EOS.evaluate`): loading the compiled loops takes longer than
+    evaluating the law for any scene.
     """
     p_n = np.empty(state.rho_n.shape, number)
     rho_n, e_n = state.rho_n.astype(number), state.e_n
@@ -56,13 +48,8 @@ def evaluate(
         for t, law in enumerate(table.laws, 1):
             of_type = state.type_n == t
             rho, e = rho_n[of_type], None if e_n is None else e_n[of_type].astype(number)
-            if not rho.size:
-                continue
-            if number is np.float64:
-                method = choices[t - 1].method if choices else choice.default(law, rho.size)
-                p_n[of_type] = method.function(law, float(rho.min()), float(rho.max()))(rho, e)
-            else:
-                p_n[of_type] = law.evaluate(rho, e, number)
+            if rho.size:
+                p_n[of_type] = law.evaluate(rho, e)
     return p_n
 
 
@@ -156,30 +143,16 @@ def compare_pressure(
     pressure_n: FloatArray,
     field: str = "pressure",
     digits: bool = True,
-    choices: Sequence[Choice] | None = None,
 ) -> Comparison:
-    """LAMMPS' pressure against the reference law of LAMMPS' own density and energy (stage `eos`).
-
-    What a scene's tolerance allows its method is added to the bound.
-    """
-    reference_n = evaluate(table, state, choices=choices)
+    """Compare LAMMPS' pressure with the reference law of LAMMPS' own density and energy (stage `eos`)."""
+    reference_n = evaluate(table, state)
     bound_n = bounds.comparison(table, state.rho_n, state.type_n, state.e_n)
     same_order_n = None
     if not same_bits(pressure_n, reference_n):
         same_order_n = lammps_rounding.pressure(table, state.rho_n, state.type_n, state.energy_n, state.mass_n)
     types = np.flatnonzero(np.bincount(state.type_n)).tolist()
-    words = []
-    for t in types:
-        words.append(f"type {t}: {bounds.comparison_derivation(table[t])}")
-        if choices and choices[t - 1].allowed:
-            chosen, of_type = choices[t - 1], state.type_n == t
-            background = table[t].background
-            size_n = np.abs(reference_n[of_type] - background) + abs(background)
-            bound_n[of_type] += chosen.allowed * size_n
-            words[-1] += f" + {chosen.allowed:.2g} of the terms for the method {chosen.method.name} ({chosen.why})"
-    comparison = compare_field(
-        field, "eos", state.id_n, pressure_n, reference_n, bound_n, same_order_n, "; ".join(words)
-    )
+    derivation = "; ".join(f"type {t}: {bounds.comparison_derivation(table[t])}" for t in types)
+    comparison = compare_field(field, "eos", state.id_n, pressure_n, reference_n, bound_n, same_order_n, derivation)
     if digits:
         comparison.record.digits_lost = digits_lost(table, state, pressure_n, reference_n)
     return comparison

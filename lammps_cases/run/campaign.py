@@ -85,13 +85,6 @@ def prepare(case: Case) -> Prepared:
     atoms = build(case, eos)
     if case.scene.whole_model and not case.scene.expect:
         reference_side.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
-    elif eos is not None and case.scene.method != "default" and atoms.rho_n is not None:
-        from lammps_cases.verdict.judgement import methods_of
-
-        # An unknown method, or a tolerance that none meets, is said before LAMMPS is started.
-        methods_of(
-            case, eos, atoms.type_n, atoms.rho_n, None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
-        )
     return Prepared(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -16,7 +17,7 @@ from lammps_cases.scene.materials import AtomType, Law, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings, Violation
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.values import Model, Positive
+from lammps_cases.scene.values import Model
 
 Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
 # What a scene can compare, by LAMMPS' names: columns of compute rheo/property/atom, then properties of atoms.
@@ -44,23 +45,7 @@ Column = Literal[
 ]
 AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
 THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
-# Ways to evaluate a law (`eos_ref.methods.laws`), and the stages of the whole model.
-Method = Literal[
-    "default",
-    "auto",
-    "plain",
-    "compiled",
-    "compiled, 2 threads",
-    "numpy",
-    "expm1/log1p",
-    "series",
-    "polynomial",
-    "textbook",
-    "in LAMMPS' order",
-    "table, cubic",
-    "table, linear",
-]
-STAGES = ("default", "auto", "plain", "compiled")  # methods of the whole model
+METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
 MAX_ATOMS = 10_000_000
 
 
@@ -85,19 +70,23 @@ class Scene(Model):
     compare: tuple[Literal[Column, AtomProperty], ...] = Field(
         ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
     )
-    method: Method = Field(
-        "default",
-        description="how the reference evaluates: default, auto (the cheapest within tolerance), or by a method that "
-        "eos-ref chart lists; of the whole model: default, auto, plain or compiled",
-    )
-    tolerance: Positive | None = Field(
-        None, description="relative error of the pressure that method: auto may make; none: as default"
-    )
     engine: EngineSettings = EngineSettings()
     twin: TwinSettings | None = Field(None, description="compare LAMMPS with a second run of its own")
     violate: Violation | None = None
     example: ExampleSettings | None = Field(None, description="an example line of the manual, given to LAMMPS as it is")
     expect: Expect | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_method(cls, content: Any) -> Any:
+        """Refuse the keys that choose a method, and name the place where one is chosen."""
+        for key in METHOD_KEYS:
+            if isinstance(content, Mapping) and key in content:
+                raise ValueError(
+                    f"{key} is no key of a scene, which is judged by the reference's own body: choose a method by "
+                    'EOS.pressure(rho, method="auto", tolerance=1e-9) in Python, and compare methods by eos-ref chart'
+                )
+        return content
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
@@ -121,7 +110,6 @@ class Scene(Model):
         self._check_types()
         self._check_vectors()
         self._check_compare()
-        self._check_method()
         if self.twin:
             self._check_twin(self.twin)
         if self.example:
@@ -182,14 +170,6 @@ class Scene(Model):
             for vector in given:
                 if vector is not None and len(vector) != self.dimension:
                     raise ValueError(f"{what} needs {self.dimension} components, found {len(vector)}")
-
-    def _check_method(self) -> None:
-        if self.tolerance is not None and self.method != "auto":
-            raise ValueError(f"tolerance needs method: auto, found {self.method}")
-        if self.whole_model and self.tolerance is not None:
-            raise ValueError("tolerance is of scenes that compare the pressure alone: all stages agree to rounding")
-        if self.whole_model and self.method not in STAGES:
-            raise ValueError(f"method of the whole model must be one of {', '.join(STAGES)}, found {self.method}")
 
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):

@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import EOSTable, InputError
+from eos_ref import EOSTable
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.methods import choice
-from eos_ref.methods.choice import Choice
 from lammps_cases.comparison.compare import Comparison, State, compare_field, compare_pressure
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Particles, Prediction
@@ -131,9 +129,8 @@ def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, a
     comparisons = _inputs(case, atoms, got, unchanged=case.scene.evolve is None)
     state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     # Twice: the array that the forces read, and the output, which LAMMPS evaluates anew from the density.
-    choices = methods_of(case, eos, state.type_n, state.rho_n, state.e_n)
-    used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False, choices=choices)
-    pressure = compare_pressure(eos, state, got["q.pressure"], choices=choices)
+    used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
+    pressure = compare_pressure(eos, state, got["q.pressure"])
     for comparison in (used, pressure):
         if comparison.record.verdict == "differs":
             entry = explain_pressure(case.name, engine, eos, state, comparison)
@@ -148,20 +145,6 @@ def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, a
     if state.e_n is not None:
         arrays["e"] = state.e_n
     return arrays
-
-
-def methods_of(case: Case, eos: EOSTable, type_n: Any, rho_n: Any, e_n: Any) -> tuple[Choice, ...]:
-    """How a scene has its laws evaluated for some states.
-
-    Raises
-    ------
-    InputError
-        See `eos_ref.methods.choice.of_types`.
-    """
-    try:
-        return choice.of_types(eos, type_n, rho_n, e_n, case.scene.method, case.scene.tolerance)
-    except InputError as error:
-        raise error.at(case.where) from None
 
 
 def _arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
@@ -211,7 +194,6 @@ def particles_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...])
         scene.evolve.timestep if scene.evolve else 0.0,
         scene.compare,
         steps,
-        scene.method,
     )
 
 

@@ -1,4 +1,4 @@
-"""What methods cost, kept for `eos_ref.methods.choice`: seconds to start, nanoseconds per state."""
+"""Measure what methods cost, for `eos_ref.methods.choice`: seconds to start, nanoseconds per state."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from eos_ref import EOS
-from eos_ref.methods.choice import COSTS
-from eos_ref.methods.laws import methods_of
+from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.worst import Regime
 from lammps_cases.records.run_record import write_atomically
-from lammps_cases.studies.benchmarks.measure import in_turns, machine
+from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart.laws import LAWS, QUICK_STATES, timings
 
-EDGE = 40  # particles along the edge of the scene in which the stages of the particle model are timed
 FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared
 Progress = Callable[[int, int, str], None]
 
@@ -27,16 +25,15 @@ def save(progress: Progress = lambda done, total, what: None, path: Path = COSTS
     laws = [law for law in LAWS if not law.background]
     found: dict[str, dict[str, Any]] = {}
     for k, law in enumerate(laws):
-        progress(k, len(laws) + 1, f"costs of {law.style}")
-        usable = [method for method in methods_of(law) if method.store is None]
-        took, _ = timings(law, usable, (FLUID,), QUICK_STATES, None)
-        for method in usable:
+        progress(k, len(laws), f"costs of {law.style}")
+        methods = usable(law)
+        took, _ = timings(law, methods, (FLUID,), QUICK_STATES, None)
+        for method in methods:
             ns = took[method.name].seconds.median / QUICK_STATES * 1e9
             seconds = _started(law, method.name)
             entry = {"ns": _two_digits(ns), "startup": _two_digits(seconds)}
             found.setdefault(law.style, {}).setdefault(method.name, entry)
-    progress(len(laws), len(laws) + 1, "costs of the stages")
-    document = {"machine": machine(), "states": QUICK_STATES, "laws": found, "stages": _stages()}
+    document = {"machine": machine(), "states": QUICK_STATES, "laws": found}
     write_atomically(path, json.dumps(document, indent=1) + "\n")
 
 
@@ -72,22 +69,3 @@ def _in_fresh_process(code: str, rounds: int = 3) -> float:
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         seconds.append(max(float(done.stdout.split()[-1]), 0.0))
     return min(seconds[1:])
-
-
-def _stages() -> dict[str, dict[str, float]]:
-    """Cost of an evaluation of the particle model per particle, in plain arrays and compiled."""
-    from lammps_cases.studies.benchmarks.bench_model import scene, simulation
-
-    calls, startup = {}, {}
-    for name in ("plain", "compiled"):
-        sim = simulation(scene("quintic", 2, EDGE), name)
-        calls[name] = sim.evaluate
-        startup[name] = _in_fresh_process(
-            "from lammps_cases.studies.benchmarks.bench_model import scene, simulation\n"
-            f"def call():\n    simulation(scene('quintic', 2, 10), {name!r}).evaluate()\n"
-        )
-    took = in_turns(calls)
-    return {
-        name: {"ns": _two_digits(took[name].seconds.median / EDGE**2 * 1e9), "startup": _two_digits(startup[name])}
-        for name in calls
-    }

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import doctest
 import math
 import pickle
 from dataclasses import replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 from flint import arb, ctx
 
+import eos_ref
 from eos_ref import EOS, STYLES, EOSTable, InputError
 from tests.support.eos_cases import (
     EPS,
@@ -334,3 +337,10 @@ def test_interval_of_whole_powers() -> None:
 def test_every_style_is_sampled() -> None:
     assert {law.style for law in LAWS.values()} == set(STYLES)
     assert float(exact(LAWS["tait/water"], 2 * RHO0)) == pytest.approx(SCALE / 7 * 127, rel=4 * EPS)  # 4 roundings
+
+
+@pytest.mark.parametrize("module", [eos_ref, eos_ref.eos.table], ids=lambda module: module.__name__)
+def test_the_examples_of_the_documentation_are_true(module: ModuleType) -> None:
+    failed, attempted = doctest.testmod(module)
+    assert attempted > 0
+    assert failed == 0

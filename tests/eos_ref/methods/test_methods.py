@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eos_ref import EOS, InputError
+from eos_ref import EOS, EOSTable, InputError
 from eos_ref.eos import bounds, rigorous
 from eos_ref.methods import choice, series
 from eos_ref.methods.laws import METHODS, NODES, LawMethod, methods_of
 from eos_ref.methods.table import Table
 from eos_ref.methods.worst import SAMPLES, Regime, certain_error, worst_case
-from lammps_cases.scene.case import Method
 
 LAWS = [
     EOS("linear", 1.2345, 7.89),
@@ -182,9 +181,7 @@ def test_what_is_chosen_for_a_tolerance_meets_it(law: EOS, at: float, wide: floa
     d_n = np.random.default_rng(seed).uniform(10**at, min(10 ** (at + wide), 3.0), 400)
     d_n[::2] *= -0.25
     rho_n = law.rho0 * (1 + d_n)
-    chosen = choice.choose(law, rho_n, None, 10**tolerance)
-    evaluate = chosen.method.function(law, float(rho_n.min()), float(rho_n.max()))
-    p_n = evaluate(rho_n, None)
+    p_n = law.pressure(rho_n, method="auto", tolerance=10**tolerance)
     for rho, p in zip(rho_n[:40].tolist(), p_n[:40].tolist(), strict=True):
         exact = rigorous.pressure(law, rho)
         size = float(abs(exact - law.background).lower()) + abs(law.background)
@@ -193,45 +190,86 @@ def test_what_is_chosen_for_a_tolerance_meets_it(law: EOS, at: float, wide: floa
 
 def test_a_loose_tolerance_buys_a_cheaper_method_and_a_tight_one_costs() -> None:
     law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 1000)
-    loose, tight = (choice.choose(law, rho_n, None, tolerance) for tolerance in (1e-3, 2e-15))
-    assert loose.error is not None
-    assert tight.error is not None
-    assert choice.cost(loose.method, law).of(1000) <= choice.cost(tight.method, law).of(1000)
-    assert tight.error <= 2e-15 < 1e-3
-    assert loose.method.conditioning >= tight.method.conditioning
+    loose, tight = (choice.cheapest(law, rho_n, None, tolerance) for tolerance in (1e-3, 2e-15))
+    costs = choice.measured()["tait/water"]
+    assert costs[loose.name].of(1000) < costs[tight.name].of(1000)
+    assert choice.worst_error(tight, law, rho_n, None) <= 2e-15 < choice.worst_error(loose, law, rho_n, None) <= 1e-3
+
+
+def test_a_law_without_measured_costs_is_evaluated_by_the_reference_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    law, rho_n = EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 50)
+    monkeypatch.setattr(choice, "measured", dict)
+    assert choice.cheapest(law, rho_n, None, 1e-3).name == "compiled"
 
 
 def test_a_tolerance_below_what_doubles_can_do_is_refused() -> None:
     with pytest.raises(InputError, match="tolerance: must be at least"):
-        choice.choose(EOS("tait/water", 1.2345, 7.89), np.linspace(1.2, 1.3, 50), None, 1e-17)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.style)
-@pytest.mark.parametrize("n", [10, 10_000, 10**8])
-def test_the_default_is_best_conditioned_and_no_dearer_than_others_as_good(law: EOS, n: int) -> None:
-    chosen = choice.default(law, n)
-    usable = [method for method in methods_of(law) if method.store is None]
-    assert chosen.conditioning == min(method.conditioning for method in usable)
-    peers = [method for method in usable if method.conditioning == chosen.conditioning]
-    assert choice.cost(chosen, law).of(n) == min(choice.cost(method, law).of(n) for method in peers)
+        EOS("tait/water", 1.2345, 7.89).pressure(np.linspace(1.2, 1.3, 50), method="auto", tolerance=1e-17)
 
 
 def test_costs_cover_every_method_that_can_be_chosen() -> None:
     for law in LAWS:
-        for method in methods_of(law):
-            if method.store is None:
-                cost = choice.cost(method, law)
-                assert cost.ns > 0
-                assert cost.startup >= 0
+        for method in choice.usable(law):
+            cost = choice.measured()[law.style][method.name]
+            assert cost.ns > 0
+            assert cost.startup >= 0
 
 
-def test_a_scene_may_name_every_method_for_doubles_and_no_other() -> None:
-    usable = {method.name for method in METHODS if method.store is None}
-    assert set(get_args(Method)) == usable | {"default", "auto", "plain"}
+# --- EOS.pressure
 
 
-def test_unknown_methods_are_refused_with_the_names_there_are() -> None:
-    with pytest.raises(InputError, match="must be auto or one of compiled"):
-        choice.named("fast", LAWS[0])
-    with pytest.raises(InputError, match="cannot evaluate linear"):
-        choice.named("polynomial", LAWS[0])
+@pytest.mark.parametrize(("method", "law"), [(m, law) for law in LAWS for m in choice.usable(law)])
+def test_a_named_method_has_the_bits_of_that_method_in_any_shape(method: LawMethod, law: EOS) -> None:
+    rho_nc = law.rho0 * np.linspace(0.9, 1.1, 12).reshape(3, 4)
+    e_n = np.full(12, ENERGY) if law.needs_energy else None
+    expected_n = method.function(law, float(rho_nc.min()), float(rho_nc.max()))(rho_nc.ravel(), e_n)
+    assert np.array_equal(law.pressure(rho_nc, ENERGY, method.name), expected_n.reshape(3, 4))
+
+
+def test_without_a_method_the_pressure_is_that_of_the_compiled_loops() -> None:
+    for law in LAWS:
+        rho_n = law.rho0 * np.linspace(0.5, 1.5, 50)
+        assert np.array_equal(law.pressure(rho_n, ENERGY), law.pressure(rho_n, ENERGY, method="compiled"))
+
+
+@pytest.mark.parametrize("arguments", [("series",), ("auto", 1e-9), ("table, cubic",)])
+def test_where_a_law_is_not_defined_every_method_gives_nan(arguments: tuple[Any, ...]) -> None:
+    law = EOS("tait/general", parameter=1.4)
+    p_n = law.pressure([-0.5, 1.1, np.nan, 0.9], None, *arguments)
+    assert np.isnan(p_n).tolist() == [True, False, True, False]
+    assert np.isnan(law.pressure(-0.5, None, *arguments))
+    assert law.pressure([], None, *arguments).shape == (0,)
+
+
+def test_a_table_of_laws_chooses_for_every_type_by_itself() -> None:
+    table, rho_n = EOSTable((LAWS[0], LAWS[2], LAWS[5])), np.linspace(1.0, 1.5, 9)
+    type_n, e_n = np.arange(9) % 3 + 1, np.full(9, ENERGY)
+    for arguments in (("numpy",), ("auto", 1e-3)):
+        p_n = table.pressure(rho_n, type_n, e_n, *arguments)
+        for t, law in enumerate(table, 1):
+            of_type = type_n == t
+            assert np.array_equal(p_n[of_type], law.pressure(rho_n[of_type], e_n[of_type], *arguments))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("fast",), "method: must, for linear, be auto or one of compiled, .*found 'fast'"),
+        (("polynomial",), "method: must, for linear, be auto or one of"),  # a method, of other laws
+        (("float32",), "method: must, for linear, be auto or one of"),  # not one for doubles
+        (("auto",), 'tolerance: must be given with method="auto"'),
+        (("numpy", 1e-9), 'tolerance: must be given with method="auto", and with no other, found 1e-09'),
+        ((None, 1e-9), "tolerance: must be given with"),
+        (("auto", "loose"), "tolerance: must be a finite number, found 'loose'"),
+    ],
+)
+@pytest.mark.parametrize("laws", [(LAWS[0],), (LAWS[0], LAWS[0])])
+def test_a_method_or_a_tolerance_that_makes_no_sense_is_refused(
+    laws: tuple[EOS, ...], arguments: tuple[Any, ...], message: str
+) -> None:
+    for pressure in (
+        lambda: laws[0].pressure([1.2], None, *arguments),
+        lambda: EOSTable(laws).pressure([1.2], [1], None, *arguments),
+    ):
+        with pytest.raises(InputError, match=message):
+            pressure()

@@ -28,24 +28,13 @@ def tait(gamma: float) -> list[dict[str, Any]]:
 
 
 BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "unknown method": ({"method": "fast"}, ("method", "'auto'", "'table, cubic'", "'fast'")),
-    "stages for a law": ({"method": "plain"}, ("method", "must be auto or one of compiled", "'plain'")),
-    "method for another law": (
-        {"pressure": [LINEAR], "method": "polynomial"},
-        ("method", "cannot evaluate linear", "'polynomial'"),
+    "method of a scene": (
+        {"method": "auto"},
+        ("method is no key of a scene", 'EOS.pressure(rho, method="auto", tolerance=1e-9)', "eos-ref chart"),
     ),
-    "tolerance without auto": ({"tolerance": 1e-6}, ("tolerance needs method: auto", "default")),
-    "tolerance that no method meets": (
-        {"method": "auto", "tolerance": 1e-18},
-        ("tolerance", "must be at least", "1e-18"),
-    ),
-    "tolerance of the whole model": (
-        {"method": "auto", "tolerance": 1e-6, "compare": ["f"]},
-        ("tolerance", "pressure alone"),
-    ),
-    "method of a law for the whole model": (
-        {"method": "numpy", "compare": ["f"]},
-        ("method of the whole model", "plain, compiled", "numpy"),
+    "tolerance of a scene": (
+        {"tolerance": 1e-6},
+        ("tolerance is no key of a scene", 'EOS.pressure(rho, method="auto", tolerance=1e-9)', "eos-ref chart"),
     ),
     "unknown key": ({"presure": [LINEAR]}, ("presure", "unknown key", "did you mean pressure")),
     "wrong type": ({"units": "furlong"}, ("units", "'lj'", "'furlong'")),

@@ -54,9 +54,9 @@ def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
 def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     right = compare.evaluate
 
-    def planted(table: EOSTable, state: State, number: Any = np.float64, choices: Any = None) -> Any:
+    def planted(table: EOSTable, state: State, number: Any = np.float64) -> Any:
         wrong_n = MUTANTS[mistake](table, state) if number is np.float64 else None
-        return right(table, state, number, choices) if wrong_n is None else wrong_n
+        return right(table, state, number) if wrong_n is None else wrong_n
 
     monkeypatch.setattr(compare, "evaluate", planted)
     red = [record for record in judge(solved) if record.verdict == "differs"]

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.studies.mutation.edits import edited, split_name, text_of
 from lammps_cases.studies.mutation.fault import Fault, Kind
-from lammps_cases.studies.mutation.source import SourceFault, text_of
+from lammps_cases.studies.mutation.source import SourceFault
 from lammps_cases.verdict import law_mistakes, model_mistakes
 
 EDITS = Path(__file__).with_name("formula.yaml")
@@ -30,9 +31,10 @@ class Edit(BaseModel):
     id: str
     kind: Kind
     what: str
-    module: str
-    old: str
-    new: str
+    function: str
+    replace: str
+    by: str
+    at: int | None = Field(None, ge=1)
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,9 @@ def faults() -> dict[str, SourceFault | LintFault]:
             fault = f"formula.lint-{_slug(name)}"
             found.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
     for edit in TypeAdapter(list[Edit]).validate_python(yaml.safe_load(EDITS.read_text(encoding="utf-8"))):
-        text = text_of(edit.module)
-        assert text.count(edit.old) == 1, f"{edit.id}: {edit.old!r} must stand once in {edit.module}.py"
-        changed = text.replace(edit.old, edit.new)
-        found.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, edit.module, changed))
+        module, name = split_name(edit.function)
+        text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
+        found.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, module, text))
     assert len({fault.id for fault in found}) == len(found), "two faults of one id"
     return {fault.id: fault for fault in found}
 

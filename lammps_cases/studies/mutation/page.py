@@ -11,6 +11,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from lammps_cases.records.run_record import write_atomically
+from lammps_cases.studies.mutation import source
 from lammps_cases.studies.mutation.fault import ABOUT, FAMILIES, KINDS
 from lammps_cases.studies.mutation.record import FaultRecord, Power
 from lammps_cases.studies.mutation.resolution import Resolution
@@ -41,6 +42,9 @@ def write(power: Power, folder: Path) -> None:
         controls={control.family: _control(control.cases, len(control.red)) for control in power.controls},
         verdicts=_verdicts(power.faults),
         busiest=_busiest(power.faults),
+        excluded=source.EXCLUDED,
+        excluded_assignments=source.EXCLUDED_ASSIGNMENTS,
+        only=source.ONLY,
         drawing=Markup(_drawing(power.resolution)),
     )
     write_atomically(folder / "power.html", html)

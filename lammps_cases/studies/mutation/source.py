@@ -13,12 +13,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
-from pathlib import Path
 
-import eos_ref
+from eos_ref.errors import InputError
+from lammps_cases.studies.mutation.edits import definition, text_of
 from lammps_cases.studies.mutation.fault import Fault
 
-FOLDER = Path(eos_ref.__file__).parent
 # Modules that a scene's numbers go through, and how many faults are planted in each.
 MODULES = {
     "eos.laws": 8,
@@ -39,53 +38,68 @@ MODULES = {
     "eos.rounded_eos": 1,
     "syntax.fixes": 2,
 }
-# Functions that no prediction of values goes through: other number types, derivatives, checks, other front ends.
-ELSEWHERE = {
-    "constant",
-    "_is_ball",
-    "_unary",
-    "precise",
-    "rounded",
-    "_evaluated_in",
-    "_check_steps",
-    "is_class",
-    "pressure_of_one_type",
-    "basis_size",
-    "check_state",
-    "is_defined",
-    "defined",
-    "monotone",
-    "sound_speed",
-    "stiffness",
-    "_stiffness",
-    "_energy_array",
-    "_patched",
-    "_finite",
-    "_columns",
-    "compacted",
-    "linear_stiffness",
-    "cubic_stiffness",
-    "tait_stiffness",
-    "ideal_gas_stiffness",
-    "total",  # sums by another function for another number type, to the same values
-    "cross_type_normal",  # this and the next ones are replaced by findings that the newest engine has
-    "same_type_support",
-    "collecting_volume",
-    "heated_volume",
-    "cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
-    "__post_init__",
-    "__getitem__",
-    "copy",
-    "run",
+# A module's part of the ids of its faults, where that is not its name: ids draw the sample and are in stored results.
+IN_IDS = {
+    "eos.table": "eos",
+    "evaluation.array_evaluator": "plain",
+    "evaluation.time_step": "steps",
+    "model.parameters": "model",
+}
+# Functions that a finding of the newest engine replaces.
+REPLACED_BY_FINDINGS = (
+    "evaluation.array_evaluator:Plain.same_type_support",
+    "evaluation.array_evaluator:Plain.collecting_volume",
+    "evaluation.array_evaluator:Plain.heated_volume",
+    "evaluation.stages:Stages.cross_type_normal",
+)
+# Functions left out, by what they serve in place of a prediction of values.
+EXCLUDED: dict[str, tuple[str, ...]] = {
+    "other number types": (
+        "numbers.elementary:_is_ball",
+        "numbers.elementary:_unary",
+        "evaluation.array_evaluator:Plain.constant",
+        "evaluation.array_evaluator:Plain.total",  # of rounded and extended numbers: to the same values
+        "evaluation.stages:is_class",
+        "evaluation.stages:Stages.constant",
+        "evaluation.time_step:Simulation.rounded",
+        "evaluation.time_step:Simulation.precise",
+        "evaluation.time_step:Simulation._evaluated_in",
+    ),
+    "derivatives": (
+        "eos.laws:linear_stiffness",
+        "eos.laws:cubic_stiffness",
+        "eos.laws:tait_stiffness",
+        "eos.laws:ideal_gas_stiffness",
+    ),
+    "changed as a whole by a named fault": ("evaluation.stages:Stages.sound_speed",),
+    "other callers": (
+        "eos.laws:cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
+        "model.kernels:basis_size",
+        "evaluation.pairs:compacted",
+        "evaluation.time_step:Simulation.run",
+        "evaluation.time_step:Simulation._check_steps",
+    ),
+    "replaced by findings of the newest engine": REPLACED_BY_FINDINGS,
 }
 # Of these modules only some functions.
 ONLY = {
-    "eos.table": ("evaluate", "density"),
+    "eos.table": ("EOS.evaluate", "EOS.density"),
     "syntax.fixes": ("resolve",),
     "eos.rounded_eos": ("by_type",),
     "syntax.ranges": ("type_range",),
     "numbers.columns": ("dot",),
-    "model.parameters": ("h", "mass", "rho0", "cs", "shifted_t", "acts_on", "corrects_gradients"),
+    "model.parameters": (
+        *("Force.acts_on", "Model.h", "Model.corrects_gradients", "Model.mass", "Model.rho0", "Model.cs"),
+        "Model.shifted_t",
+    ),
+}
+# Assignments left out, by function and what is assigned: how a value is computed (where the points of the neighbour
+# search lie, which of two forms of a logarithm is taken), or what its rounding bound will be.
+EXCLUDED_ASSIGNMENTS = {
+    "numbers.elementary:powm1": ("normal",),
+    "evaluation.pairs:directed_pairs": ("wrap_nc", "points, extent", "span"),
+    "evaluation.time_step:Simulation.__init__": ("self.fresh",),
+    "evaluation.time_step:Simulation.step": ("self.fresh",),
 }
 ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
     ast.Add: ast.Sub,
@@ -108,9 +122,6 @@ COMPARISON: dict[type[ast.cmpop], type[ast.cmpop]] = {
 CALLED = {"maximum": "minimum", "minimum": "maximum", "max": "min", "min": "max", "sin": "sinh", "asin": "asinh"}
 
 
-# Statements that decide only how a value is computed (where the points of the neighbour search lie, which of two forms
-# of a logarithm is taken), or what its rounding bound will be.
-ASIDE = ("self.fresh = ", "normal = (x >= ", "wrap_nc = ", "span = ", "points, extent = ")
 # Products and means of what the arguments are, or functions whose arguments are of different types.
 SYMMETRIC = {
     *("arithmetic_mean", "harmonic_mean", "pressure_term", "viscous_term", "heat_term", "diffusion_term", "dot"),
@@ -132,15 +143,50 @@ def faults() -> dict[str, SourceFault]:
     found: dict[str, SourceFault] = {}
     for module, count in MODULES.items():
         tree = ast.parse(text_of(module))
+        _check_names(module, tree)
         places = names(module, tree)
         chosen = sorted(places, key=lambda name: hashlib.sha256(name.encode()).digest())[:count]
         found |= {name: _made(module, name, places[name]) for name in sorted(chosen)}
     return found
 
 
-def text_of(module: str) -> str:
-    """The source of a module of the reference, named below ``eos_ref``."""
-    return (FOLDER / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
+def excluded(module: str) -> dict[str, str]:
+    """Return the qualified names of functions left out of a module, with the reason."""
+    return {
+        name: reason
+        for reason, functions in EXCLUDED.items()
+        for of, _, name in (function.partition(":") for function in functions)
+        if of == module
+    }
+
+
+def excluded_assignments(module: str, tree: ast.Module) -> list[ast.Assign]:
+    """Return the assignments left out of a module.
+
+    Raises
+    ------
+    InputError
+        A function that the module does not define, or that makes no such assignment.
+    """
+    found: list[ast.Assign] = []
+    for function, targets in EXCLUDED_ASSIGNMENTS.items():
+        of, _, name = function.partition(":")
+        for target in targets if of == module else ():
+            made = [node for node in ast.walk(definition(tree, name)) if _assigns(node, target)]
+            if not made:
+                raise InputError("excluded assignment", "must be in the function", target, function)
+            found += made  # type: ignore[arg-type]
+    return found
+
+
+def _assigns(node: ast.AST, target: str) -> bool:
+    return isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).strip("()") == target
+
+
+def _check_names(module: str, tree: ast.Module) -> None:
+    """Refuse names of functions that the module no longer has."""
+    for name in (*excluded(module), *ONLY.get(module, ())):
+        definition(tree, name, f"exclusions of eos_ref.{module}")
 
 
 def names(module: str, tree: ast.Module) -> dict[str, int]:
@@ -148,7 +194,7 @@ def names(module: str, tree: ast.Module) -> dict[str, int]:
     found: dict[str, int] = {}
     seen: dict[str, int] = {}
     for place, (where, how, _, _) in enumerate(_changes(module, tree)):
-        name = f"source.{module.rpartition('.')[2]}.{where}.{how}"
+        name = f"source.{_in_ids(module)}.{where}.{how}"
         seen[name] = seen.get(name, 0) + 1
         found[f"{name}-{seen[name]}"] = place
     return found
@@ -160,8 +206,12 @@ def _made(module: str, name: str, place: int) -> SourceFault:
     before = _line(statement)
     change()
     after = "(left out)" if how == "dropped" else _line(statement)
-    what = f"{module}.{where}: {before} → {after}"
+    what = f"{_in_ids(module)}.{where}: {before} → {after}"
     return SourceFault(name, "source", what, module, ast.unparse(ast.fix_missing_locations(tree)))
+
+
+def _in_ids(module: str) -> str:
+    return IN_IDS.get(module, module.rpartition(".")[2])
 
 
 def _line(statement: ast.stmt) -> str:
@@ -174,14 +224,12 @@ Change = tuple[str, str, ast.stmt, Callable[[], None]]  # function, operator, st
 
 def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
     """Everything that can be changed, in the order of the source; the last entry makes the change in the tree."""
-    for parent, function in _functions(tree):
-        if function.name not in ONLY.get(module, (function.name,)):
-            continue
-        name = f"{parent}.{function.name}" if parent else function.name
+    aside = excluded_assignments(module, tree)
+    for name, function in _functions(module, tree):
         droppable = function.name not in ("__init__", "move")  # what is missing there ends every run at once
         for body, at in _statements(function):
             statement = body[at]
-            if isinstance(statement, ast.If) and _of_type(statement.test):
+            if statement in aside or (isinstance(statement, ast.If) and _of_type(statement.test)):
                 continue
             yield from ((name, how, statement, change) for how, change in _of_statement(body, at, droppable))
 
@@ -192,18 +240,21 @@ def _of_type(test: ast.expr) -> bool:
     return bool(called & {"isinstance", "hasattr", "getattr", "_is_ball"})
 
 
-def _functions(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
+def _functions(module: str, tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Functions and methods that faults are planted in, with their qualified names."""
+    left_out, only = excluded(module), ONLY.get(module)
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and _planted(node):
-            yield "", node
-        for inner in node.body if isinstance(node, ast.ClassDef) else ():
-            if isinstance(inner, ast.FunctionDef) and _planted(inner):
-                yield node.name, inner  # type: ignore[attr-defined]
+        inner = [(f"{node.name}.", part) for part in node.body] if isinstance(node, ast.ClassDef) else [("", node)]
+        for parent, function in inner:
+            if not isinstance(function, ast.FunctionDef) or _is_abstract(function):
+                continue
+            name = parent + function.name
+            if name not in left_out and (only is None or name in only):
+                yield name, function
 
 
-def _planted(function: ast.FunctionDef) -> bool:
-    abstract = any(getattr(d, "id", "") == "abstractmethod" for d in function.decorator_list)
-    return function.name not in ELSEWHERE and not abstract
+def _is_abstract(function: ast.FunctionDef) -> bool:
+    return any(getattr(decorator, "id", "") == "abstractmethod" for decorator in function.decorator_list)
 
 
 def _statements(function: ast.FunctionDef) -> Iterator[tuple[list[ast.stmt], int]]:
@@ -212,7 +263,6 @@ def _statements(function: ast.FunctionDef) -> Iterator[tuple[list[ast.stmt], int
     def within(body: list[ast.stmt]) -> Iterator[tuple[list[ast.stmt], int]]:
         for at, statement in enumerate(body):
             text = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
-            text |= ast.unparse(statement).replace("(points, extent)", "points, extent").startswith(ASIDE)
             refuses = isinstance(getattr(statement, "body", [statement])[-1], ast.Raise)
             if text or refuses or isinstance(statement, ast.Assert | ast.Import | ast.ImportFrom | ast.FunctionDef):
                 continue

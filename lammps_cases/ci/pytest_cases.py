@@ -19,7 +19,8 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import phrases
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, write_arrays
+from lammps_cases.records.files import write_arrays
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.report import wording
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.run import campaign

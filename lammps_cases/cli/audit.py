@@ -52,7 +52,7 @@ def audit_command(
     """
     from lammps_cases.audit import AuditOptions, audit_deck
     from lammps_cases.engine import installations
-    from lammps_cases.records.run_record import write_arrays
+    from lammps_cases.records.files import write_arrays
     from lammps_cases.run import campaign
 
     chosen = installations.resolve(engine)

@@ -115,8 +115,8 @@ def _ask(
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
     from lammps_cases.engine.workers import Failure, Workers
+    from lammps_cases.records.files import write_atomically
     from lammps_cases.records.phrases import folder_name
-    from lammps_cases.records.run_record import write_atomically
     from lammps_cases.run import campaign
 
     resolved = installations.resolve(engine)
@@ -169,7 +169,7 @@ def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
 def _finish(columns: Sequence[Column], loose: Loose, leads: Trace, out: Path, as_json: bool) -> int:
     """Write the page and the document, and say what does not hold."""
     from lammps_cases.claims import page
-    from lammps_cases.records.run_record import write_atomically
+    from lammps_cases.records.files import write_atomically
 
     text = json.dumps(_document(columns), indent=1) + "\n"
     write_atomically(out / "claims.json", text)

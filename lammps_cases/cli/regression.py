@@ -106,7 +106,7 @@ def _running(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> R
 
 
 def _write(done: Compared, out: Path) -> None:
-    from lammps_cases.records.run_record import write_atomically
+    from lammps_cases.records.files import write_atomically
     from lammps_cases.regression import page, pairs
 
     write_atomically(out / "compare.json", json.dumps(pairs.document(done), indent=1) + "\n")
@@ -215,7 +215,7 @@ def bisect_command(
               eos-ref bisect pypi:2025.7.22.1.0 path:~/fork/build env --field f --beyond-bounds
     """
     from eos_ref import InputError
-    from lammps_cases.records.run_record import write_atomically
+    from lammps_cases.records.files import write_atomically
     from lammps_cases.regression import bisection, sources
     from lammps_cases.regression.kinds import Policy
 

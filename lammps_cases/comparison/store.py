@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.cache import cache_folder
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 
 VARIABLE = "EOS_REF_PREDICTIONS"  # environment variable that names another folder
 LIMIT = 2_000_000_000  # bytes

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from eos_ref.cache import cache_folder
 from eos_ref.errors import InputError
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 
 
 @dataclass(frozen=True)

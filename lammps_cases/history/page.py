@@ -12,8 +12,8 @@ from lammps_cases.history import draw
 from lammps_cases.history.model import KINDS, Kind
 from lammps_cases.history.views import CaseView, Change, RunLine
 from lammps_cases.pages import frame
+from lammps_cases.records.files import write_atomically
 from lammps_cases.records.phrases import brief
-from lammps_cases.records.run_record import write_atomically
 
 ASSETS = Path(__file__).parent / "assets"
 

@@ -1,4 +1,4 @@
-"""What a run leaves behind: the models of ``run.json`` and atomic writing.
+"""What a run leaves behind: the models of ``run.json``.
 
 ``run.json`` is the single source of every report; its JSON schema is published as ``lammps_cases/run.schema.json``.
 """
@@ -6,11 +6,7 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import os
-import tempfile
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -221,28 +217,6 @@ def digest(*parts: npt.NDArray[Any] | str) -> str:
     for part in parts:
         found.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part, float).tobytes())
     return found.hexdigest()[:16]
-
-
-def write_atomically(path: Path, content: bytes | str) -> None:
-    """Write a file so that a reader, or a kill at any moment, sees the old content or the new one, never a part."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Write per-atom arrays as an npz file, atomically and with the same bytes on every run."""
-    buffer = io.BytesIO()
-    named: dict[str, Any] = {name: np.asarray(arrays[name]) for name in sorted(arrays)}
-    np.savez(buffer, **named)
-    write_atomically(path, buffer.getvalue())
 
 
 def read_run(directory: Path) -> RunRecord:

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import RunRecord, read_run, write_atomically
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.regression import baseline, seen
 from lammps_cases.regression.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Baseline, Identity
 from lammps_cases.regression.changes import Changes, compare

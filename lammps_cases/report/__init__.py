@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lammps_cases.records.run_record import RunRecord, write_atomically
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import RunRecord
 
 if TYPE_CHECKING:
     from lammps_cases.findings import Entry

@@ -15,7 +15,8 @@ from typing import Literal
 
 import yaml
 
-from lammps_cases.records.run_record import CaseRecord, RunRecord, write_atomically
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import wording
 from lammps_cases.scene.casefile import SHIPPED
 

@@ -19,7 +19,7 @@ _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, ver
 
 
 def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
-    """All arrays of an npz file that `records.write_arrays` wrote, read-only.
+    """All arrays of an npz file that `files.write_arrays` wrote, read-only.
 
     As np.load, in half the time: that parses the header of every array as Python source, and a run has a thousand
     arrays with a dozen different headers.

@@ -25,14 +25,8 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine, library_sha256
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
-from lammps_cases.records.run_record import (
-    CaseRecord,
-    EngineRecord,
-    RunRecord,
-    read_run,
-    write_arrays,
-    write_atomically,
-)
+from lammps_cases.records.files import write_arrays, write_atomically
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, read_run
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case

@@ -9,7 +9,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lammps_cases.records.run_record import RunRecord, write_atomically
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import RunRecord
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import CaseFile
 

@@ -13,7 +13,7 @@ import numpy as np
 from eos_ref import EOSTable, InputError
 from eos_ref.cache import cache_folder
 from eos_ref.eos.table import FloatArray
-from lammps_cases.records.run_record import write_arrays
+from lammps_cases.records.files import write_arrays
 from lammps_cases.scene import Scene
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import Any
 from eos_ref import EOS
 from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.worst import Regime
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart.laws import LAWS, QUICK_STATES, timings
 

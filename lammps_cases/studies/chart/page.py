@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import draw
 from lammps_cases.studies.chart.points import Panel, Point, frontier
 from lammps_cases.studies.chart.record import Chart, Section

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart.points import Map, Panel
 from lammps_cases.studies.flows.converge import Convergence
 

@@ -15,7 +15,8 @@ from typing import Any
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, write_atomically
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.campaign import Prepared
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms

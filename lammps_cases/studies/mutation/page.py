@@ -10,7 +10,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup, escape
 
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.mutation import source
 from lammps_cases.studies.mutation.fault import ABOUT, FAMILIES, KINDS
 from lammps_cases.studies.mutation.record import FaultRecord, Power

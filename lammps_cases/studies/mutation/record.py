@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.mutation.alarms import AlarmRun
 from lammps_cases.studies.mutation.control import Control
 from lammps_cases.studies.mutation.fault import FAMILIES, Family, Seen

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Model, State
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability.model import Boundary, Cell, Engine, Kind, StabilityMap

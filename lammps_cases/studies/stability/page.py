@@ -15,7 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import draw as chart_draw
 from lammps_cases.studies.chart.page import SHARED, Picture, with_own_names
 from lammps_cases.studies.stability import draw, known, names

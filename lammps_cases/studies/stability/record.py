@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import write_arrays, write_atomically
+from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.studies.stability import names
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.model import Axis, Boundary, Cell, Engine, Ran

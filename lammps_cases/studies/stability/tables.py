@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from lammps_cases.engine.workers import Workers
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.stability.inputs import InputRow, table
 
 _ADAPTER = TypeAdapter(list[InputRow])

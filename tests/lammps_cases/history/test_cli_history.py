@@ -12,7 +12,7 @@ import pytest
 
 from lammps_cases.history import store
 from lammps_cases.history.store import History
-from lammps_cases.records.run_record import write_atomically
+from lammps_cases.records.files import write_atomically
 from tests.support import made_runs
 from tests.support.outcome import Outcome
 

@@ -19,7 +19,8 @@ from eos_ref.errors import InputError
 from lammps_cases import history as kept
 from lammps_cases.history import store
 from lammps_cases.history.store import History
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord, write_atomically
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
 from tests.support import made_runs
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.records import run_record
+from lammps_cases.records import files
 from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.regression import acceptance, baseline, pairs
 from lammps_cases.regression.acceptance import Accepted
@@ -335,7 +335,7 @@ def _killed(moment: int, task: Callable[[], object]) -> bool:
 
             return call
 
-        acceptance.write_atomically = dying(run_record.write_atomically)  # type: ignore[attr-defined]
+        acceptance.write_atomically = dying(files.write_atomically)  # type: ignore[attr-defined]
         Path.rename = dying(Path.rename)  # type: ignore[method-assign]
         Path.replace = dying(Path.replace)  # type: ignore[method-assign]
         acceptance.shutil.rmtree = dying(shutil.rmtree)  # type: ignore[attr-defined]

@@ -21,7 +21,7 @@ from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
 from lammps_cases.findings import Entry
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records import run_record
+from lammps_cases.records import files
 from lammps_cases.records.run_record import (
     CaseRecord,
     CheckRecord,
@@ -103,7 +103,7 @@ def scene(
     arrays |= {"rho.lammps": rho_n, "rho.reference": rho_n, "rho.bound": np.zeros(count)}
     if state.e_n is not None:
         arrays["e"] = state.e_n
-    run_record.write_arrays(folder / "fields" / f"{name}.npz", arrays)
+    files.write_arrays(folder / "fields" / f"{name}.npz", arrays)
     return CaseRecord(
         case=name,
         verdict=found.record.verdict,
@@ -177,7 +177,7 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
                 steps=steps,
             )
         )
-    run_record.write_arrays(folder / "fields" / f"{name}.npz", arrays)
+    files.write_arrays(folder / "fields" / f"{name}.npz", arrays)
     message = "f (stage pair) leaves its bound at step 0; explained by pairs, F-3"
     more = {"natoms": count, "steps": 10, "dimension": dimension, "message": message}
     return CaseRecord(case=name, verdict="explained", fields=fields, laws=_laws(EOSTable((WATER,))), **more)
@@ -677,7 +677,7 @@ def test_arrays_are_read_as_numpy_reads_them(tmp_path: Path) -> None:
         "x": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
     }
     written |= {"id": np.arange(3), "type": np.arange(3, dtype=np.int32), "none": np.empty((0, 3))}
-    run_record.write_arrays(path, written)
+    files.write_arrays(path, written)
     found = read_arrays(path)
     with np.load(path) as loaded:
         assert found.keys() == set(loaded.files)

@@ -18,10 +18,9 @@ from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.report import wording
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -208,7 +207,7 @@ def failure_lines(record: CaseRecord) -> list[str]:
     for field in record.fields:
         if field.verdict in ("differs", "explained"):
             step = "" if field.worst_step is None else f"step {field.worst_step}, "
-            off = f"off by {phrases.number(field.max_abs)}, {phrases.number(field.max_over_bound)} x the bound"
+            off = f"off by {wording.number(field.max_abs)}, {wording.number(field.max_over_bound)} x the bound"
             why = f", explained by {field.explained_by}" if field.explained_by else ""
             lines.append(f"  {field.field} (stage {field.stage}): worst at {step}atom {field.worst_id}, {off}{why}")
     return [*lines, f"reproduce: {record.reproduce}"]

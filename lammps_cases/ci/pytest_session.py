@@ -22,8 +22,9 @@ from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseYaml, J
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import installations
 from lammps_cases.findings import LEDGER
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.report import findings, wording
+from lammps_cases.report import findings
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 

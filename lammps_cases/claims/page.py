@@ -13,7 +13,7 @@ from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
 from lammps_cases.findings import LEDGER
 from lammps_cases.pages import frame
-from lammps_cases.records.phrases import finding_ids
+from lammps_cases.records.wording import finding_ids
 
 ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted

@@ -17,8 +17,8 @@ from typing import Literal, get_args
 
 from lammps_cases.claims.model import PROBE, Claim, claims
 from lammps_cases.findings import LEDGER
-from lammps_cases.records.phrases import INSIDE, counted, finding_ids, number
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.records.wording import INSIDE, counted, finding_ids, number
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)

@@ -116,7 +116,7 @@ def _ask(
     from lammps_cases.engine import installations
     from lammps_cases.engine.workers import Failure, Workers
     from lammps_cases.records.files import write_atomically
-    from lammps_cases.records.phrases import folder_name
+    from lammps_cases.records.wording import folder_name
     from lammps_cases.run import campaign
 
     resolved = installations.resolve(engine)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from lammps_cases.cli.shared import Bar, json_option, page_folder, table
-from lammps_cases.records.phrases import brief, counted, plain
+from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
     from lammps_cases.history.order import Line

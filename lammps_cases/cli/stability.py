@@ -112,7 +112,7 @@ def _one_cell(text: str, out: Path, site: str | None, as_json: bool) -> int:
     if as_json:
         from dataclasses import asdict
 
-        from lammps_cases.records.phrases import plain
+        from lammps_cases.records.wording import plain
 
         document: dict[str, Any] = {"cell": names.name(cell), "deck": path}
         document |= {side: asdict(outcome) for side, outcome in ended.items()}

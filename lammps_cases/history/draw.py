@@ -9,7 +9,7 @@ from functools import lru_cache
 from html import escape
 
 from lammps_cases.history.views import CaseView, Spread
-from lammps_cases.records.phrases import counted, number, size
+from lammps_cases.records.wording import counted, number, size
 
 _BARS = "▁▂▃▄▅▆▇█"
 _SLOT, _LEFT, _TOP = 112, 58, 8  # pixels: of a point along x, of the axis' labels, above the plot

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.records.phrases import EXPECTED_REFUSAL, field_name, kind, size
 from lammps_cases.records.run_record import FieldRecord, Verdict
+from lammps_cases.records.wording import EXPECTED_REFUSAL, field_name, size, verdict_kind
 
 # From best to worst; as lammps_cases.records.run_record orders verdicts, with what was skipped last.
 KINDS_OF_VERDICT = (
@@ -111,7 +111,7 @@ class Outcome:
     @property
     def kind(self) -> str:
         """The verdict, with an expected refusal kept apart."""
-        return kind(self.verdict, self.expected)
+        return verdict_kind(self.verdict, self.expected)
 
 
 @dataclass(frozen=True)

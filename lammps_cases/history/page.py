@@ -13,7 +13,7 @@ from lammps_cases.history.model import KINDS, Kind
 from lammps_cases.history.views import CaseView, Change, RunLine
 from lammps_cases.pages import frame
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.phrases import brief
+from lammps_cases.records.wording import brief
 
 ASSETS = Path(__file__).parent / "assets"
 

@@ -10,8 +10,8 @@ from lammps_cases.history.draw import Point
 from lammps_cases.history.model import EngineName, Outcome, Result, Run, worst_of
 from lammps_cases.history.order import engines
 from lammps_cases.history.store import History
-from lammps_cases.records.phrases import kind
 from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.wording import kind
 
 TABLE = 12  # runs in the table of a report
 RUNS = 24  # runs in the marks of its cases
@@ -73,7 +73,7 @@ def _spans(results: Sequence[Result], runs: Mapping[int, Run]) -> list[tuple[Run
 def _own(record: RunRecord) -> Run:
     engine = record.engine
     name = EngineName(engine.name, engine.distribution, engine.version_string, engine.git, engine.library_sha256)
-    counts = Counter(kind(case.verdict, case.as_expected) for case in record.cases)
+    counts = Counter(kind(case) for case in record.cases)
     told = record.command, record.strict, record.shard, record.seconds
     return Run(_OWN, "", record.date, name, "", record.reference, record.machine, *told, dict(counts))
 

@@ -23,8 +23,8 @@ import platformdirs
 
 from eos_ref.errors import InputError
 from lammps_cases.history.model import EngineName, FieldOutcome, Outcome, Result, Run, worst_of
-from lammps_cases.records.phrases import kind
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.records.wording import kind
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"
@@ -234,7 +234,7 @@ def _make(connection: sqlite3.Connection) -> None:
 
 def _row_of(run: RunRecord, sha256: str, revision: str) -> tuple[str | float, ...]:
     engine = run.engine
-    counts = Counter(kind(case.verdict, case.as_expected) for case in run.cases)
+    counts = Counter(kind(case) for case in run.cases)
     return (
         sha256,
         run.date,

@@ -12,7 +12,7 @@ from eos_ref.errors import InputError
 from lammps_cases.history.model import KINDS, FieldOutcome, Kind, Outcome, Result, Run
 from lammps_cases.history.order import Line, engines
 from lammps_cases.history.store import History
-from lammps_cases.records.phrases import nearest, size
+from lammps_cases.records.wording import nearest, size
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 
 SHARED = Path(__file__).parent / "assets"
 
@@ -15,11 +15,11 @@ SHARED = Path(__file__).parent / "assets"
 def environment(assets: Path) -> jinja2.Environment:
     """Templates of a folder, beside those that pages share: ``frame.html.j2`` is what a page extends.
 
-    The filters ``number``, ``brief`` and ``counted`` are those of `lammps_cases.records.phrases`.
+    The filters ``number``, ``brief`` and ``counted`` are those of `lammps_cases.records.wording`.
     """
     loader = jinja2.FileSystemLoader([assets, SHARED])
     made = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    made.filters |= {"number": phrases.number, "brief": phrases.brief, "counted": phrases.counted}
+    made.filters |= {"number": wording.number, "brief": wording.brief, "counted": wording.counted}
     return made
 
 

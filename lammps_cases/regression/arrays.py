@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from lammps_cases.comparison.compare import excess
-from lammps_cases.records.phrases import INSIDE
 from lammps_cases.records.run_record import Verdict
+from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.kinds import Change, Closer, Kind, Policy, judged
 from lammps_cases.regression.seen import At, FieldSeen, Sample, Samples
 

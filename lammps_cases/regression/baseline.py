@@ -18,8 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
 from lammps_cases.comparison import prediction_keys
-from lammps_cases.records.phrases import folder_name
 from lammps_cases.records.run_record import VERDICTS, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.wording import folder_name
 from lammps_cases.regression import seen
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.kinds import Policy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from lammps_cases.records.phrases import INSIDE
+from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.arrays import field_change
 from lammps_cases.regression.kinds import KINDS, NEWS, Change, Closer, Kind, Policy
 from lammps_cases.regression.seen import CRASHES, CaseSeen, Side

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.records.phrases import INSIDE, counted
+from lammps_cases.records.wording import INSIDE, counted
 from lammps_cases.regression.kinds import KINDS, Change, Closer, Kind
 
 UNEXPLAINED = "unexplained"  # outside the bound, and no finding says why

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from lammps_cases.records.phrases import INSIDE
+from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.seen import FieldSeen
 
 Kind = Literal[

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eos_ref.model.quantities import PART_OF
 from lammps_cases.pages import frame
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 from lammps_cases.regression import pairs
 from lammps_cases.regression.groups import Group
 from lammps_cases.regression.kinds import ABOUT, KINDS, Change, Kind
@@ -118,7 +118,7 @@ def _view(pair: Pair) -> View:
     anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(told)}
     closer = pair.names | CLOSER
     rows = [_row(case, columns, found, anchors, closer) for case, found in sorted(by_case.items())]
-    lines = [Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), phrases.number(c.difference)) for c in told]
+    lines = [Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), wording.number(c.difference)) for c in told]
     lines.sort(key=lambda line: (not line.change.fault, -KINDS.index(line.change.kind), line.change.case))
     return View(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
 
@@ -157,4 +157,4 @@ def _side(change: Change, side: int) -> str:
     """Verdict of a side, findings, and how far it is from the reference."""
     ratio = change.over_bound[side]
     parts = [change.verdicts[side], ", ".join(change.findings[side])]
-    return "; ".join(part for part in (*parts, "" if ratio is None else f"{phrases.brief(ratio)} bounds") if part)
+    return "; ".join(part for part in (*parts, "" if ratio is None else f"{wording.brief(ratio)} bounds") if part)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from lammps_cases.records.phrases import counted, plain
+from lammps_cases.records.wording import counted, plain
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import Group, groups
 from lammps_cases.regression.kinds import Change, Policy

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import InputError
-from lammps_cases.records.phrases import INSIDE, field_name, finding_ids
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, Verdict, digest, read_run
+from lammps_cases.records.wording import INSIDE, field_name, finding_ids
 
 # With numbers to compare; answered where a refusal was due; without; answered with other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from eos_ref.model.quantities import PART_OF
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord, StepRecord, Verdict
-from lammps_cases.report import wording
 from lammps_cases.verdict.particle_model import STAGES, in_order, stage
 
 
@@ -23,7 +22,7 @@ class Worst:
     def add(self, case: str, ratio: float) -> None:
         """Count one case."""
         self.cases += 1
-        if phrases.size(ratio) > phrases.size(self.ratio):
+        if wording.size(ratio) > wording.size(self.ratio):
             self.ratio, self.case = ratio, case
 
 

@@ -15,9 +15,9 @@ from typing import Literal
 
 import yaml
 
+from lammps_cases.records import wording
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import wording
 from lammps_cases.scene.casefile import SHIPPED
 
 MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest without a word

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lammps_cases.findings import Entry
-from lammps_cases.records.phrases import counted
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import wording
+from lammps_cases.records.wording import counted
 
 Status = Literal["seen", "unseen", "absent"]
 STATUSES: tuple[Status, ...] = ("seen", "unseen", "absent")

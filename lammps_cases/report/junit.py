@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import wording
 
 # XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -70,7 +69,7 @@ def _text(case: CaseRecord) -> str:
     if case.explained_by:
         lines.append(f"explained by {case.explained_by}")
     for field in case.fields:
-        ratio = phrases.number(field.max_over_bound)
+        ratio = wording.number(field.max_over_bound)
         line = f"{field.field} (stage {field.stage}): {field.verdict}, difference/bound {ratio}"
         line += "" if field.worst_id is None else f", atom {field.worst_id}"
         lines.append(line + (f", explained by {field.explained_by}" if field.explained_by else ""))

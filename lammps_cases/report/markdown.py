@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable, Sequence
 
 from lammps_cases.findings import LEDGER, Entry
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import agreement, findings, wording
+from lammps_cases.report import agreement, findings
 
 LISTED = 100  # rows of the table of failures: GitHub refuses summaries above 1 MiB
 LONGEST = 300  # characters of a message
@@ -52,7 +52,7 @@ def _failure(case: CaseRecord) -> Sequence[str]:
         code(case.case),
         wording.kind(case),
         *blame,
-        phrases.number(wording.worst_ratio(case)),
+        wording.number(wording.worst_ratio(case)),
         text(message),
     )
 
@@ -93,7 +93,7 @@ def _twins(matrix: agreement.Matrix) -> str:
     )
     largest = max((c.inside.ratio for c in cells if c.inside.ratio is not None), default=0.0)
     counts = (
-        f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {phrases.brief(largest)})"
+        f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {wording.brief(largest)})"
     )
     counts += f", {explained} explained, {outside} outside" if explained + outside else ""
     return f"{matrix.title} ({matrix.cases} cases), fields at steps: {counts}."
@@ -114,7 +114,7 @@ def _cell(cell: agreement.Cell) -> str:
 
 
 def _ratio(worst: agreement.Worst) -> str:
-    return phrases.brief(worst.ratio)
+    return wording.brief(worst.ratio)
 
 
 def _slowest(run: RunRecord) -> str:

@@ -20,9 +20,9 @@ from lammps_cases.findings import LEDGER, Entry
 from lammps_cases.history.draw import errors
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
-from lammps_cases.records import phrases
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
-from lammps_cases.report import agreement, findings, plots, wording
+from lammps_cases.report import agreement, findings, plots
 from lammps_cases.report.drawn import Drawn, Worst, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
@@ -80,8 +80,8 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = phrases.number
-    environment.filters["brief"] = phrases.brief
+    environment.filters["number"] = wording.number
+    environment.filters["brief"] = wording.brief
     environment.filters["shade"] = shade
     environment.filters["sortable"] = _sortable
     return environment.get_template("report.html.j2").render(
@@ -119,7 +119,7 @@ def shade(ratio: float | None, verdict: str) -> int:
     if ratio is None or ratio == 0:
         return 0
     decades = math.log10(ratio) if 0 < ratio < math.inf else math.inf
-    if verdict in phrases.INSIDE:
+    if verdict in wording.INSIDE:
         return max(0, min(4, 4 + math.floor(decades)))
     return max(4, min(9, 4 + math.floor(min(decades, 15.0) / 3)))
 

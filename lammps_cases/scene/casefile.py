@@ -21,7 +21,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
-from lammps_cases.records.phrases import nearest
+from lammps_cases.records.wording import nearest
 from lammps_cases.scene import Scene, check_name, models
 
 MAX_CASES = 10_000  # of one file

@@ -21,7 +21,7 @@ from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
 from lammps_cases.findings import Entry
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records import files
+from lammps_cases.records import files, wording
 from lammps_cases.records.run_record import (
     CaseRecord,
     CheckRecord,
@@ -32,7 +32,7 @@ from lammps_cases.records.run_record import (
     Seconds,
     StepRecord,
 )
-from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, wording, write_report
+from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.report.arrays import read_arrays
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,9 +10,8 @@ import numpy.typing as npt
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.fields import DEFAULT, chosen
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
-
-Progress = Callable[[int, int | None], None]
 
 
 @dataclass(frozen=True)
@@ -32,8 +30,8 @@ class AuditOptions:
         Let the deck run shell commands, Python and plugins, and write outside its folder's copy.
     engine : str, optional
         Folder (for ``sys.path``) of another lammps package.
-    progress : callable, optional
-        Called with the number of steps done and the number to do (None: unknown).
+    progress : Progress, optional
+        Is told the number of steps done, and of how many.
     fields : sequence of str
         What is checked, by LAMMPS' names (`fields.FIELDS`), or ``all`` that can be.
     keep : Path, optional
@@ -50,7 +48,7 @@ class AuditOptions:
     timeout: float | None = None
     allow_shell: bool = False
     engine: str | None = None
-    progress: Progress | None = field(default=None, compare=False)
+    progress: Progress = field(default=SILENT, compare=False)
     keep: Path | None = None
     fields: tuple[str, ...] = DEFAULT
 

@@ -151,8 +151,8 @@ def _listen(
             if isinstance(message, Exception):
                 raise message
             findings.take(message)
-            if options.progress is not None and isinstance(message, Look):
-                options.progress(message.done, options.steps)
+            if isinstance(message, Look):
+                options.progress.advance(message.done, options.steps, "steps")
     except TimeoutError:
         return "timeout", f"stopped after {options.timeout:g} s, {_at(findings)}"
     if findings.ended is not None:

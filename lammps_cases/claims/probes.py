@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from lammps_cases.claims.verdicts import own_words
 from lammps_cases.engine import session
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import explain_outcome
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, Verdict
 from lammps_cases.scene import casefile
 
@@ -253,17 +254,15 @@ def record(probe: Probe, wrong: str, crashed: Verdict | None, version: str) -> C
     )
 
 
-def put(
-    chosen: Sequence[Probe], workers: Workers, version: str, progress: Callable[[int, int], object] | None = None
-) -> list[CaseRecord]:
+def put(chosen: Sequence[Probe], workers: Workers, version: str, progress: Progress = SILENT) -> list[CaseRecord]:
     """Put probes to LAMMPS and judge them.
 
     Parameters
     ----------
     version : str
         Of LAMMPS' distribution, for the findings.
-    progress : callable, optional
-        Told after every probe how many are done, and of how many.
+    progress : Progress, optional
+        Is told of every probe.
     """
     queue = []
     for probe in chosen:
@@ -281,6 +280,5 @@ def put(
         control = outcomes[-1] if probe.control is not None else None
         died = next((o.verdict for o in outcomes if isinstance(o, Failure)), None)
         records.append(record(probe, judge(probe, outcomes[0], other, control), died, version))
-        if progress is not None:
-            progress(done, len(chosen))
+        progress.advance(done, len(chosen), "probes")
     return records

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli.shared import Bar, engine_option, finish, json_option, strict_option
+from lammps_cases.cli.shared import engine_option, finish, json_option, strict_option
+from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
 
 
@@ -58,12 +59,8 @@ def audit_command(
     chosen = installations.resolve(engine)
     directory = out or Path("reports") / f"audit-{deck.name}"
     with Bar(quiet=as_json) as bar, campaign.output_folder(directory) as folder:
-
-        def progress(done: int, total: int | None) -> None:
-            bar.show(done, total, "steps")
-
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
-        options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, progress, fields=names)
+        options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, bar, fields=names)
         result = audit_deck(deck, options)
         run = campaign.provenance(campaign.engine_record(chosen, result.who), campaign.command_line())
         run.cases, run.seconds, run.strict = result.record.cases, result.record.seconds, strict

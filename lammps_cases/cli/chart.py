@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli.shared import Bar, json_option
+from lammps_cases.cli.shared import json_option
+from lammps_cases.records.progress import Bar
 
 SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
 
@@ -34,11 +35,11 @@ def chart_command(sections: tuple[str, ...], quick: bool, out: Path, save_costs:
     from lammps_cases.studies.chart import collect, record
 
     with Bar(quiet=as_json) as bar:
-        chart = collect.collect(sections, quick, out, command_line(), bar.show)
+        chart = collect.collect(sections, quick, out, command_line(), bar)
         if save_costs:
             from lammps_cases.studies.chart import costs
 
-            costs.save(bar.show)
+            costs.save(bar)
     if as_json:
         click.echo(json.dumps(record.points_document(chart), indent=1))
         return 0

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli.shared import Bar, jobs_option, json_option, page_folder
+from lammps_cases.cli.shared import jobs_option, json_option, page_folder
+from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
@@ -125,24 +126,18 @@ def _ask(
     needed = [case for case in cases if case.name in wanted]
     asked = [probe for probe in probes.probes() if everything or probe.name in wanted]
     folder = out / folder_name(engine)
-    with Bar(quiet) as bar:
-
-        def progress(record: CaseRecord, done: int, total: int) -> None:
-            bar.show(done, total, f"{engine}: {record.case}")
-
+    with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
         if needed:
             command = campaign.command_line()
             store = prediction_keys.open_store()
-            run = campaign.run_cases(needed, resolved, jobs, folder, command, progress=progress, store=store)
+            run = campaign.run_cases(needed, resolved, jobs, folder, command, progress=bar, store=store)
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())
             record = campaign.engine_record(resolved, {} if isinstance(who, Failure) else who)
             told = campaign.provenance(record, campaign.command_line())
             version = record.distribution
-            told.cases = probes.put(
-                asked, workers, version, lambda done, total: bar.show(done, total, f"{engine}: probes")
-            )
+            told.cases = probes.put(asked, workers, version, bar)
     write_atomically(_probes_file(folder), told.counted().to_json())
     run = run or told.model_copy(update={"cases": []})
     return run.model_copy(update={"cases": [*run.cases, *told.cases]}), folder

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from lammps_cases.cli.shared import Bar, json_option, page_folder, table
+from lammps_cases.cli.shared import json_option, page_folder, table
+from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
@@ -73,9 +74,9 @@ def history_command(
         if forget:
             return _forget(history, _day(forget, "--forget"), as_json)
         for k, folder in enumerate(added):
-            bar.show(k, len(added), str(folder))
+            bar.advance(k, len(added), str(folder))
             _add(history, folder)
-        bar.show(0, None, "reading the history")
+        bar.advance(0, None, "reading the history")
         every = history.runs()
         runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))
         lines = views.run_lines(history, runs, every)

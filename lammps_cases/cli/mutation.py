@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli.shared import Bar, engine_option, json_option, page_folder
+from lammps_cases.cli.shared import engine_option, json_option, page_folder
+from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
     from lammps_cases.studies.mutation.record import Power
@@ -67,7 +68,7 @@ def power_command(
         record.forget(out)
     with Bar(quiet=as_json) as bar:
         found = collect.collect(
-            sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar.show
+            sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar
         )
         record.write(found, out)
         page.write(found, out)

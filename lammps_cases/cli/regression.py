@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli.shared import Bar, fresh_option, jobs_option, json_option, paths_option, tag_option
-from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.cli.shared import fresh_option, jobs_option, json_option, paths_option, tag_option
+from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
     from lammps_cases.regression.pairs import Compared
@@ -64,7 +64,7 @@ def compare_command(
         if not no_timing and len(engines) == len(sides) and all(side.answered for side in read):
             from lammps_cases.regression import timing
 
-            turns = timing.in_turns(engines, progress=bar.show)
+            turns = timing.in_turns(engines, progress=bar)
         done = pairs.compared(read, Policy(bits=strict), turns, not no_timing, _command())
     _write(done, out)
     if as_json:
@@ -98,11 +98,7 @@ def _running(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> R
 
     if any(map(installations.is_engine, names)):  # what is saved needs no workers
         forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
-
-    def progress(record: CaseRecord, done: int, total: int) -> None:
-        bar.show(done, total, record.case)
-
-    return Running(jobs or os.cpu_count() or 1, prediction_keys.open_store(fresh), progress)
+    return Running(jobs or os.cpu_count() or 1, prediction_keys.open_store(fresh), bar)
 
 
 def _write(done: Compared, out: Path) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from lammps_cases.cli.shared import (
-    Bar,
     engine_option,
     finish,
     fresh_option,
@@ -19,7 +18,8 @@ from lammps_cases.cli.shared import (
     strict_option,
     tag_option,
 )
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.progress import Bar
+from lammps_cases.records.run_record import RunRecord
 
 
 @click.command("run", short_help="Run cases against LAMMPS.")
@@ -74,11 +74,7 @@ def run_command(
         chosen = campaign.shard(chosen, shard)
     if baseline is not None:
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
-    with Bar(quiet=as_json) as bar:
-
-        def progress(record: CaseRecord, done: int, total: int) -> None:
-            bar.show(done, total, record.case, "" if record.as_expected else f"{record.verdict} {record.case}")
-
+    with Bar(quiet=as_json, complaints=True) as bar:
         run = campaign.run_cases(
             chosen,
             installations.resolve(engine),
@@ -87,7 +83,7 @@ def run_command(
             campaign.command_line(),
             strict,
             shard or "",
-            progress,
+            bar,
             prediction_keys.open_store(fresh),
         )
     code = finish(run, out, as_json)

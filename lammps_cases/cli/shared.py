@@ -1,21 +1,16 @@
-"""What the commands share: options, a progress bar, and how a command that writes a report ends."""
+"""What the commands share: options, tables, and how a command that writes a report ends."""
 
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
-import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
 
 import click
 
 from lammps_cases.records.run_record import RunRecord
 
-PLAIN_EVERY = 5.0  # seconds between two plain lines
 WIDE = 160  # columns of a table that is printed into a file or a pipe
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
 engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
@@ -93,41 +88,3 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]], title: str | No
     if not console.is_terminal:
         console.width = WIDE
     console.print(made)
-
-
-class Bar:
-    """Progress on standard error: a bar on a terminal, now and then a plain line elsewhere; a context manager."""
-
-    def __init__(self, quiet: bool = False) -> None:
-        self._bar: Any = None
-        self._task: Any = None
-        self._quiet = quiet
-        self._said = time.monotonic()
-        if not quiet and sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-            columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-
-    def show(self, done: int, total: int | None, what: str, complaint: str = "") -> None:
-        """Move the bar; a complaint stays on the terminal above it."""
-        if self._bar:
-            self._bar.update(self._task, completed=done, total=total, description=what)
-            if complaint:
-                self._bar.console.print(complaint, style="red", highlight=False, markup=False)
-        elif not self._quiet and (complaint or time.monotonic() - self._said > PLAIN_EVERY):
-            self._said = time.monotonic()
-            click.echo(complaint or f"{done}/{total or '?'} {what}", err=True)
-
-    def __enter__(self) -> Self:
-        if self._bar:
-            self._task = self._bar.add_task("starting LAMMPS", total=None)
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar:
-            self._bar.stop()

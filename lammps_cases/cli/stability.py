@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from lammps_cases.cli.shared import Bar, engine_option, json_option
+from lammps_cases.cli.shared import engine_option, json_option
+from lammps_cases.records.progress import Bar
 
 
 @click.command("stability", short_help="Map where methods fail, on LAMMPS and on the reference.")
@@ -56,7 +57,6 @@ def stability_command(
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.campaign import command_line
     from lammps_cases.studies.stability import atlas, known, page, record, select, tables
-    from lammps_cases.studies.stability.atlas import Progress
     from lammps_cases.studies.stability.maps import maps
 
     chosen = select.maps(maps(), names, tag or ("quick" if quick and not names else None))
@@ -64,13 +64,8 @@ def stability_command(
     if fresh:
         record.forget(out)
     with Bar(quiet=as_json) as bar:
-
-        def report(progress: Progress) -> None:
-            where = progress.ran.cell
-            bar.show(progress.done, progress.lines, f"lines: {where.map} {where.layer}")
-
-        found = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, report=report)
-        inputs = tables.inputs(out, site, jobs, bar.show) if not names and tag is None else tables.read(out)
+        found = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
+        inputs = tables.inputs(out, site, jobs, bar) if not names and tag is None else tables.read(out)
         page.write(found, out, maps(), inputs)
     if save_limits:
         from lammps_cases.studies.stability import limits

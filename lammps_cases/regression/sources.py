@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,7 +12,7 @@ from eos_ref import InputError
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
-from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.regression import baseline, seen
 from lammps_cases.regression.seen import Side
 from lammps_cases.run import campaign
@@ -22,7 +22,6 @@ from lammps_cases.scene.casefile import Case
 FORMS = "must be an engine (env, pypi:VERSION, path:DIR), a report folder with run.json, or a baseline"
 LABELS = string.ascii_uppercase  # of the sides, in the order given
 WRITTEN = ("compare.json", "compare.html", "summary.md", "bisect.json")
-Progress = Callable[[CaseRecord, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ class Running:
 
     jobs: int
     store: Store | None = None
-    progress: Progress | None = None
+    progress: Progress = SILENT
 
 
 @dataclass(frozen=True)

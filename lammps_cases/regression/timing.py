@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Literal
@@ -10,6 +10,7 @@ from typing import Literal
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers, solve
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.regression.seen import Side
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
@@ -21,7 +22,6 @@ from lammps_cases.studies.benchmarks.measure import ROUNDS, Answer, Interval, Ti
 EDGE, STEPS = 40, 10  # 1600 particles: a run of 50 to 150 ms, of which the set-up is a few per cent
 LIMIT = 120.0  # seconds that a single run may take
 TOTAL = "all together"
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def scenes() -> list[Case]:
     return made
 
 
-def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Progress | None = None) -> Turns | None:
+def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Progress = SILENT) -> Turns | None:
     """Time engines, one living LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
 
     The wall time is that of the run commands alone, taken inside LAMMPS' process.
@@ -121,8 +121,7 @@ def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Prog
                         return None
                     if turn:
                         found.setdefault((scene_name, name), []).append(took)
-                if progress:
-                    progress(turn * len(jobs) + at + 1, total, f"timing {scene_name}")
+                progress.advance(turn * len(jobs) + at + 1, total, f"timing {scene_name}")
     each = {key: tuple(values) for key, values in found.items()}
     sums = {
         (TOTAL, name): tuple(sum(row) for row in zip(*(each[s, name] for s in jobs), strict=True)) for name in names

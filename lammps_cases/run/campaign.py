@@ -12,7 +12,7 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ from lammps_cases.engine.installations import Engine, library_sha256
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.records.files import write_arrays, write_atomically
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, read_run
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
@@ -42,7 +43,6 @@ if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner 
     from lammps_cases.verdict.judgement import Arrays
 
 JUDGING = 1800.0  # seconds that judging a case may take
-Progress = Callable[[CaseRecord, int, int], None]
 Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
 
 
@@ -90,7 +90,7 @@ def run_cases(
     command: str = "",
     strict: bool = False,
     part: str = "",
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
     store: Store | None = None,
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
@@ -127,8 +127,8 @@ def run_cases(
             found = workers.outcome(verdict, JUDGING)
             record, known[ready.case.name] = _lost(ready, found, answering) if isinstance(found, Failure) else found
             records.append(record)
-            if progress:
-                progress(record, len(records), len(queue))
+            complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
+            progress.advance(len(records), len(queue), record.case, complaint)
         who = workers.outcome(identity)
         run = provenance(
             EngineRecord(name=engine.name) if isinstance(who, Failure) else engine_record(engine, who), command

@@ -5,16 +5,15 @@ from __future__ import annotations
 import importlib
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart import page, record
 from lammps_cases.studies.chart.record import Chart, Section
-
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,7 @@ PARTS: tuple[Part, ...] = (
 )
 
 
-def collect(
-    names: Sequence[str], quick: bool, out: Path, command: str, progress: Progress = lambda done, total, what: None
-) -> Chart:
+def collect(names: Sequence[str], quick: bool, out: Path, command: str, progress: Progress = SILENT) -> Chart:
     """Measure sections, and write chart and page after each of them.
 
     Raises
@@ -74,11 +71,11 @@ def collect(
     sections: list[Section] = []
     begin = time.perf_counter()
     for k, part in enumerate(parts):
-        progress(k, len(parts), part.title)
+        progress.advance(k, len(parts), part.title)
         sections.append(_section(part, quick, lmp))
         chart = Chart(command, before, about, quick, time.perf_counter() - begin, tuple(sections))
         record.write(chart, out)
-    progress(len(parts), len(parts), "report")
+    progress.advance(len(parts), len(parts), "report")
     page.write(chart, out)
     return chart
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +12,19 @@ from eos_ref import EOS
 from eos_ref.methods.choice import COSTS, usable
 from eos_ref.methods.worst import Regime
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart.laws import LAWS, QUICK_STATES, timings
 
 FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepared
-Progress = Callable[[int, int, str], None]
 
 
-def save(progress: Progress = lambda done, total, what: None, path: Path = COSTS) -> None:
+def save(progress: Progress = SILENT, path: Path = COSTS) -> None:
     """Measure and write ``costs.json``; times in two digits, so that measuring again changes little of the file."""
     laws = [law for law in LAWS if not law.background]
     found: dict[str, dict[str, Any]] = {}
     for k, law in enumerate(laws):
-        progress(k, len(laws), f"costs of {law.style}")
+        progress.advance(k, len(laws), f"costs of {law.style}")
         methods = usable(law)
         took, _ = timings(law, methods, (FLUID,), QUICK_STATES, None)
         for method in methods:

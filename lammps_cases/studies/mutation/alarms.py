@@ -20,6 +20,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.campaign import Prepared, engine_record, prepare
 from lammps_cases.scene import Scene
@@ -57,7 +58,6 @@ WHAT: dict[Kind, str] = {
 }
 LIMIT = 1800.0  # seconds that a case may take
 AHEAD = 40  # cases prepared before they are judged
-Progress = Callable[[str, int, int], None]  # what, done, of how many
 Records = dict[str, CaseRecord]
 
 
@@ -215,7 +215,7 @@ def measure(
     kinds: Sequence[Kind] = KINDS,
     jobs: int = 2,
     store: Store | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> list[AlarmRun]:
     """Ask for some cases in some kinds of other words; as given is always the first.
 
@@ -251,7 +251,7 @@ class _Pool:
     workers: Workers
     engine: EngineRecord
     store: Store | None
-    progress: Progress | None
+    progress: Progress
 
     def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:
         """The record of every case, some cases prepared ahead."""
@@ -272,8 +272,7 @@ class _Pool:
             if isinstance(record, Failure):  # LAMMPS took the worker with it: what is left is judged here
                 record = verdict(told, [record for _ in told.jobs], self.engine, self.store)
             done += 1
-            if self.progress:
-                self.progress(f"alarms, {kind}: {name}", done, len(cases))
+            self.progress.advance(done, len(cases), f"alarms, {kind}: {name}")
             yield name, record
 
     def blame(self, kind: Kind, case: Case) -> str:

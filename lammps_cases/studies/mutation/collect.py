@@ -6,7 +6,7 @@ import difflib
 import fnmatch
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -14,6 +14,7 @@ from eos_ref import InputError
 from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
+from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import provenance
 from lammps_cases.scene import casefile
@@ -26,7 +27,6 @@ from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kep
 
 Section = Literal["faults", "resolution", "alarms"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
-Progress = Callable[[int, int | None, str], None]
 
 
 def select(
@@ -113,7 +113,7 @@ def _faults(
         one = record.fault_record(planted, field.quick)
         known[one.id] = one
         record.keep(folder, Kept(key, one))
-        progress(sum(fault.id in known for fault in chosen), len(chosen), one.id)
+        progress.advance(sum(fault.id in known for fault in chosen), len(chosen), one.id)
 
     field.plant(ahead, done)
     return record.controls(without), record.with_arguments([known[fault.id] for fault in chosen])
@@ -124,11 +124,7 @@ def _resolution(
 ) -> tuple[resolution.Resolution, ...]:
     if "resolution" not in sections:
         return ()
-
-    def told(what: str, done: int, total: int) -> None:
-        progress(done, total, what)
-
-    return tuple(resolution.measure(cases, engine, (), jobs, open_store(), told))
+    return tuple(resolution.measure(cases, engine, (), jobs, open_store(), progress))
 
 
 def _alarms(
@@ -136,8 +132,4 @@ def _alarms(
 ) -> tuple[alarms.AlarmRun, ...]:
     if "alarms" not in sections:
         return ()
-
-    def told(what: str, done: int, total: int) -> None:
-        progress(done, total, what)
-
-    return tuple(alarms.measure(cases, engine, jobs=jobs, store=open_store(), progress=told))
+    return tuple(alarms.measure(cases, engine, jobs=jobs, store=open_store(), progress=progress))

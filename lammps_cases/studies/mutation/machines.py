@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,9 @@ import numpy as np
 
 from lammps_cases.comparison.store import VARIABLE
 from lammps_cases.engine.installations import Engine
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, digest, read_run
 from lammps_cases.scene.casefile import Case
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def run(
     engine: Engine,
     settings: Mapping[str, str],
     jobs: int = 2,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> Ran:
     """Run cases by ``eos-ref run`` with some environment variables; without any, with the user's store.
 
@@ -79,8 +78,8 @@ def run(
             try:
                 for line in process.stderr or ():
                     last = line.strip() or last
-                    if progress and (found := re.match(r"(\d+)/\d+ (.*)", line)):
-                        progress(f"machine: {found[2]}", int(found[1]), len(cases))
+                    if found := re.match(r"(\d+)/\d+ (.*)", line):
+                        progress.advance(int(found[1]), len(cases), f"machine: {found[2]}")
             except BaseException:
                 process.terminate()
                 raise

@@ -19,6 +19,7 @@ from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
+from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import engine_record, prepare
 from lammps_cases.scene.casefile import Case
@@ -36,7 +37,6 @@ ELSE = ("long", "open", "crash")  # tags of cases that are not used
 LIGHT = ("numpy", "scipy.special", "pydantic", "yaml", "flint", "vesin", "lammps_cases.studies.mutation.player")
 
 Asking = Generator[Future[Any], Any, list[Seen]]
-Progress = Callable[[int, int | None, str], None]
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Field:
         asking: list[Generator[Future[Any], Any, Control]] = [self._control(case) for case in cases]
         for control_ in self._together(asking):
             found.append(control_)
-            progress(len(found), len(cases), f"without a fault: {control_.case}")
+            progress.advance(len(found), len(cases), f"without a fault: {control_.case}")
         known = {c.case: c for c in found}
         order = [known[case.name] for case in cases]
         self.answered = [c.case for c in order if c.answered]

@@ -15,6 +15,7 @@ from typing import Any
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import Prepared, engine_record, prepare
 from lammps_cases.scene.casefile import Case
@@ -29,7 +30,6 @@ CLOSE = 1.1  # factor between seen and unseen at which a bisection ends
 BEST = 3  # cases bisected per parameter, of all and of the quick ones
 LIMIT = 1800.0  # seconds that a case may take
 QUICK = "quick"
-Progress = Callable[[str, int, int], None]  # what, done, of how many
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def measure(
     parameters: Sequence[str] = (),
     jobs: int = 2,
     store: Store | None = None,
-    progress: Progress | None = None,
+    progress: Progress = SILENT,
 ) -> list[Resolution]:
     """The resolution of all parameters that some cases have, or of those named, sorted by name.
 
@@ -230,8 +230,7 @@ def measure(
         def done(what: str, tasks: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             for count, (name, future) in enumerate(tasks.items(), 1):
                 found = workers.outcome(future, LIMIT)
-                if progress:
-                    progress(f"{what}: {name}", count, len(tasks))
+                progress.advance(count, len(tasks), f"{what}: {name}")
                 yield name, [] if isinstance(found, Failure) else found
 
         given = (answering, store)

@@ -6,7 +6,7 @@ import contextlib
 import functools
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -14,6 +14,7 @@ from pathlib import Path
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.stability import probe, record
 from lammps_cases.studies.stability.lines import Agreement, Line, agreement, boundaries, lines_of, wanted
@@ -34,19 +35,6 @@ SOURCES = (
 )
 
 
-@dataclass(frozen=True)
-class Progress:
-    """How far an atlas is: lines done, of how many, the cell that came last, and whether it was there already."""
-
-    done: int
-    lines: int
-    ran: Ran
-    reused: bool
-
-
-Report = Callable[[Progress], None]
-
-
 def measure(
     maps: Sequence[StabilityMap],
     out: Path,
@@ -57,7 +45,7 @@ def measure(
     site: str | None = None,
     jobs: int = JOBS,
     limit: float = probe.LIMIT,
-    report: Report = lambda progress: None,
+    progress: Progress = SILENT,
 ) -> Atlas:
     """Run maps, and write the atlas; cells that the folder has are not run again.
 
@@ -77,8 +65,8 @@ def measure(
         Worker processes.
     limit : float
         Seconds after which a cell hangs.
-    report : callable
-        Told of every cell.
+    progress : Progress
+        Is told of every cell.
 
     Raises
     ------
@@ -103,7 +91,7 @@ def measure(
             for e in engines
             if e in m.engines(layer)
         ]
-        found = Survey({m.id: m for m in maps}, lines, source, out, report).run(2 * jobs)
+        found = Survey({m.id: m for m in maps}, lines, source, out, progress).run(2 * jobs)
     records = tuple(map_record(m, quick, found, engines) for m in maps)
     atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
     record.write(atlas, out)
@@ -168,9 +156,9 @@ class Survey:
     """Lines that are bisected side by side."""
 
     def __init__(
-        self, maps: dict[str, StabilityMap], lines: Sequence[Line], source: Source, out: Path, report: Report
+        self, maps: dict[str, StabilityMap], lines: Sequence[Line], source: Source, out: Path, progress: Progress
     ) -> None:
-        self.maps, self.lines, self.source, self.out, self.report = maps, lines, source, out, report
+        self.maps, self.lines, self.source, self.out, self.progress = maps, lines, source, out, progress
         self.kept = record.kept(out)
         self.found: dict[Line, dict[float, Ran]] = {}
 
@@ -201,7 +189,7 @@ class Survey:
                 key = self.source.key(of, cell, line.engine)
                 if key in self.kept:
                     one.known[x] = self.kept[key]
-                    self.report(Progress(len(self.found), len(self.lines), one.known[x], True))
+                    self._report(line)
                 else:
                     one.asked[x] = key, self.source.ask(of, cell, line.engine)
 
@@ -221,8 +209,11 @@ class Survey:
         ran = Ran(cell, line.engine, examined.outcome)
         record.write_state(self.out, cell, line.engine, examined.before)
         record.keep(self.out, Kept(key, ran))
-        self.report(Progress(len(self.found), len(self.lines), ran, False))
+        self._report(line)
         return ran
+
+    def _report(self, line: Line) -> None:
+        self.progress.advance(len(self.found), len(self.lines), f"lines: {line.map} {line.layer}")
 
 
 def map_record(

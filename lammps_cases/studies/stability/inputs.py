@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -14,6 +14,7 @@ import numpy as np
 from lammps_cases.engine import session
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.stability.refusals import BadInput, Base, bad_inputs, edited, load_scene, refusal
@@ -218,7 +219,7 @@ def row(bad: BadInput, end: Ended) -> InputRow:
 
 def table(
     workers: Workers,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = SILENT,
     inputs: Sequence[BadInput] = (),
     time_limit: float = TIME_LIMIT,
 ) -> list[InputRow]:
@@ -228,8 +229,8 @@ def table(
     ----------
     workers : Workers
         Processes in which LAMMPS may die.
-    progress : callable, optional
-        Told after every input how many are done, and of how many.
+    progress : Progress, optional
+        Is told of every input.
     inputs : sequence of BadInput, optional
         All by default.
     time_limit : float
@@ -241,6 +242,5 @@ def table(
     for k, (bad, future) in enumerate(zip(chosen, futures, strict=True), 1):
         outcome: Answer | Failure = workers.outcome(future, time_limit)
         rows.append(row(bad, ended(outcome)))
-        if progress is not None:
-            progress(k, len(chosen))
+        progress.advance(k, len(chosen), "bad inputs")
     return rows

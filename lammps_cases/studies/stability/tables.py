@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.stability.inputs import InputRow, table
 
 _ADAPTER = TypeAdapter(list[InputRow])
 
 
-def inputs(
-    folder: Path,
-    site: str | None,
-    jobs: int,
-    progress: Callable[[int, int, str], None] = lambda done, total, what: None,
-) -> list[InputRow]:
+def inputs(folder: Path, site: str | None, jobs: int, progress: Progress = SILENT) -> list[InputRow]:
     """Put every bad input to LAMMPS, and write the table."""
     with Workers(site, jobs) as workers:
-        found = table(workers, lambda done, total: progress(done, total, "bad inputs"))
+        found = table(workers, progress)
     write_atomically(folder / "inputs.json", _ADAPTER.dump_json(found, indent=1) + b"\n")
     return found
 

@@ -24,6 +24,7 @@ from click.testing import CliRunner
 from eos_ref import EOSTable, InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
 from lammps_cases.audit.options import Place, Task
+from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import CaseRecord
 
 DECKS = Path(__file__).parents[2] / "decks"
@@ -281,16 +282,27 @@ def test_error_inside_a_look_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
         audit_deck(DECKS / "in.plain")
 
 
+class Steps(Progress):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.done: list[tuple[int, int | None, str]] = []
+
+    def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
+        self.done.append((done, total, label))
+
+
 def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     import multiprocessing
     import tempfile
 
-    def interrupted(done: int, total: int | None) -> None:
-        raise KeyboardInterrupt
+    class Interrupted(Progress):
+        def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
+            raise KeyboardInterrupt
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with pytest.raises(KeyboardInterrupt):
-        audit_deck(DECKS / "in.plain", AuditOptions(progress=interrupted))
+        audit_deck(DECKS / "in.plain", AuditOptions(progress=Interrupted()))
     assert not list(tmp_path.iterdir()) and not multiprocessing.active_children()
 
 
@@ -307,11 +319,11 @@ def test_error_of_lammps_is_refused() -> None:
 
 @pytest.mark.parametrize(("steps", "looks"), [(25, [0, 10, 20, 20, 25]), (40, [0, 10, 20, 20, 30, 40])])
 def test_steps_end_the_deck(steps: int, looks: list[int], tmp_path: Path) -> None:
-    done: list[tuple[int, int | None]] = []
-    options = AuditOptions(steps=steps, keep=tmp_path, progress=lambda *progress: done.append(progress))
+    progress = Steps()
+    options = AuditOptions(steps=steps, keep=tmp_path, progress=progress)
     case = case_of(audit_deck(DECKS / "in.loop", options))
     assert [check.step for check in case.checks if check.type == 1] == looks
-    assert case.steps == steps and done[-1] == (steps, steps)
+    assert case.steps == steps and progress.done[-1] == (steps, steps, "steps")
     assert not (tmp_path / "final.dump").exists() and (tmp_path / "passes.txt").read_text().count("\n") == 1
 
 

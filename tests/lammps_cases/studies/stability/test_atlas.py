@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, record
-from lammps_cases.studies.stability.atlas import Progress, Survey
+from lammps_cases.studies.stability.atlas import Survey
 from lammps_cases.studies.stability.lines import Line, agreement, boundaries, places, sequence, wanted
 from lammps_cases.studies.stability.maps import maps
 from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, Kind, Outcome, StabilityMap, Watch
@@ -138,7 +139,7 @@ def surveyed(source: Threads, out: Path) -> Atlas:
     of = viscous(1.0)
     lines = [Line(of.id, "", y, side) for y in of.lines for side in ENGINES]
     out.mkdir(exist_ok=True)
-    found = Survey({of.id: of}, lines, source, out, lambda progress: None).run(2)  # type: ignore[arg-type]
+    found = Survey({of.id: of}, lines, source, out, SILENT).run(2)  # type: ignore[arg-type]
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
 
 
@@ -196,9 +197,9 @@ def small() -> list[StabilityMap]:
 
 
 def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[StabilityMap]) -> None:
-    seen: list[Progress] = []
-    first = atlas.measure(small, tmp_path, "test", report=seen.append)
-    assert not any(progress.reused for progress in seen)
+    first = atlas.measure(small, tmp_path, "test")
+    kept = (tmp_path / "cells.jsonl").read_bytes()
+    assert kept.count(b"\n") == sum(len(m.cells) for m in first.maps)
     assert repr(record.read(tmp_path)) == repr(first)  # NaN is not itself
     assert [a.verdict for m in first.maps for a in m.agreement] == ["same"] * 3
     states = {record.state_file(tmp_path, r.cell, r.engine) for r in first.maps[1].cells if r.outcome.kind != "stable"}
@@ -209,15 +210,16 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
     assert before["failing"].tolist() == [failed.outcome.atom]
     assert before["x"].shape == (100, 2) and int(before["step"]) == (failed.outcome.step or 0) - 1
 
-    table, shown = (tmp_path / "cells.csv").read_bytes(), []
-    again = atlas.measure(small, tmp_path, "test", report=shown.append)
-    assert all(progress.reused for progress in shown) and len(shown) == len(seen)
+    table = (tmp_path / "cells.csv").read_bytes()
+    again = atlas.measure(small, tmp_path, "test")
+    assert (tmp_path / "cells.jsonl").read_bytes() == kept  # no cell was run again
     assert (tmp_path / "cells.csv").read_bytes() == table
     assert repr(again.maps) == repr(first.maps)
 
     other = [replace(small[0], start=lambda cell: maps()["laws-tait-negative"].start(replace(cell, y=cell.y + 1)))]
-    atlas.measure(other, tmp_path, "test", report=(stale := list[Progress]()).append)
-    assert stale and not any(progress.reused for progress in stale)
+    stale = atlas.measure(other, tmp_path, "test")
+    grown = (tmp_path / "cells.jsonl").read_bytes()
+    assert grown.count(b"\n") - kept.count(b"\n") == len(stale.maps[0].cells)
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,84 @@
+"""Progress of a long task: what it reports, and how a command shows it."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
+
+PLAIN_EVERY = 5.0  # seconds between two plain lines
+
+
+class Progress:
+    """What a long task reports to; this one shows nothing."""
+
+    def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
+        """Report how far a task is.
+
+        Parameters
+        ----------
+        done, total : int
+            Parts done, and of how many (None: unknown).
+        label : str
+            The part that is done, or that comes next.
+        complaint : str, optional
+            What went wrong in this part.
+        """
+
+
+SILENT = Progress()
+
+
+class Bar(Progress):
+    """Progress on standard error: a bar on a terminal, now and then a plain line elsewhere; a context manager.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show nothing.
+    prefix : str
+        Stands before every label.
+    complaints : bool
+        Show complaints too; they stay on a terminal, above the bar.
+    """
+
+    def __init__(self, quiet: bool = False, prefix: str = "", complaints: bool = False) -> None:
+        self._bar: RichProgress | None = None
+        self._task: TaskID | None = None
+        self._quiet, self._prefix, self._complaints = quiet, prefix, complaints
+        self._printed = time.monotonic()
+        if not quiet and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+            from rich.progress import Progress as RichProgress
+
+            columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+            self._bar = RichProgress(*columns, console=Console(stderr=True), transient=True)
+
+    def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
+        """Move the bar, or print a line."""
+        complaint = complaint if self._complaints else ""
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, completed=done, total=total, description=self._prefix + label)
+            if complaint:
+                self._bar.console.print(complaint, style="red", highlight=False, markup=False)
+        elif not self._quiet and (complaint or time.monotonic() - self._printed > PLAIN_EVERY):
+            self._printed = time.monotonic()
+            print(complaint or f"{done}/{total or '?'} {self._prefix}{label}", file=sys.stderr, flush=True)
+
+    def __enter__(self) -> Self:
+        if self._bar is not None:
+            self._task = self._bar.add_task("starting LAMMPS", total=None)
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()

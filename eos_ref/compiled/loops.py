@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import register_jitable
 
+import eos_ref.eos.compiled  # noqa: F401  for the compiled forms of `eos_ref.numbers.elementary`, which it registers
 from eos_ref.compiled.vectors import add_to, dot, outer, put, row, vector, zero
 from eos_ref.jit import cached, inline
 from eos_ref.model import interactions, kernels

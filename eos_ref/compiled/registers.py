@@ -6,10 +6,9 @@ registers from one iteration to the next. What its lanes hold beyond the vector 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import ir
-from numba import types
 
 DOUBLE, LANE = ir.DoubleType(), ir.IntType(32)
 WIDTH = 8  # doubles in the widest registers
@@ -102,32 +101,35 @@ def sum_of_pieces(builder: Any, registers: list[Any], pieces: list[list[int]]) -
 # --- memory
 
 
-def addresses(context: Any, builder: Any, signature: Any, args: Any, size: int) -> list[Any]:
-    """Where a row's parts lie, one for each register; the array is contiguous, its rows as long as the vector."""
-    array = context.make_array(signature.args[0])(context, builder, value=args[0])
-    k = context.cast(builder, args[1], signature.args[1], types.intp)
-    first = builder.mul(k, context.get_constant(types.intp, size))
+class Place(NamedTuple):
+    """Address of a part of a row, and the type of what lies there: a pointer need not know it."""
+
+    address: Any
+    part: ir.VectorType
+
+
+def places(builder: Any, data: Any, first: Any, element: ir.Type, size: int) -> list[Place]:
+    """Return where a row's parts lie, one for each register; ``first`` counts the elements before the row."""
     found = []
     for start in range(0, size, WIDTH):
-        cell = builder.gep(array.data, [builder.add(first, context.get_constant(types.intp, start))])
-        part = ir.VectorType(array.data.type.pointee, min(size - start, WIDTH))
-        found.append(builder.bitcast(cell, part.as_pointer()))
+        part = ir.VectorType(element, min(size - start, WIDTH))
+        cell = builder.gep(data, [builder.add(first, first.type(start))], source_etype=element)
+        found.append(Place(builder.bitcast(cell, part.as_pointer()), part))
     return found
 
 
-def loaded(builder: Any, places: list[Any], align: int) -> list[Any]:
-    """Registers of a row; whole numbers become doubles."""
+def loaded(builder: Any, row: list[Place], align: int) -> list[Any]:
+    """Return the registers of a row; whole numbers become doubles."""
     found = []
-    for place in places:
-        register = builder.load(place, align=align)
-        size = register.type.count
-        if not isinstance(register.type.element, ir.DoubleType):
-            register = builder.sitofp(register, ir.VectorType(DOUBLE, size))
-        found.append(resized(builder, register, *widths(size)))
+    for address, part in row:
+        register = builder.load(address, align=align, typ=part)
+        if not isinstance(part.element, ir.DoubleType):
+            register = builder.sitofp(register, ir.VectorType(DOUBLE, part.count))
+        found.append(resized(builder, register, *widths(part.count)))
     return found
 
 
-def store(builder: Any, registers: list[Any], places: list[Any], align: int) -> None:
+def store(builder: Any, registers: list[Any], row: list[Place], align: int) -> None:
     """Write a row."""
-    for register, place in zip(registers, places, strict=True):
-        builder.store(resized(builder, register, place.type.pointee.count), place, align=align)
+    for register, (address, part) in zip(registers, row, strict=True):
+        builder.store(resized(builder, register, part.count), address, align=align)

@@ -22,13 +22,14 @@ from numba.extending import intrinsic, models, overload, register_model
 from eos_ref.compiled.registers import (
     DOUBLE,
     LANE,
+    Place,
     added,
-    addresses,
     constants,
     loaded,
     multiplied,
     packed,
     picked,
+    places,
     resized,
     shuffled,
     store,
@@ -261,13 +262,22 @@ def _bytes(array: Any) -> int:
     return int(array.dtype.bitwidth // 8)
 
 
+def _places(context: Any, builder: Any, signature: Any, args: Any, size: int) -> list[Place]:
+    """Return where the parts of a row lie; the array is contiguous, its rows as long as the vector."""
+    array_type, index_type = signature.args[:2]
+    data = context.make_array(array_type)(context, builder, value=args[0]).data
+    k = context.cast(builder, args[1], index_type, types.intp)
+    first = builder.mul(k, context.get_constant(types.intp, size))
+    return places(builder, data, first, context.get_data_type(array_type.dtype), size)
+
+
 @intrinsic
 def row(typing_context, array_nc, k, like):
     """Row k as a vector of as many components as ``like``; whole numbers become doubles."""
 
     def code(context, builder, signature, args):
-        places = addresses(context, builder, signature, args, len(like))
-        return packed(builder, loaded(builder, places, _bytes(array_nc)))
+        at = _places(context, builder, signature, args, len(like))
+        return packed(builder, loaded(builder, at, _bytes(array_nc)))
 
     return Vector(len(like))(array_nc, k, like), code
 
@@ -277,8 +287,8 @@ def put(typing_context, array_nc, k, vector):
     """Store a vector as row k."""
 
     def code(context, builder, signature, args):
-        places = addresses(context, builder, signature, args, vector.size)
-        store(builder, unpacked(builder, args[2]), places, _bytes(array_nc))
+        at = _places(context, builder, signature, args, vector.size)
+        store(builder, unpacked(builder, args[2]), at, _bytes(array_nc))
         return context.get_dummy_value()
 
     return types.none(array_nc, k, vector), code
@@ -289,9 +299,9 @@ def add_to(typing_context, array_nc, k, vector):
     """Add a vector to row k."""
 
     def code(context, builder, signature, args):
-        places = addresses(context, builder, signature, args, vector.size)
-        found = loaded(builder, places, _bytes(array_nc))
-        store(builder, added(builder, found, unpacked(builder, args[2])), places, _bytes(array_nc))
+        at = _places(context, builder, signature, args, vector.size)
+        found = loaded(builder, at, _bytes(array_nc))
+        store(builder, added(builder, found, unpacked(builder, args[2])), at, _bytes(array_nc))
         return context.get_dummy_value()
 
     return types.none(array_nc, k, vector), code

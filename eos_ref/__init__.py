@@ -9,7 +9,9 @@ no files, no command line.
 1030.5050
 """
 
-from eos_ref.eos.table import EOS, STYLES, EOSTable, Interval
+from eos_ref.eos.law import Interval
+from eos_ref.eos.registry import STYLES
+from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.errors import InputError
 from eos_ref.syntax.fixes import FixRheo, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.syntax.ranges import type_range

@@ -16,7 +16,7 @@ import numba
 
 from eos_ref.cache import cache_folder
 
-SOURCES = ("jit.py", "numbers/elementary.py", "eos/laws.py", "eos/compiled.py")
+SOURCES = ("jit.py", "numbers/elementary.py", "eos/laws.py", "eos/registry.py", "eos/compiled.py")
 
 
 def _cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:

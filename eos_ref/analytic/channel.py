@@ -71,12 +71,19 @@ def depth_below_surface(law: EOS, rho_n: Array, gravity: Any) -> Array:
     """
     if not gravity > 0:
         raise InputError("gravity", "must be positive (downwards)", gravity)
-    if law.style == "linear":
+    power = _exponent(law) - 1
+    if power == 0:
         return law.cs**2 * np.log(rho_n / law.rho0) / gravity
-    if law.style in ("tait/water", "tait/general") and law.gamma != 1:
-        power = law.gamma - 1
-        return law.cs**2 / power * ((rho_n / law.rho0) ** power - 1) / gravity
-    raise InputError("law of a column", "must be linear or one of Tait's with an exponent other than 1", law.style)
+    return law.cs**2 / power * ((rho_n / law.rho0) ** power - 1) / gravity
+
+
+def _exponent(law: EOS) -> float:
+    """Exponent of Tait's law; the linear law has that of 1."""
+    if law.style == "linear":
+        return 1.0
+    if law.exponent is None or law.exponent == 1:
+        raise InputError("law of a column", "must be linear or one of Tait's with an exponent other than 1", law.style)
+    return law.exponent
 
 
 def weight_of_column(law: EOS, depth_n: Array, gravity: Any) -> Array:
@@ -91,10 +98,11 @@ def weight_of_column(law: EOS, depth_n: Array, gravity: Any) -> Array:
     """
     depth_below_surface(law, law.rho0, gravity)  # its checks
     w_n = gravity * np.asarray(depth_n) / law.cs**2
-    if law.style == "linear":
+    gamma = _exponent(law)
+    if gamma == 1:
         return law.rho0 * law.cs**2 * np.expm1(w_n)
-    power = law.gamma - 1
-    return law.rho0 * law.cs**2 / law.gamma * np.expm1(law.gamma / power * np.log1p(power * w_n))
+    power = gamma - 1
+    return law.rho0 * law.cs**2 / gamma * np.expm1(gamma / power * np.log1p(power * w_n))
 
 
 def column(law: EOS, mass_above_n: Array, gravity: Any) -> tuple[Array, Array]:

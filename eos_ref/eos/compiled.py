@@ -17,14 +17,15 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, overload, register_jitable
 
 from eos_ref.eos import laws
+from eos_ref.eos.law import Law
+from eos_ref.eos.registry import LAWS, STYLES
 from eos_ref.jit import cached, inline
 from eos_ref.numbers import elementary
 
 _jit = cached()
-LINEAR, CUBIC, TAIT_WATER, TAIT_GENERAL, IDEAL_GAS = range(5)
 BLOCK = 2048  # particles handled at a time: all arrays of a block fit the first-level cache
 
 
@@ -166,9 +167,10 @@ def _register(name: str) -> None:
 for _name in ("asin", "asinh", "exp", "log1p", "sin", "sinh", "sqrt"):
     _register(_name)
 
-_linear, _cubic, _water, _general, _ideal = (
-    inline(law) for law in (laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas)
-)
+# The records of the laws call the formulas by name; a loop stays vectorised only where they are inlined.
+for _formula in vars(laws).values():
+    if getattr(_formula, "__module__", None) == laws.__name__:
+        register_jitable(error_model="numpy", forceinline=True)(_formula)
 
 
 def power_range(rho0: float) -> tuple[float, float]:
@@ -182,32 +184,60 @@ def power_range(rho0: float) -> tuple[float, float]:
 _power_range = inline(power_range)
 
 
+_BODIES = {law.style: inline(law.pressure) for law in LAWS.values()}
+
+
+def _loop(law: Law) -> Any:
+    """The loop over particles of one law; returns how many ratios lie outside the range of powm1."""
+    body, needs_energy, uses_powm1 = _BODIES[law.style], law.needs_energy, law.uses_powm1
+
+    def loop(rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any) -> int:
+        for i in range(rho_n.size):
+            e = e_n[i] if needs_energy else 0.0
+            out_n[i] = body(rho_n[i], e, rho0, cs, parameter) + background
+        outside = 0
+        if uses_powm1:
+            low, high = _power_range(rho0)
+            for i in range(rho_n.size):
+                outside += not (rho_n[i] >= low and rho_n[i] <= high)
+        return outside
+
+    return inline(loop)
+
+
+@inline
+def _no_law(
+    style: int, rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any
+) -> int:
+    out_n[:] = math.nan
+    return 0
+
+
+def _choice(styles: tuple[str, ...]) -> Any:
+    """The loops of some styles, the last ones of `STYLES`, behind a chain of comparisons with their places there."""
+    if not styles:
+        return _no_law
+    place, loop, others = STYLES.index(styles[0]), _loop(LAWS[styles[0]]), _choice(styles[1:])
+
+    def chosen(
+        style: int, rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any
+    ) -> int:
+        if style == place:
+            return loop(rho_n, e_n, rho0, cs, parameter, background, out_n)  # type: ignore[no-any-return]
+        return others(style, rho_n, e_n, rho0, cs, parameter, background, out_n)  # type: ignore[no-any-return]
+
+    return inline(chosen)
+
+
+_chosen = _choice(STYLES)
+
+
 @_jit
 def _one_type(
     style: int, rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any
 ) -> int:
     """Pressure of particles that share one type; returns how many ratios lie outside the range of powm1."""
-    n = rho_n.size
-    outside = 0
-    if style == LINEAR:
-        for i in range(n):
-            out_n[i] = _linear(rho_n[i], rho0, cs) + background
-    elif style == CUBIC:
-        for i in range(n):
-            out_n[i] = _cubic(rho_n[i], rho0, cs, parameter) + background
-    elif style == TAIT_WATER:
-        for i in range(n):
-            out_n[i] = _water(rho_n[i], rho0, cs) + background
-    elif style == TAIT_GENERAL:
-        for i in range(n):
-            out_n[i] = _general(rho_n[i], rho0, cs, parameter) + background
-        low, high = _power_range(rho0)
-        for i in range(n):
-            outside += not (rho_n[i] >= low and rho_n[i] <= high)
-    else:
-        for i in range(n):
-            out_n[i] = _ideal(rho_n[i], e_n[i], parameter) + background
-    return outside
+    return _chosen(style, rho_n, e_n, rho0, cs, parameter, background, out_n)  # type: ignore[no-any-return]
 
 
 @numba.njit(error_model="numpy")

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from itertools import repeat
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.eos.table import EOS, EOSTable, FloatArray
+if TYPE_CHECKING:  # the laws know their roundings, and the table its laws
+    from eos_ref.eos.table import EOS, EOSTable
 
+FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.integer]
 
 
@@ -28,24 +31,38 @@ def _pow(x: FloatArray, gamma: float) -> FloatArray:
         return np.power(x, gamma)
 
 
+def linear(rho: FloatArray, rho0: float, cs: float) -> FloatArray:
+    """Linear law."""
+    return cs * cs * (rho - rho0)
+
+
+def cubic(rho: FloatArray, rho0: float, cs: float, a3: float) -> FloatArray:
+    """Cubic law."""
+    d = rho - rho0
+    return cs * cs * (d + a3 * d * d * d)
+
+
+def tait_water(rho: FloatArray, rho0: float, cs: float) -> FloatArray:
+    """Tait's law for water, its power a chain of products."""
+    x = rho * (1.0 / rho0)
+    x3 = x * x * x
+    return cs * cs * rho0 * (1.0 / 7.0) * (x3 * x3 * x - 1.0)
+
+
+def tait_general(rho: FloatArray, rho0: float, cs: float, gamma: float) -> FloatArray:
+    """General Tait law."""
+    return cs * cs * rho0 * (_pow(rho * (1.0 / rho0), gamma) - 1.0) / gamma
+
+
+def ideal_gas(rho: FloatArray, energy: FloatArray, mass: FloatArray, gamma: float) -> FloatArray:
+    """Ideal gas; ``energy`` is that of the whole particle, as LAMMPS stores it."""
+    return (gamma - 1.0) * rho * np.asarray(energy) / np.asarray(mass)
+
+
 def pressure_of_law(eos: EOS, rho: FloatArray, energy: FloatArray | None, mass: FloatArray | None) -> FloatArray:
     """Pressure with LAMMPS' roundings; ``energy`` is that of the whole particle, as LAMMPS stores it."""
-    c2 = eos.cs * eos.cs
     with np.errstate(all="ignore"):
-        match eos.style:
-            case "linear":
-                p = c2 * (rho - eos.rho0)
-            case "cubic":
-                d = rho - eos.rho0
-                p = c2 * (d + eos.gamma * d * d * d)
-            case "tait/water":
-                x = rho * (1.0 / eos.rho0)
-                x3 = x * x * x
-                p = c2 * eos.rho0 * (1.0 / 7.0) * (x3 * x3 * x - 1.0)
-            case "tait/general":
-                p = c2 * eos.rho0 * (_pow(rho * (1.0 / eos.rho0), eos.gamma) - 1.0) / eos.gamma
-            case _:
-                p = (eos.gamma - 1.0) * rho * np.asarray(energy) / np.asarray(mass)
+        p = eos.law.lammps(rho, energy, mass, eos.rho0, eos.cs, eos.parameter)
     return np.asarray(p + eos.background if eos.background else p)
 
 

@@ -38,8 +38,9 @@ def pressure(eos: EOS, rho: Number, e: Number) -> Number:
     own = bounds.engine(eos, rho.value, energy) + bounds.reference(eos, rho.value, energy)
     with np.errstate(all="ignore"):
         carried = np.abs(eos.stiffness(rho.value, energy)) * rho.error
-    if eos.needs_energy:
-        carried = carried + np.abs((eos.gamma - 1) * rho.value) * error(e)
+    if terms := eos.law.energy:
+        slope = terms.slope(rho.value, energy, eos.rho0, eos.cs, eos.parameter)
+        carried = carried + np.abs(slope) * error(e)
     return Rounded(p, own + carried)
 
 
@@ -52,6 +53,7 @@ def density(eos: EOS, p: Number, e: Number) -> Number:
     with np.errstate(all="ignore"):
         own = bounds.engine(eos, rho, energy) + bounds.reference(eos, rho, energy)
         carried = (own + p.error) / np.abs(eos.stiffness(rho, energy))
-        if eos.needs_energy:
-            carried = carried + np.abs(rho / energy) * error(e)
+        if terms := eos.law.energy:
+            slope = terms.inverse_slope(rho, energy, eos.rho0, eos.cs, eos.parameter)
+            carried = carried + np.abs(slope) * error(e)
     return Rounded(rho, carried + 8 * bounds.EPS * np.abs(rho))

@@ -6,26 +6,17 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.eos import laws
+from eos_ref.eos.law import Interval, Law
+from eos_ref.eos.registry import LAWS, STYLES, Style
 from eos_ref.errors import InputError
 from eos_ref.numbers.elementary import Number
 
-Style = Literal["linear", "cubic", "tait/water", "tait/general", "ideal/gas"]
-STYLES: tuple[Style, ...] = get_args(Style)
-PARAMETER = {"cubic": "A3", "tait/general": "gamma", "ideal/gas": "gamma", "background": "P_b"}
 FloatArray = npt.NDArray[np.float64]
-
-
-class Interval(NamedTuple):
-    """An interval of densities; the ends may be infinite."""
-
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -61,9 +52,9 @@ class EOS:
     background: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.style not in STYLES:
+        if self.style not in LAWS:
             raise InputError("pressure style", f"must be one of {', '.join(STYLES)}", self.style)
-        name = PARAMETER.get(self.style)
+        name = self.law.parameter
         if name is None and self.parameter is not None:
             raise InputError(self.style, "takes no argument", self.parameter)
         if name is not None and self.parameter is None:
@@ -75,20 +66,42 @@ class EOS:
         for what, value in (("rho0", self.rho0), ("cs", self.cs)):
             if value <= 0:
                 raise InputError(what, "must be positive", value)
-        if self.style == "tait/general" and self.parameter == 0:
-            raise InputError("gamma of tait/general", "must not be 0 (the law divides by it)", self.parameter)
-        if self.style == "ideal/gas" and self.gamma <= 1:
-            raise InputError("gamma of ideal/gas", "must exceed 1 (a heat capacity ratio)", self.parameter)
+        if self.parameter is not None and not self.law.allows(self.parameter):
+            raise InputError(f"{name} of {self.style}", self.law.rule, self.parameter)
+
+    @property
+    def law(self) -> Law:
+        """What the style stands for."""
+        return LAWS[self.style]
+
+    @property
+    def exponent(self) -> float | None:
+        """Exponent of Tait's law (7 for water); None for the other laws."""
+        return self.law.exponent(self.parameter or 0.0)
 
     @property
     def gamma(self) -> float:
-        """Exponent of Tait's law (7 for water) or heat capacity ratio of the ideal gas."""
-        return 7.0 if self.style == "tait/water" else float(self.parameter or 0.0)
+        """Exponent of Tait's law (7 for water) or heat capacity ratio of a gas.
+
+        Raises
+        ------
+        AttributeError
+            The law has neither.
+        """
+        value = self.parameter if self.law.parameter == "gamma" else self.exponent
+        if value is None:
+            raise AttributeError(f"{self.style} has no gamma")
+        return value
 
     @property
     def needs_energy(self) -> bool:
         """Whether the law depends on the internal energy."""
-        return self.style == "ideal/gas"
+        return self.law.needs_energy
+
+    @property
+    def settings(self) -> tuple[int, float, float, float, float]:
+        """Place of the style in `STYLES`, rho0, cs, parameter (0 if none), background: as compiled loops take them."""
+        return STYLES.index(self.style), self.rho0, self.cs, self.parameter or 0.0, self.background
 
     def evaluate(self, rho: Number, e: Number = None, convert: Any = None) -> Number:
         """Pressure in the number type of ``rho``: numpy arrays and scalars of any float type, or Arb balls.
@@ -98,17 +111,8 @@ class EOS:
         # numpy rounds a Python float to float32 by itself; longdouble needs products of parameters in full.
         of: Any = convert or (np.longdouble if getattr(rho, "dtype", None) == np.longdouble else float)
         rho0, cs, background = of(self.rho0), of(self.cs), of(self.background)
-        match self.style:
-            case "linear":
-                p = laws.linear(rho, rho0, cs)
-            case "cubic":
-                p = laws.cubic(rho, rho0, cs, of(self.parameter))
-            case "tait/water":
-                p = laws.tait_water(rho, rho0, cs)
-            case "tait/general":
-                p = laws.tait_general(rho, rho0, cs, of(self.parameter))
-            case _:
-                p = laws.ideal_gas(rho, self._energy(e), of(self.parameter))
+        parameter = None if self.parameter is None else of(self.parameter)
+        p = self.law.pressure(rho, self._energy(e), rho0, cs, parameter)
         return p + background
 
     def pressure(
@@ -166,11 +170,7 @@ class EOS:
         outside = compiled.pressure_of_one_type(
             np.ravel(rho_n),
             self._energy_array(e, rho_n),
-            STYLES.index(self.style),
-            self.rho0,
-            self.cs,
-            float(self.parameter or 0.0),
-            self.background,
+            *self.settings,
             p_n.reshape(-1),
         )
         return (self._patched(p_n, rho_n) if outside else p_n)[()]
@@ -183,36 +183,16 @@ class EOS:
         """
         p = np.asarray(p, float) - self.background
         with np.errstate(all="ignore"):
-            match self.style:
-                case "linear":
-                    return laws.linear_density(p, self.rho0, self.cs)
-                case "cubic":
-                    return laws.cubic_density(p, self.rho0, self.cs, self.parameter)
-                case "tait/water" | "tait/general":
-                    return laws.tait_density(p, self.rho0, self.cs, self.gamma)
-                case _:
-                    e_n = np.asarray(self._energy(e), float)
-                    return laws.ideal_gas_density(p, np.where(e_n == 0, np.nan, e_n), self.gamma)
+            return self.law.density(p, self._energy_n(e), self.rho0, self.cs, self.parameter)
 
     def stiffness(self, rho: Number, e: Number = None) -> Number:
         r"""Derivative :math:`(\partial P/\partial\rho)_e`, local sound speed squared (velocity squared)."""
         rho = np.asarray(rho, float)
         # numpy's power of a scalar is another one than that of an array, and differs in the last bit.
-        found = self._stiffness(np.atleast_1d(rho), e)
-        return found.reshape(np.broadcast_shapes(rho.shape, np.shape(e) if self.needs_energy else ()))[()]
-
-    def _stiffness(self, rho: FloatArray, e: Number) -> FloatArray:
         with np.errstate(all="ignore"):
-            match self.style:
-                case "linear":
-                    found = laws.linear_stiffness(rho, self.rho0, self.cs)
-                case "cubic":
-                    found = laws.cubic_stiffness(rho, self.rho0, self.cs, self.parameter)
-                case "tait/water" | "tait/general":
-                    found = laws.tait_stiffness(rho, self.rho0, self.cs, self.gamma)
-                case _:
-                    found = laws.ideal_gas_stiffness(np.asarray(self._energy(e), float) + 0 * rho, self.gamma)
-        return np.asarray(found)
+            found = self.law.stiffness(np.atleast_1d(rho), self._energy_n(e), self.rho0, self.cs, self.parameter)
+        shape = np.broadcast_shapes(rho.shape, np.shape(e) if self.needs_energy else ())
+        return np.asarray(found).reshape(shape)[()]
 
     def sound_speed(self, rho: Number, e: Number = None) -> Number:
         r"""Local sound speed :math:`\sqrt{(\partial P/\partial\rho)_e}` (velocity); NaN where it is not real.
@@ -226,37 +206,32 @@ class EOS:
     @property
     def defined(self) -> Interval:
         """Densities at which the law has a real, finite value; a negative gamma excludes 0 as well."""
-        if self.style != "tait/general" or self.gamma == round(self.gamma):
-            return Interval(-math.inf, math.inf)
-        return Interval(0.0, math.inf)
+        return self.law.defined(self.parameter or 0.0)
 
     @property
     def monotone(self) -> Interval:
         """Interval around rho0 on which the pressure grows with density: hyperbolic and invertible.
 
-        For ideal/gas that takes a positive energy.
+        For a law of the energy that takes a positive one.
         """
-        everywhere = Interval(-math.inf, math.inf)
-        if self.style == "cubic":
-            half_width = math.inf if self.gamma >= 0 else 1 / math.sqrt(3 * -self.gamma)
-            return Interval(self.rho0 - half_width, self.rho0 + half_width)
-        if self.style == "tait/general" and self.gamma != 1:
-            return everywhere if self.gamma > 0 and self.gamma % 2 == 1 else Interval(0.0, math.inf)
-        return everywhere
+        return self.law.monotone(self.rho0, self.parameter or 0.0)
 
     def is_defined(self, rho: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Whether the law has a finite value at each density."""
         rho_n = np.asarray(rho, float)
         low, high = self.defined
         inside: npt.NDArray[np.bool_] = np.isfinite(rho_n) & (rho_n >= low) & (rho_n <= high)
-        if self.style == "tait/general" and self.gamma < 0:
+        if self.law.has_pole(self.parameter or 0.0):
             inside &= rho_n != 0
         return inside
 
     def _energy(self, e: Number) -> Number:
-        if e is None:
-            raise InputError("energy", "ideal/gas needs the internal energy per unit mass of every particle")
+        if e is None and self.needs_energy:
+            raise InputError("energy", f"{self.style} needs the internal energy per unit mass of every particle")
         return e
+
+    def _energy_n(self, e: Number) -> Number:
+        return np.asarray(self._energy(e), float) if self.needs_energy else None
 
     def _energy_array(self, e: npt.ArrayLike | None, rho_n: FloatArray) -> FloatArray:
         if not self.needs_energy:
@@ -275,6 +250,11 @@ class EOS:
             outside = ~((rho_n >= low) & (rho_n <= high))
             p_n[outside] = self.evaluate(rho_n[outside])
         return p_n
+
+
+def examples(rho0: float = 1.0, cs: float = 1.0) -> tuple[EOS, ...]:
+    """One law of every style, in order, no two of them the same."""
+    return tuple(EOS(cast(Style, law.style), rho0, cs, law.example) for law in LAWS.values())
 
 
 def _finite(what: str, value: Any) -> float:
@@ -318,13 +298,7 @@ class EOSTable:
 
     @cached_property
     def _columns(self) -> tuple[npt.NDArray[Any], ...]:
-        return (
-            np.array([STYLES.index(law.style) for law in self.laws]),
-            np.array([law.rho0 for law in self.laws]),
-            np.array([law.cs for law in self.laws]),
-            np.array([law.parameter or 0.0 for law in self.laws]),
-            np.array([law.background for law in self.laws]),
-        )
+        return tuple(np.array(column) for column in zip(*(eos.settings for eos in self.laws), strict=True))
 
     def pressure(
         self,
@@ -377,7 +351,8 @@ class EOSTable:
             found = f"{types.min()} to {types.max()}"
             raise InputError("atom type", f"must lie within 1 to {len(self)}", found)
         if self.needs_energy and not e.size and rho.size:
-            raise InputError("energy", "ideal/gas needs the internal energy per unit mass of every particle")
+            law = next(law for law in self.laws if law.needs_energy)
+            raise InputError("energy", f"{law.style} needs the internal energy per unit mass of every particle")
         if len(self) == 1:
             return self.laws[0].pressure(rho, e if e.size else None, method, tolerance)
         p = np.empty(rho.shape)
@@ -388,6 +363,6 @@ class EOSTable:
             return p
         if compiled.pressure(rho, e, types, *self._columns, p):
             for t, law in enumerate(self.laws, 1):
-                if law.style == "tait/general":
+                if law.law.uses_powm1:
                     p[types == t] = law._patched(p[types == t], rho[types == t])
         return p

@@ -260,7 +260,12 @@ class Stages(ABC):
         if energy_n is None or not laws.needs_energy:
             return self.cs_n
         gas = self.of_type(law.needs_energy for law in laws)
-        squared = (where(gas, self.of_type(law.gamma for law in laws), 1.0) - 1) * (energy_n / self.mass_n)
+        squared: Number = 0.0
+        for law in dict.fromkeys(eos.law for eos in laws if eos.needs_energy):
+            assert law.energy is not None
+            of_law = self.of_type(eos.law is law for eos in laws)
+            parameter = where(of_law, self.of_type(eos.parameter or 0.0 for eos in laws), 1.0)
+            squared = where(of_law, law.energy.sound_squared(energy_n / self.mass_n, parameter), squared)
         return where(gas, sqrt(maximum(squared, 0.0)), self.cs_n)
 
     def temperature(self, energy_n: Number) -> Number:

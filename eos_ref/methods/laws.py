@@ -18,10 +18,9 @@ import numpy as np
 
 from eos_ref import EOS
 from eos_ref.eos import lammps_rounding
-from eos_ref.eos.table import STYLES, FloatArray, Style
+from eos_ref.eos.table import FloatArray
 
 Evaluate = Callable[[FloatArray, FloatArray | None], FloatArray]
-TAIT: tuple[Style, ...] = ("tait/water", "tait/general")
 NODES = 4096  # of a table: 32 kB of values and slopes each
 
 
@@ -63,13 +62,12 @@ def _two_threads(law: EOS, low: float, high: float) -> Evaluate:
     from eos_ref.eos import compiled
 
     pool = ThreadPoolExecutor(2)
-    settings = STYLES.index(law.style), law.rho0, law.cs, float(law.parameter or 0.0), law.background
 
     def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
         e_n, p_n = np.empty(0) if e_n is None else e_n, np.empty(rho_n.shape)
 
         def part(part_n: slice) -> int:
-            return int(compiled.pressure_of_one_type(rho_n[part_n], e_n[part_n], *settings, p_n[part_n]))
+            return int(compiled.pressure_of_one_type(rho_n[part_n], e_n[part_n], *law.settings, p_n[part_n]))
 
         half = len(rho_n) // 2
         outside = sum(pool.map(part, (slice(0, half), slice(half, None))))
@@ -83,16 +81,12 @@ def _numpy(law: EOS, low: float, high: float) -> Evaluate:
 
 
 def _textbook(law: EOS, low: float, high: float) -> Evaluate:
-    c2, rho0, parameter, background = law.cs**2, law.rho0, law.gamma, law.background
+    textbook = law.law.textbook
+    assert textbook is not None, f"{law.style} has no other form"
 
     def evaluate(rho_n: FloatArray, e_n: FloatArray | None) -> FloatArray:
-        match law.style:
-            case "cubic":
-                p_n = c2 * ((rho_n - rho0) + parameter * (rho_n - rho0) ** 3)
-            case _:
-                with np.errstate(all="ignore"):
-                    p_n = c2 * rho0 / parameter * ((rho_n / rho0) ** parameter - 1)
-        return np.asarray(p_n + background)
+        with np.errstate(all="ignore"):
+            return np.asarray(textbook(rho_n, e_n, law.rho0, law.cs, law.parameter) + law.background)
 
     return evaluate
 
@@ -119,7 +113,7 @@ def _polynomial(law: EOS, low: float, high: float) -> Evaluate:
 
 
 def _has_polynomial(law: EOS) -> bool:
-    return law.style in TAIT and law.gamma == round(law.gamma) and 2 <= law.gamma <= 64
+    return law.exponent is not None and law.exponent == round(law.exponent) and 2 <= law.exponent <= 64
 
 
 def _series(law: EOS, low: float, high: float) -> Evaluate:
@@ -180,11 +174,11 @@ def _any(law: EOS) -> bool:
 
 
 def _is_tait(law: EOS) -> bool:
-    return law.style in TAIT
+    return law.exponent is not None
 
 
 def _has_textbook(law: EOS) -> bool:
-    return law.style in ("cubic", *TAIT)
+    return law.law.textbook is not None
 
 
 def _of_density_alone(law: EOS) -> bool:

@@ -11,14 +11,13 @@ import numpy as np
 
 from eos_ref import EOS
 from eos_ref.eos import compiled
-from eos_ref.eos.table import STYLES, FloatArray
+from eos_ref.eos.table import FloatArray
 
 
 def pressure(law: EOS, state_n: Any, e_n: FloatArray | None, excess: bool) -> FloatArray:
     """Pressures (n,) in float64 of float32 densities, or of float32 differences to rho0."""
     p_n = np.empty(state_n.shape)
-    settings = STYLES.index(law.style), law.rho0, law.cs, float(law.parameter or 0.0), law.background
-    _widened(state_n, np.empty(0) if e_n is None else e_n, law.rho0 if excess else 0.0, *settings, p_n)
+    _widened(state_n, np.empty(0) if e_n is None else e_n, law.rho0 if excess else 0.0, *law.settings, p_n)
     return p_n
 
 

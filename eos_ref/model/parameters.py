@@ -195,7 +195,7 @@ class Model:
             raise InputError("thermal", rule)
         for law in self.eos:
             if law.needs_energy and not self.fix.thermal:
-                raise InputError("ideal/gas", "needs particles with energy (keyword thermal)")
+                raise InputError(law.style, "needs particles with energy (keyword thermal)")
         for what, values_t in (("density", self.fix.rho0), ("speed/sound", self.fix.cs)):
             if values_t is not None and len(values_t) != n:
                 raise InputError(what, f"needs one value per atom type ({n})", len(values_t))

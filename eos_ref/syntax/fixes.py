@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NoReturn, cast, get_args
 
-from eos_ref.eos.table import EOS, PARAMETER, STYLES, EOSTable, Style
+from eos_ref.eos.registry import PARAMETER, STYLES, Style
+from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.errors import InputError
 from eos_ref.syntax.ranges import type_range
 

@@ -111,7 +111,7 @@ class Questions:
         """The warnings, in the order of systems and types; the same line is not said twice."""
         said = list(self._said)
         for (t, law), seen in self._seen.items():
-            if law.style != "ideal/gas":  # has neither rho0 nor a pressure around 0
+            if not law.needs_energy:  # a gas has neither rho0 nor a pressure around 0
                 questions = [_unset(seen)] if _unset(seen) else [_unreached(seen), _offset(seen)]
                 said += [f"type {t}: {line}" for line in questions if line]
         if self.tilted:

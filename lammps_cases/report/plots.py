@@ -15,7 +15,8 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.eos.table import EOS, FloatArray, Style
+from eos_ref.eos.registry import LAWS, Style
+from eos_ref.eos.table import EOS, FloatArray
 from eos_ref.errors import InputError
 from lammps_cases.comparison.compare import excess
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, LawRecord
@@ -170,7 +171,7 @@ def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:
         of_type = (arrays["type"] == record.type) & np.isfinite(arrays["rho"])
         rho_n = np.asarray(arrays["rho"], float)[of_type]
         energy_n = rho_n * arrays["e"][of_type] if "e" in arrays else None
-        if not rho_n.size or (record.style == "ideal/gas" and energy_n is None):
+        if not rho_n.size or (energy_n is None and LAWS[record.style].needs_energy):
             continue
         try:
             law = _law(record)

@@ -205,7 +205,7 @@ class Scene(Model):
     @property
     def thermal(self) -> bool:
         """Whether particles carry energy (atom_style rheo/thermal)."""
-        gas = any(law.style == "ideal/gas" for law in self.pressure)
+        gas = any(law.needs_energy for law in self.pressure)
         return self.energy is not None or gas or any(t.thermal for t in self.types)
 
     @property

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from eos_ref.eos.table import PARAMETER, Style
+from eos_ref import EOS
+from eos_ref.eos.registry import LAWS, PARAMETER, Style
 from eos_ref.syntax.fixes import PressureEntry
 from lammps_cases.scene.values import Finite, Model, NonNegative, Positive, TypeRange, Vector
 
@@ -53,6 +54,13 @@ class AtomType(Model):
         return bool({"conductivity", "specific_heat", "latent_heat", "T_freeze"} & self.model_fields_set)
 
 
+def entries(law: EOS) -> list[dict[str, Any]]:
+    """Entries of fix rheo/pressure, as a scene has them, that give all types one law."""
+    argument = {} if law.law.parameter is None else {law.law.parameter: law.parameter}
+    background = [{"types": "*", "style": "background", "P_b": law.background}] if law.background else []
+    return [{"types": "*", "style": law.style, **argument}, *background]
+
+
 class Law(Model):
     """One entry of fix rheo/pressure: a type range, a style and its argument."""
 
@@ -65,7 +73,7 @@ class Law(Model):
     @model_validator(mode="after")
     def _one_argument(self) -> Law:
         wanted = PARAMETER.get(self.style)
-        for name in ("A3", "gamma", "P_b"):
+        for name in dict.fromkeys(PARAMETER.values()):
             given = getattr(self, name) is not None
             if given != (name == wanted):
                 raise ValueError(f"{self.style} {'needs' if name == wanted else 'does not take'} {name}")
@@ -74,7 +82,13 @@ class Law(Model):
     @property
     def value(self) -> float | None:
         """The style's argument."""
-        return next((v for v in (self.A3, self.gamma, self.P_b) if v is not None), None)
+        name = PARAMETER.get(self.style)
+        return None if name is None else getattr(self, name)
+
+    @property
+    def needs_energy(self) -> bool:
+        """Whether the law depends on the internal energy."""
+        return self.style != "background" and LAWS[self.style].needs_energy
 
     @property
     def entry(self) -> PressureEntry:

@@ -73,7 +73,7 @@ def _law_items(scene: Scene) -> Iterable[Item]:
     """What an equation of state alone needs."""
     moves = scene.evolve is not None
     sums = scene.rho_sum
-    ideal = any(law.style == "ideal/gas" for law in scene.pressure)
+    gases = dict.fromkeys(law.style for law in scene.pressure if law.needs_energy)
     engine_density = "LAMMPS' own density is fed to the reference law, so nothing else can be blamed on the law"
     yield Item("pressure", True, "the field compared")
     yield Item(
@@ -81,7 +81,7 @@ def _law_items(scene: Scene) -> Iterable[Item]:
         not (moves or sums),
         engine_density if moves or sums else "input of every law, given by the scene",
     )
-    yield Item("energy", ideal, "input of ideal/gas" if ideal else "no law of this scene depends on it")
+    yield Item("energy", bool(gases), f"input of {', '.join(gases)}" if gases else "no law of this scene depends on it")
     yield Item("positions", False, "no law depends on them")
     yield Item("neighbour list", False, "no compared field is a sum over neighbours")
     yield Item("kernel", False, "no compared field is a sum over neighbours")

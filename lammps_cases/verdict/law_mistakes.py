@@ -40,6 +40,11 @@ def _with_rho0(law: EOS, rho0: float) -> EOS | None:
     return None if law.needs_energy else replace(law, rho0=rho0)
 
 
+def _as_linear(law: EOS) -> EOS | None:
+    linear = EOS("linear", law.rho0, law.cs, None, law.background)
+    return None if law.needs_energy or law == linear or law.exponent == 1 else linear
+
+
 def _exchanged_types(table: EOSTable, state: State) -> FloatArray | None:
     if len(table) == 1:
         return None
@@ -83,30 +88,24 @@ MUTANTS: dict[str, Mutant] = {
         lambda law: replace(law, background=-law.background) if law.background else None
     ),
     "A3 dropped": _each_law(
-        lambda law: replace(law, parameter=0.0) if law.style == "cubic" and law.parameter else None
+        lambda law: replace(law, parameter=0.0) if law.law.parameter == "A3" and law.parameter else None
     ),
     "A3 of the wrong sign": _each_law(
-        lambda law: replace(law, parameter=-law.gamma) if law.style == "cubic" and law.parameter else None
+        lambda law: replace(law, parameter=-law.parameter) if law.law.parameter == "A3" and law.parameter else None
     ),
     "exponent 7 for every Tait law": _each_law(
-        lambda law: replace(law, parameter=7.0) if law.style == "tait/general" else None
+        lambda law: replace(law, parameter=7.0) if law.exponent is not None and law.parameter is not None else None
     ),
     "exponent off by one": _each_law(
         lambda law: (
-            EOS("tait/general", law.rho0, law.cs, law.gamma + 1 or 0.5, law.background)
-            if law.style.startswith("tait")
-            else None
-        )
-    ),
-    "linear instead of Tait or cubic": _each_law(
-        lambda law: (
             None
-            if law.style in ("linear", "ideal/gas") or (law.style == "tait/general" and law.gamma == 1)
-            else EOS("linear", law.rho0, law.cs, None, law.background)
+            if law.exponent is None
+            else EOS("tait/general", law.rho0, law.cs, law.exponent + 1 or 0.5, law.background)
         )
     ),
+    "linear instead of Tait or cubic": _each_law(_as_linear),
     "gamma instead of gamma - 1": _each_law(
-        lambda law: replace(law, parameter=law.gamma + 1) if law.style == "ideal/gas" else None
+        lambda law: replace(law, parameter=law.gamma + 1) if law.needs_energy and law.law.parameter == "gamma" else None
     ),
     "energy not per unit mass": _energy_of_particle,
     "types exchanged": _exchanged_types,

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from eos_ref import EOS
-from eos_ref.eos.table import PARAMETER, FloatArray
+from eos_ref.eos.table import FloatArray
 from lammps_cases.engine import session
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.materials import entries
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 
@@ -54,15 +55,11 @@ class EngineLaw:
 
     def _scene(self, n: int, rho_n: FloatArray, e_n: FloatArray | None) -> tuple[Scene, Atoms]:
         law, edge = self.law, math.ceil(math.sqrt(n))
-        entry: dict[str, Any] = {"types": "*", "style": law.style}
-        if law.style in PARAMETER:
-            entry[PARAMETER[law.style]] = law.parameter
-        entries = [entry, *([{"types": "*", "style": "background", "P_b": law.background}] if law.background else [])]
         data = {
             "dimension": 2,
             "types": [{"mass": 1.0, "rho0": law.rho0, "cs": law.cs}],
             "positions": {"lattice": "sq", "spacing": 1.0, "cells": [edge, edge]},
-            "pressure": entries,
+            "pressure": entries(law),
             "rho": {"constant": law.rho0},
             **({} if e_n is None else {"energy": {"constant": 1.0}}),
         }

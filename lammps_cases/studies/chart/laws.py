@@ -15,21 +15,17 @@ from typing import Any
 import numpy as np
 
 from eos_ref import EOS
-from eos_ref.eos.table import FloatArray
+from eos_ref.eos.table import FloatArray, examples
 from eos_ref.methods.laws import LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
 from lammps_cases.studies.benchmarks.measure import Interval, Timing, in_turns
 from lammps_cases.studies.chart.engine_law import EngineLaw
 from lammps_cases.studies.chart.points import Crossing, Map, Panel, Point, compared, point
 
-# No parameter has a value at which formulas coincide; gamma 4 stands for whole exponents of tait/general.
+# Gamma 4 stands for whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
-    EOS("linear", 1.2345, 7.89),
-    EOS("cubic", 1.2345, 7.89, 2.5),
-    EOS("tait/water", 1.2345, 7.89),
-    EOS("tait/general", 1.2345, 7.89, 1.4),
+    *examples(1.2345, 7.89),
     EOS("tait/general", 1.2345, 7.89, 4.0),
-    EOS("ideal/gas", parameter=1.4),
     EOS("tait/water", 1.2345, 7.89, background=3.21),
 )
 REGIMES = tuple(Regime(low, high) for low, high in ((1e-12, 1e-9), (1e-9, 1e-6), (1e-6, 1e-3), (1e-3, 0.1), (0.1, 10)))

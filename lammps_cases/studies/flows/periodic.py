@@ -22,7 +22,8 @@ import numpy as np
 
 from eos_ref import InputError
 from eos_ref.analytic import waves
-from eos_ref.eos.table import EOS, FloatArray
+from eos_ref.eos.table import EOS, FloatArray, examples
+from lammps_cases.scene.materials import entries
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import relative, rows, start, time_step
 
@@ -167,27 +168,19 @@ ATTENUATION = (
     0.05  # viscosity over sound speed times wavelength: it limits the time step, not sound; exp(-1) in a period
 )
 READINGS = 8  # in one period
-_LAWS: dict[str, tuple[dict[str, Any], ...]] = {
-    "linear": ({"style": "linear"},),
-    "cubic": ({"style": "cubic", "A3": 2.5},),
-    "tait/water": ({"style": "tait/water"},),
-    "tait/general": ({"style": "tait/general", "gamma": 1.4},),
-    "ideal/gas": ({"style": "ideal/gas", "gamma": 1.4},),
-    "background": ({"style": "tait/water"}, {"style": "background", "P_b": 0.3}),
-}
+_LAWS = {law.style: law for law in examples()} | {"background": EOS("tait/water", background=0.3)}
 LAWS = tuple(_LAWS)
 GAS_ENERGY = 2.5  # per mass, so that (gamma - 1) e = 1
 
 
-def _sound(n: int, options: Options) -> tuple[float, float, float, list[dict[str, Any]]]:
-    """Wave number, speed of sound by the law itself, viscosity, entries of the law."""
+def _sound(n: int, options: Options) -> tuple[float, float, float, EOS]:
+    """Wave number, speed of sound by the law itself, viscosity, the law."""
     name = options.word("law", "linear")
     if name not in _LAWS:
         raise InputError("option law", f"must be one of {', '.join(LAWS)}", name)
-    entries = [{"types": "*", **entry} for entry in _LAWS[name]]
-    law = EOS(entries[0]["style"], parameter=entries[0].get("A3", entries[0].get("gamma")))
+    law = _LAWS[name]
     c = float(law.sound_speed(STATE, GAS_ENERGY))
-    return wave_number(n), c, options.number("attenuation", ATTENUATION) * c * n, entries
+    return wave_number(n), c, options.number("attenuation", ATTENUATION) * c * n, law
 
 
 def _sound_start(n: int, options: Options) -> Start:
@@ -195,18 +188,17 @@ def _sound_start(n: int, options: Options) -> Start:
     slope_n = -COMPRESSED * np.cos(k * x_nc[:, 0])  # of the displacement; its inverse is the density: mass is conserved
     rho_n = STATE / (1 + slope_n)
     x_nc[:, 0] += -COMPRESSED / k * np.sin(k * x_nc[:, 0])
-    gas = options.word("law", "linear") == "ideal/gas"
     period = 2 * np.pi / waves.damped(k, c, nu)[1]
     return start(
         "sound-wave",
-        {"types": [fluid(mass=STATE, viscosity=nu * STATE)], "pressure": law},
+        {"types": [fluid(mass=STATE, viscosity=nu * STATE)], "pressure": entries(law)},
         x_nc,
         (n, STRIP),
         options=grown(n, options),
         times=[period / READINGS * reading for reading in range(1, READINGS + 1)],
         timestep=time_step(grown(n, options), c, nu),
         rho_n=rho_n,
-        e_n=np.full(len(x_nc), GAS_ENERGY) if gas else None,
+        e_n=np.full(len(x_nc), GAS_ENERGY) if law.needs_energy else None,
     )
 
 

@@ -15,7 +15,8 @@ from typing import cast
 import numpy as np
 
 from eos_ref.analytic.channel import column, plane_start_up, weight_of_column
-from eos_ref.eos.table import EOS, FloatArray, Style
+from eos_ref.eos.registry import Style
+from eos_ref.eos.table import EOS, FloatArray
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import relative, rows, start, time_step
 

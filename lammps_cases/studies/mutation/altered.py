@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.registry import PARAMETER
 from lammps_cases.engine.session import Job
 from lammps_cases.run.campaign import Prepared
 from lammps_cases.scene import AtomType, PowerLaw, Scene
@@ -104,8 +105,7 @@ def _type(ready: Prepared, t: int, change: Callable[[float], dict[str, Any]]) ->
 def _of_laws(ready: Prepared) -> Iterator[Number]:
     laws = ready.case.scene.pressure
     for k, law in enumerate(laws):
-        name = next((name for name in ("A3", "gamma", "P_b") if getattr(law, name) is not None), None)
-        if name is not None:
+        if (name := PARAMETER.get(law.style)) is not None:
             place = f"entry {k + 1} ({law.types} {law.style})"
             yield Number(name, place, getattr(law, name), _law(ready, k, name))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from eos_ref.eos.registry import PARAMETER
 from lammps_cases.scene import AtomType, PowerLaw, Scene
 from lammps_cases.scene.materials import Law
 from lammps_cases.studies.mutation.fault import Kind
@@ -67,7 +68,7 @@ def order(change: Callable[[tuple[Law, ...]], tuple[Law, ...]]) -> Alter:
 
 def as_style(style: str, **values: float) -> Callable[[Law], dict[str, Any]]:
     """An entry of another style."""
-    blank = {"A3": None, "gamma": None, "P_b": None}
+    blank = dict.fromkeys(PARAMETER.values())
     return lambda law: {"style": style, **blank, **values}
 
 

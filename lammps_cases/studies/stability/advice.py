@@ -133,7 +133,7 @@ def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
     rho_n = np.asarray(state.rho_n, float)
     for t, law in enumerate(model.eos, 1):
         own_n = rho_n[(state.type_n == t) & ~state.solid_n]
-        if not own_n.size or law.style == "ideal/gas":
+        if not own_n.size or law.needs_energy:
             continue
         low, high = law.monotone
         ends = (("lowest", float(own_n.min()), low), ("highest", float(own_n.max()), high))

@@ -34,13 +34,13 @@ ORDERS: dict[str, list[Order]] = {
         lambda law, rho, e: (rho - law.rho0) / (1 / (law.cs * law.cs)),
     ],
     "cubic": [
-        lambda law, rho, e: law.cs**2 * ((rho - law.rho0) + law.gamma * power(rho - law.rho0, 3)),
-        lambda law, rho, e: law.cs**2 * (rho - law.rho0) * (1 + law.gamma * (rho - law.rho0) * (rho - law.rho0)),
+        lambda law, rho, e: law.cs**2 * ((rho - law.rho0) + law.parameter * power(rho - law.rho0, 3)),
+        lambda law, rho, e: law.cs**2 * (rho - law.rho0) * (1 + law.parameter * (rho - law.rho0) * (rho - law.rho0)),
         lambda law, rho, e: (
             law.cs * law.cs * (rho - law.rho0)
-            + law.cs * law.cs * law.gamma * (rho - law.rho0) * (rho - law.rho0) * (rho - law.rho0)
+            + law.cs * law.cs * law.parameter * (rho - law.rho0) * (rho - law.rho0) * (rho - law.rho0)
         ),
-        lambda law, rho, e: (law.gamma * power(rho - law.rho0, 3) + rho - law.rho0) * law.cs * law.cs,
+        lambda law, rho, e: (law.parameter * power(rho - law.rho0, 3) + rho - law.rho0) * law.cs * law.cs,
     ],
     "tait": [
         lambda law, rho, e: law.cs**2 * law.rho0 / law.gamma * (power(rho / law.rho0, law.gamma) - 1),

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from eos_ref.eos import compiled, laws
+from eos_ref import STYLES, jit
+from eos_ref.eos import compiled, registry
 from tests.support.eos_cases import EPS, LAWS, FloatArray
 
 
@@ -128,15 +129,19 @@ def test_same_bits_alone_and_in_a_block(name: str, n: int) -> None:
 
 
 def test_the_compiled_bodies_are_the_laws() -> None:
-    bodies = [
-        f.py_func for f in (compiled._linear, compiled._cubic, compiled._water, compiled._general, compiled._ideal)
-    ]
-    assert bodies == [laws.linear, laws.cubic, laws.tait_water, laws.tait_general, laws.ideal_gas]
+    assert [compiled._BODIES[style].py_func for style in STYLES] == [law.pressure for law in registry.LAWS.values()]
+
+
+def test_a_place_without_a_law_has_no_pressure() -> None:
+    """Not that of the last law in the chain."""
+    p_n = np.zeros(3)
+    compiled.pressure_of_one_type(np.ones(3), np.empty(0), len(STYLES), 1.0, 1.0, 0.0, 0.0, p_n)
+    assert np.isnan(p_n).all()
 
 
 def test_the_cache_follows_the_laws(monkeypatch: pytest.MonkeyPatch) -> None:
     """A law that changes must not be answered by an old compiled loop."""
-    before = compiled._cache_directory()
+    before = jit._cache_directory()
     read = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path.name == "laws.py" else b""))
-    assert compiled._cache_directory() != before
+    assert jit._cache_directory() != before

@@ -68,6 +68,9 @@ def test_bad_parameters_are_refused(arguments: tuple[Any, ...], message: str) ->
 def test_defaults_are_those_of_fix_rheo() -> None:
     assert EOS("linear") == EOS("linear", 1.0, 1.0, None, 0.0)
     assert EOS("tait/water").gamma == 7
+    for law in (EOS("linear"), EOS("cubic", parameter=2.0)):  # A3 is no gamma
+        with pytest.raises(AttributeError, match=f"{law.style} has no gamma"):
+            _ = law.gamma
 
 
 @pytest.mark.parametrize("number", [int, np.int32, np.float32, np.float64, np.longdouble, np.array])
@@ -151,7 +154,7 @@ def inverse_bound(law: EOS, rho_n: FloatArray, back_n: FloatArray, e_n: FloatArr
         if law.style == "cubic":
             between = (rho_n - law.rho0) * (back_n - law.rho0) <= 0
             slope = np.where(between, np.minimum(slope, law.cs**2), slope)
-            w = np.arcsinh(1.5 * math.sqrt(3 * abs(law.gamma)) * np.abs(p_n - law.background) / law.cs**2)
+            w = np.arcsinh(1.5 * math.sqrt(3 * abs(law.parameter)) * np.abs(p_n - law.background) / law.cs**2)
             own = (6 + w) * np.abs(back_n - law.rho0) + np.maximum(rho_n, law.rho0)
         elif law.style.startswith("tait"):
             own = (3 + 3 * np.abs(np.log(rho_n / law.rho0))) * np.maximum(rho_n, back_n)
@@ -266,9 +269,9 @@ def test_stiffness_is_the_derivative(name: str) -> None:
             continue
         if law.style == "cubic":
             d = rho - law.rho0
-            terms = law.cs**2 * (1 + 3 * abs(law.gamma) * d * d)
-            bound = 4 * EPS * terms + EPS * law.cs**2 * 6 * abs(law.gamma * d * rho) + terms * 2.0**-70
-            bound += law.cs**2 * abs(law.gamma) * rho**2 * 2.0**-79
+            terms = law.cs**2 * (1 + 3 * abs(law.parameter) * d * d)
+            bound = 4 * EPS * terms + EPS * law.cs**2 * 6 * abs(law.parameter * d * rho) + terms * 2.0**-70
+            bound += law.cs**2 * abs(law.parameter) * rho**2 * 2.0**-79
         else:
             g = abs(law.gamma - 1) if law.style.startswith("tait") else 1.0
             relative = EPS * (g * (1 + abs(math.log(abs(rho) / law.rho0))) + 5 + abs(g)) + (g * g + 1) * 2.0**-79
@@ -317,7 +320,7 @@ def test_intervals_against_the_exact_formula(name: str) -> None:
         slope = derivative(law, float(rho), 2.0 if law.needs_energy else None)
         if low < rho < high:
             assert slope > 0, f"rho={rho!r} lies in {law.monotone}"
-        elif not (law.gamma < 0 and law.style == "tait/general"):  # those grow again beyond the pole at 0
+        elif not (law.style == "tait/general" and law.gamma < 0):  # those grow again beyond the pole at 0
             assert slope < 0, f"rho={rho!r} lies outside {law.monotone}"
 
 

@@ -4,6 +4,9 @@ A row of a two-dimensional array becomes a vector and back. ``+``, ``-``, ``*`` 
 once, ``*`` also with a number; numba by itself would treat the components one after the other. Which row length is
 meant is said by a tuple of that length (``like``). Nothing here is a formula of the model. All functions exist in
 compiled code only.
+
+Loops take 0.5 (gradients of a velocity, 2D and 3D) to 0.8 (moments of RK1, 2D) of the time of the same sums written out
+component by component: ``python -m lammps_cases.studies.benchmarks.bench_vectors``, on two cores of an AMD EPYC.
 """
 
 # mypy: disable-error-code="untyped-decorator,no-untyped-def,misc"

@@ -21,13 +21,13 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run.campaign import Prepared, engine_record, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import machines
-from lammps_cases.studies.mutation.asked import Asked, Rows, blamed, judged, verdict
+from lammps_cases.studies.mutation.perturbed import Judge, PerturbedCase, Rows, first_difference, run_and_judge
 
 Kind = Literal[
     "as given",
@@ -149,28 +149,30 @@ class AlarmRun:
         return sum(not alarm.finding for alarm in self.alarms)
 
 
-# --- what LAMMPS is told
+# --- what LAMMPS is given
 
 
-def asked(kind: Kind, ready: Prepared) -> Asked:
-    """What LAMMPS is told for a kind, and who judges."""
-    n = len(ready.atoms)
-    p_n = np.random.default_rng(seed(f"{ready.case.name}/{kind}")).permutation(n)
-    if kind == "seed":
-        ready = prepared_anew(ready.case)
-    elif kind == "relabelled":
-        return Asked(ready, tuple(_permuted(job, p_n, job.id_n) for job in ready.jobs), np.argsort(p_n))
-    elif kind == "renamed":
-        return Asked(ready, tuple(replace(job, id_n=job.id_n[p_n]) for job in ready.jobs), p_n)
-    elif kind == "reordered":
-        return Asked(ready, tuple(_permuted(job, p_n, job.id_n[p_n]) for job in ready.jobs))
-    elif kind == "ranks":
-        return Asked(ready, tuple(replace(job, ranks=2) for job in ready.jobs))
-    elif kind == "unsorted":
-        return Asked(ready, tuple(replace(job, setup=(*job.setup, "atom_modify sort 0 0.0")) for job in ready.jobs))
-    elif kind in ("newton", "skin", "rebuilt"):
-        return Asked(ready, tuple(_told_otherwise(kind, ready).jobs))
-    return Asked(ready, tuple(ready.jobs))
+def perturbed_case(kind: Kind, ready: Prepared) -> PerturbedCase:
+    """Return a case with the jobs of a kind."""
+    p_n = np.random.default_rng(seed(f"{ready.case.name}/{kind}")).permutation(len(ready.atoms))
+    jobs, row_n = ready.jobs, None
+    match kind:
+        case "seed":
+            ready = prepared_anew(ready.case)
+            jobs = ready.jobs
+        case "relabelled":
+            jobs, row_n = [_permuted(job, p_n, job.id_n) for job in jobs], np.argsort(p_n)
+        case "renamed":
+            jobs, row_n = [replace(job, id_n=job.id_n[p_n]) for job in jobs], p_n
+        case "reordered":
+            jobs = [_permuted(job, p_n, job.id_n[p_n]) for job in jobs]
+        case "ranks":
+            jobs = [replace(job, ranks=2) for job in jobs]
+        case "unsorted":
+            jobs = [replace(job, setup=(*job.setup, "atom_modify sort 0 0.0")) for job in jobs]
+        case "newton" | "skin" | "rebuilt":
+            jobs = _with_settings(kind, ready).jobs
+    return PerturbedCase(ready, tuple(jobs), row_n)
 
 
 def prepared_anew(case: Case) -> Prepared:
@@ -189,7 +191,7 @@ def _permuted(job: Job, p_n: Rows, id_n: Rows) -> Job:
     )
 
 
-def _told_otherwise(kind: Kind, ready: Prepared) -> Prepared:
+def _with_settings(kind: Kind, ready: Prepared) -> Prepared:
     """A case with other settings of LAMMPS, in the original and the twin alike."""
 
     def other(scene: Scene) -> Scene:
@@ -230,7 +232,8 @@ def measure(
     found = []
     with Workers(engine.site, jobs) as workers:
         who = workers.outcome(workers.identify())
-        pool = _Pool(workers, engine_record(engine, {} if isinstance(who, Failure) else who), store, progress)
+        judge = Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
+        pool = _Pool(workers, judge, progress)
         plain = dict(pool.records("as given", cases))
         for kind in dict.fromkeys(("as given", *kinds)):
             if kind != "machine":
@@ -246,31 +249,29 @@ def measure(
 
 @dataclass(frozen=True)
 class _Pool:
-    """Workers, and what every judging needs."""
+    """Workers, and what they judge by."""
 
     workers: Workers
-    engine: EngineRecord
-    store: Store | None
+    judge: Judge
     progress: Progress
 
     def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:
         """The record of every case, some cases prepared ahead."""
 
-        def submitted() -> Iterator[tuple[str, Asked, Future[CaseRecord]]]:
+        def submitted() -> Iterator[tuple[str, PerturbedCase, Future[CaseRecord]]]:
             for case in cases:
-                told = asked(kind, prepare(case))
-                future = self.workers.call(judged, told, self.engine, self.store, time_limit=LIMIT)
-                yield case.name, told, future
+                perturbed = perturbed_case(kind, prepare(case))
+                yield case.name, perturbed, self.workers.call(run_and_judge, self.judge, perturbed, time_limit=LIMIT)
 
         waiting = submitted()
         queue = list(islice(waiting, AHEAD))
         done = 0
         while queue:
-            name, told, future = queue.pop(0)
+            name, perturbed, future = queue.pop(0)
             queue += islice(waiting, 1)
             record = self.workers.outcome(future, LIMIT)
             if isinstance(record, Failure):  # LAMMPS took the worker with it: what is left is judged here
-                record = verdict(told, [record for _ in told.jobs], self.engine, self.store)
+                record = self.judge.verdict(perturbed, [record for _ in perturbed.jobs])
             done += 1
             self.progress.advance(done, len(cases), f"alarms, {kind}: {name}")
             yield name, record
@@ -280,9 +281,9 @@ class _Pool:
         scene = case.scene
         if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
             return ""
-        told = asked(kind, prepare(case))
-        found = self.workers.outcome(self.workers.call(blamed, told, self.engine, self.store, time_limit=LIMIT))
-        return "" if isinstance(found, Failure) else found
+        perturbed = perturbed_case(kind, prepare(case))
+        first = self.workers.outcome(self.workers.call(first_difference, self.judge, perturbed, time_limit=LIMIT))
+        return "" if isinstance(first, Failure) else first
 
 
 def _run(

@@ -19,11 +19,11 @@ from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation import alarms, plant, record, resolution
-from lammps_cases.studies.mutation.control import Control
+from lammps_cases.studies.mutation import alarms, catalogue, record, resolution, schedule
 from lammps_cases.studies.mutation.fault import Fault
-from lammps_cases.studies.mutation.plant import Field, Planted
 from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kept, Power
+from lammps_cases.studies.mutation.schedule import MutationPool, PlantedFault
+from lammps_cases.studies.mutation.unmutated import Control
 
 Section = Literal["faults", "resolution", "alarms"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
@@ -81,10 +81,10 @@ def collect(
     found: tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]] = ((), ())
     who = EngineRecord(name=engine)
     if "faults" in sections:
-        with Field(resolved, jobs, open_store(), every) as field:
-            who = field.engine
-            chosen = select(plant.faults(who.distribution), names, family, sample)
-            found = _faults(field, cases, chosen, folder, f"{quick_only} {every}", progress)
+        with MutationPool(resolved, jobs, open_store(), every) as pool:
+            who = pool.judge.engine
+            chosen = select(catalogue.faults(who.distribution), names, family, sample)
+            found = _faults(pool, cases, chosen, folder, f"{quick_only} {every}", progress)
     measured = _resolution(sections, cases, resolved, jobs, progress)
     alarmed = _alarms(sections, cases, resolved, jobs, progress)
     return Power(
@@ -101,21 +101,21 @@ def collect(
 
 
 def _faults(
-    field: Field, cases: Sequence[Case], chosen: Sequence[Fault], folder: Path, mode: str, progress: Progress
+    pool: MutationPool, cases: Sequence[Case], chosen: Sequence[Fault], folder: Path, mode: str, progress: Progress
 ) -> tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]]:
-    key = hashlib.sha256(f"{record.sources()} {field.engine.library_sha256} {mode}".encode()).hexdigest()
+    key = hashlib.sha256(f"{record.sources()} {pool.judge.engine.library_sha256} {mode}".encode()).hexdigest()
     known = record.kept(folder, key)
-    ordered = plant.in_order(cases)
-    without: list[Control] = field.prepare(ordered, progress)
+    ordered = schedule.in_order(cases)
+    without: list[Control] = pool.prepare(ordered, progress)
     ahead = [fault for fault in chosen if fault.id not in known]
 
-    def done(planted: Planted) -> None:
-        one = record.fault_record(planted, field.quick)
+    def done(planted: PlantedFault) -> None:
+        one = record.fault_record(planted, pool.quick)
         known[one.id] = one
         record.keep(folder, Kept(key, one))
         progress.advance(sum(fault.id in known for fault in chosen), len(chosen), one.id)
 
-    field.plant(ahead, done)
+    pool.plant(ahead, done)
     return record.controls(without), record.with_arguments([known[fault.id] for fault in chosen])
 
 

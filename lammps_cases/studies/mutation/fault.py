@@ -55,7 +55,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Detection:
     """A case that sees a fault: its verdict where it was as expected without, and the field that shows it.
 
     Attributes

@@ -15,10 +15,10 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.mutation.alarms import AlarmRun
-from lammps_cases.studies.mutation.control import Control
-from lammps_cases.studies.mutation.fault import FAMILIES, Family, Seen
-from lammps_cases.studies.mutation.plant import Planted
+from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family
 from lammps_cases.studies.mutation.resolution import Resolution
+from lammps_cases.studies.mutation.schedule import PlantedFault
+from lammps_cases.studies.mutation.unmutated import Control
 
 SCHEMA = "eos-ref/power/1"
 ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
@@ -55,7 +55,7 @@ class FaultRecord:
     what: str
     caught_by: tuple[str, ...]
     quick: bool
-    seen: tuple[Seen, ...] = ()
+    seen: tuple[Detection, ...] = ()
     argued: str = ""
 
 
@@ -132,7 +132,7 @@ def arguments() -> dict[tuple[str, str], str]:
     return {(argument.id, argument.what): argument.reason for argument in found}
 
 
-def fault_record(planted: Planted, quick: set[str]) -> FaultRecord:
+def fault_record(planted: PlantedFault, quick: set[str]) -> FaultRecord:
     """The record of a fault that was planted."""
     fault, names = planted.fault, tuple(seen.case for seen in planted.caught_by)
     caught = bool(quick & set(names))

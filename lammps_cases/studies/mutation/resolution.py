@@ -1,8 +1,8 @@
 """Resolution: the smallest change of every parameter that turns a case red.
 
-Real LAMMPS is told another value; its answer is judged, as always, against the scene as it is. Every number of every
+Real LAMMPS is given another value; its answer is judged, as always, against the scene as it is. Every number of every
 case is tried once; from how far LAMMPS' fields move, in units of their bounds, follows where the cases would turn red.
-The best few are then bisected by the ordinary verdict. Twins are left out: they are told the same twice.
+The best few are then bisected by the ordinary verdict. Twins are left out: both of their runs are given the same.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import Prepared, engine_record, prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation.altered import Number, numbers
-from lammps_cases.studies.mutation.asked import Asking
+from lammps_cases.studies.mutation.perturbed import Judge, RepeatedCase
+from lammps_cases.studies.mutation.scene_numbers import Number, numbers
 
 PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
 WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a number that counts something
@@ -91,22 +90,20 @@ class Probe:
 # --- in a worker
 
 
-def probes(
-    site: str | None, ready: Prepared, engine: EngineRecord, store: Store | None, parameters: Sequence[str]
-) -> list[Probe]:
+def probes(site: str | None, judge: Judge, ready: Prepared, parameters: Sequence[str]) -> list[Probe]:
     """Task: try every number of a case once, of some parameters or of all."""
     wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
     if not wanted:
         return []
-    asking = Asking(site, ready, engine, store)
-    return [Probe(n.parameter, n.place, _estimate(asking, n), n.whole, n.decides) for n in wanted]
+    case = RepeatedCase(site, judge, ready)
+    return [Probe(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted]
 
 
-def _estimate(asking: Asking, number: Number) -> float:
+def _estimate(case: RepeatedCase, number: Number) -> float:
     """Where a case will turn red; a field without rounding leaves its bound of 0 at once or not: tried at one ulp."""
 
     def largest(change: float, but: float = math.nan) -> float:
-        ratios = asking.moved(number.told(number.value + change))
+        ratios = case.moved(number.job_with(number.value + change))
         return max((ratio for ratio in ratios.values() if ratio != but), default=0.0)
 
     if number.whole:
@@ -127,11 +124,9 @@ def _estimate(asking: Asking, number: Number) -> float:
     return math.inf
 
 
-def smallest(
-    site: str | None, ready: Prepared, engine: EngineRecord, store: Store | None, places: Sequence[Probe]
-) -> list[tuple[str, Change]]:
+def smallest(site: str | None, judge: Judge, ready: Prepared, places: Sequence[Probe]) -> list[tuple[str, Change]]:
     """Task: the smallest change seen of some numbers of a case, up or down."""
-    asking = Asking(site, ready, engine, store)
+    case = RepeatedCase(site, judge, ready)
     known = {(n.parameter, n.place): n for n in numbers(ready)}
     found = []
     for probe in places:
@@ -139,30 +134,30 @@ def smallest(
         changes = [
             change
             for sign in (1, -1)
-            if (change := _counted(asking, number, sign) if number.whole else _bisected(asking, number, sign, probe))
+            if (change := _counted(case, number, sign) if number.whole else _bisected(case, number, sign, probe))
         ]
         if changes:
             found.append((probe.parameter, min(changes, key=lambda change: change.relative_change)))
     return found
 
 
-def _counted(asking: Asking, number: Number, sign: int) -> Change | None:
+def _counted(case: RepeatedCase, number: Number, sign: int) -> Change | None:
     before = 0
     for k in WHOLE:
         if number.value + sign * k < 0:
             break
-        if asking.sees(number.told(number.value + sign * k)):
-            return _change(asking, number, float(sign * k), before / abs(number.value))
+        if case.detects(number.job_with(number.value + sign * k)):
+            return _change(case, number, float(sign * k), before / abs(number.value))
         before = k
     return None
 
 
-def _bisected(asking: Asking, number: Number, sign: int, probe: Probe) -> Change | None:
+def _bisected(case: RepeatedCase, number: Number, sign: int, probe: Probe) -> Change | None:
     def altered(size: float) -> float:
         return number.value * (1 + sign * size)
 
     def sees(size: float) -> bool:
-        return altered(size) != number.value and asking.sees(number.told(altered(size)))
+        return altered(size) != number.value and case.detects(number.job_with(altered(size)))
 
     bracket = _bracket(sees, min(max(1.5 * probe.estimate, 2 * FLOOR), LARGEST))
     if bracket is None:
@@ -174,7 +169,7 @@ def _bisected(asking: Asking, number: Number, sign: int, probe: Probe) -> Change
             break
         seen, unseen = (middle, unseen) if sees(middle) else (seen, middle)
     below = abs(altered(unseen) - number.value) / abs(number.value)
-    return _change(asking, number, altered(seen) - number.value, below)
+    return _change(case, number, altered(seen) - number.value, below)
 
 
 def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
@@ -193,11 +188,11 @@ def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float]
     return size, 0.0
 
 
-def _change(asking: Asking, number: Number, change: float, unseen: float) -> Change:
-    ratios = asking.moved(number.told(number.value + change))
+def _change(case: RepeatedCase, number: Number, change: float, unseen: float) -> Change:
+    ratios = case.moved(number.job_with(number.value + change))
     leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
     relative = abs(change) / abs(number.value)
-    return Change(asking.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
+    return Change(case.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
 
 
 # --- in the parent
@@ -224,7 +219,7 @@ def measure(
     quick = {case.name for case in cases if QUICK in case.tags}
     with Workers(engine.site, jobs) as workers:
         who = workers.outcome(workers.identify())
-        answering = engine_record(engine, {} if isinstance(who, Failure) else who)
+        judge = Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
         ready = {case.name: prepare(case) for case in cases if not (case.scene.expect or case.scene.twin)}
 
         def done(what: str, tasks: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -233,11 +228,14 @@ def measure(
                 progress.advance(count, len(tasks), f"{what}: {name}")
                 yield name, [] if isinstance(found, Failure) else found
 
-        given = (answering, store)
-        trying = {n: workers.call(probes, r, *given, tuple(parameters), time_limit=LIMIT) for n, r in ready.items()}
+        trying = {
+            name: workers.call(probes, judge, one, tuple(parameters), time_limit=LIMIT) for name, one in ready.items()
+        }
         tried: dict[str, list[Probe]] = dict(done("resolution, tried", trying))
         chosen = _chosen(tried, quick, ready)
-        searching = {n: workers.call(smallest, ready[n], *given, of, time_limit=LIMIT) for n, of in chosen.items()}
+        searching = {
+            name: workers.call(smallest, judge, ready[name], of, time_limit=LIMIT) for name, of in chosen.items()
+        }
         found = [pair for _, pairs in done("resolution, bisected", searching) for pair in pairs]
     return [_resolution(parameter, tried, found, quick) for parameter in _parameters(tried)]
 

@@ -1,4 +1,4 @@
-"""Nothing turns red where nothing is wrong, every kind of other words is told, and a real fault is not called known."""
+"""Nothing turns red where nothing is wrong, every kind changes the job, and a real fault is not called known."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import alarms, machines
 from lammps_cases.studies.mutation.alarms import AlarmRun, Kind
-from lammps_cases.studies.mutation.asked import Asked, in_order
+from lammps_cases.studies.mutation.perturbed import PerturbedCase, in_order
 
 CASES = {case.name: case for case in casefile.load()}
 LAW, FLUID, TWIN = "near-rho0.ideal-gas.2d", "images.quintic.two", "twins.fluid.ranks"
@@ -51,29 +51,29 @@ def test_names_move_no_bit_and_another_order_does(measured: dict[str, AlarmRun])
 
 
 @pytest.fixture(scope="module")
-def solved() -> Iterator[Callable[[Asked], Answer]]:
+def solved() -> Iterator[Callable[[PerturbedCase], Answer]]:
     with Workers(None, 1) as workers:
 
-        def solve(asked: Asked) -> Answer:
-            answer = workers.outcome(workers.submit(asked.jobs[0], 60.0))
+        def solve(perturbed: PerturbedCase) -> Answer:
+            answer = workers.outcome(workers.submit(perturbed.jobs[0], 60.0))
             assert isinstance(answer, Answer), answer
-            return in_order(answer, asked.row_n)
+            return in_order(answer, perturbed.row_n)
 
         yield solve
 
 
 @pytest.mark.parametrize("kind", HERE)
-def test_every_kind_is_told_and_every_particle_comes_back_in_its_row(
-    kind: Kind, solved: Callable[[Asked], Answer]
+def test_every_kind_changes_the_job_and_every_particle_comes_back_in_its_row(
+    kind: Kind, solved: Callable[[PerturbedCase], Answer]
 ) -> None:
     ready = campaign.prepare(CASES[FLUID])
-    asked = alarms.asked(kind, ready)
-    plain, told = ready.jobs[0], asked.jobs[0]
-    order = not all(np.array_equal(getattr(plain, name), getattr(told, name)) for name in ("id_n", "x_nc"))
-    changed = order or (plain.setup, plain.ranks) != (told.setup, told.ranks)
+    perturbed = alarms.perturbed_case(kind, ready)
+    plain, other = ready.jobs[0], perturbed.jobs[0]
+    order = not all(np.array_equal(getattr(plain, name), getattr(other, name)) for name in ("id_n", "x_nc"))
+    changed = order or (plain.setup, plain.ranks) != (other.setup, other.ranks)
     assert changed == (kind != "as given")
-    first = solved(asked).snapshots[0]
-    atoms = asked.ready.atoms
+    first = solved(perturbed).snapshots[0]
+    atoms = perturbed.ready.atoms
     assert np.array_equal(first["id"], atoms.id_n)
     assert np.array_equal(first["type"], atoms.type_n)
     assert np.array_equal(first["rho"], atoms.rho_n)
@@ -90,8 +90,8 @@ def test_another_seed_is_another_scene_of_the_same_name() -> None:
 
 
 def test_rows_that_are_not_brought_back_are_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = alarms.asked
-    monkeypatch.setattr(alarms, "asked", lambda kind, ready: replace(right(kind, ready), row_n=None))
+    right = alarms.perturbed_case
+    monkeypatch.setattr(alarms, "perturbed_case", lambda kind, ready: replace(right(kind, ready), row_n=None))
     found = {run.kind: run for run in alarms.measure([CASES[LAW]], installations.Engine(), ("relabelled", "reordered"))}
     assert [alarm.case for alarm in found["relabelled"].alarms] == [LAW]
     assert found["relabelled"].false == 1

@@ -15,16 +15,28 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.engine import installations
+from lammps_cases.records.progress import SILENT
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
-from lammps_cases.studies.mutation import collect, edits, formula, page, plant, read, record, source, told
+from lammps_cases.studies.mutation import (
+    catalogue,
+    collect,
+    edits,
+    formula,
+    input_faults,
+    output_faults,
+    page,
+    record,
+    schedule,
+    source,
+)
 from lammps_cases.studies.mutation.alarms import Alarm, AlarmRun
-from lammps_cases.studies.mutation.control import Control
-from lammps_cases.studies.mutation.fault import FAMILIES, KINDS, Fault, Seen
-from lammps_cases.studies.mutation.plant import Field, Planted
-from lammps_cases.studies.mutation.player import Mistake, load
+from lammps_cases.studies.mutation.fault import FAMILIES, KINDS, Detection, Fault
 from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kept, Power
+from lammps_cases.studies.mutation.schedule import MutationPool, PlantedFault
 from lammps_cases.studies.mutation.source import SourceFault
+from lammps_cases.studies.mutation.substitute import Mutation, load
+from lammps_cases.studies.mutation.unmutated import Control
 from tests.support.outcome import Outcome
 
 CASES = {case.name: case for case in casefile.load()}
@@ -78,19 +90,19 @@ def clean_server() -> None:
 
 
 @pytest.fixture(scope="module")
-def planted() -> Iterator[tuple[list[Control], dict[str, Planted]]]:
+def planted() -> Iterator[tuple[list[Control], dict[str, PlantedFault]]]:
     """The control, and all faults of SEEN planted."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plant, "CASE_LIMIT", 2.0)
-        with Field(installations.resolve("env"), 2, None) as field:
-            control = field.prepare([CASES[name] for name in (*NAMES, REFUSED)], lambda *_: None)
-            done: dict[str, Planted] = {}
-            faults = plant.faults() | OWN
-            field.plant([faults[name] for name in SEEN], lambda one: done.__setitem__(one.fault.id, one))
+        patch.setattr(schedule, "CASE_LIMIT", 2.0)
+        with MutationPool(installations.resolve("env"), 2, None) as pool:
+            control = pool.prepare([CASES[name] for name in (*NAMES, REFUSED)], SILENT)
+            done: dict[str, PlantedFault] = {}
+            faults = catalogue.faults() | OWN
+            pool.plant([faults[name] for name in SEEN], lambda one: done.__setitem__(one.fault.id, one))
             yield control, done
 
 
-def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, Planted]]) -> None:
+def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, PlantedFault]]) -> None:
     control, _ = planted
     assert [(c.case, c.answered, c.played, c.red) for c in control] == [
         *((name, True, True, ()) for name in NAMES),
@@ -99,7 +111,7 @@ def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, 
 
 
 @pytest.mark.parametrize("fault", SEEN)
-def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, Planted]]) -> None:
+def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, PlantedFault]]) -> None:
     seen = planted[1][fault].caught_by
     expected = SEEN[fault]
     if expected is None:
@@ -109,10 +121,10 @@ def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[st
 
 
 def test_every_case_that_sees_a_fault() -> None:
-    with Field(installations.resolve("env"), 1, None, every=True) as field:
-        field.prepare([CASES[LAW], CASES[GAS]], lambda *_: None)
-        done: list[Planted] = []
-        field.plant([plant.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")], done.append)
+    with MutationPool(installations.resolve("env"), 1, None, every=True) as pool:
+        pool.prepare([CASES[LAW], CASES[GAS]], SILENT)
+        done: list[PlantedFault] = []
+        pool.plant([catalogue.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")], done.append)
     assert {p.fault.id: sorted(s.case for s in p.caught_by) for p in done} == {
         "told.cs-off": sorted((LAW, GAS)),
         "formula.linear-of-rho": [LAW],
@@ -123,7 +135,7 @@ def test_every_case_that_sees_a_fault() -> None:
 
 
 def test_faults_are_many_and_named_once() -> None:
-    faults = plant.faults()
+    faults = catalogue.faults()
     assert len(faults) >= 500
     assert {fault.family for fault in faults.values()} == set(FAMILIES)
     assert {fault.kind for fault in faults.values()} == set(KINDS)
@@ -131,13 +143,13 @@ def test_faults_are_many_and_named_once() -> None:
 
 
 def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
-    assert "formula.lint-no-volume-in-the-force" not in plant.faults("2025.7.22.4.0")
-    assert "formula.lint-no-volume-in-the-force" in plant.faults("2025.7.22.1.0")
-    assert "formula.lint-heat-divided-by-the-density" in plant.faults("2025.7.22.4.0")
+    assert "formula.lint-no-volume-in-the-force" not in catalogue.faults("2025.7.22.4.0")
+    assert "formula.lint-no-volume-in-the-force" in catalogue.faults("2025.7.22.1.0")
+    assert "formula.lint-heat-divided-by-the-density" in catalogue.faults("2025.7.22.4.0")
 
 
 def test_changed_sources_are_others_each() -> None:
-    changed = [fault for fault in plant.faults().values() if isinstance(fault, SourceFault)]
+    changed = [fault for fault in catalogue.faults().values() if isinstance(fault, SourceFault)]
     # A named mistake may be one that is made by machine too.
     assert len({(fault.family, fault.module, fault.text) for fault in changed}) == len(changed)
     for fault in formula.faults().values():
@@ -157,16 +169,15 @@ def test_faults_keep_their_names_when_code_is_added() -> None:
 
 
 def test_a_sample_is_the_same_each_time() -> None:
-    drawn = [fault.id for fault in collect.select(plant.faults(), (), sample=7)]
-    assert drawn == [fault.id for fault in collect.select(plant.faults(), (), sample=7)]
+    drawn = [fault.id for fault in collect.select(catalogue.faults(), (), sample=7)]
+    assert drawn == [fault.id for fault in collect.select(catalogue.faults(), (), sample=7)]
     assert len(drawn) == 7
 
 
 def test_a_fault_that_changes_nothing_does_not_apply() -> None:
     ready = campaign.prepare(CASES[FLUID])
-    sides = [(ready.case.scene, ready.jobs[0])]
-    assert told.jobs(told.faults()["told.A3-sign"], sides, [ready.atoms]) is None
-    assert told.jobs(told.faults()["told.mass-off"], sides, [ready.atoms]) is not None
+    assert input_faults.jobs(catalogue.input_faults()["told.A3-sign"], ready) is None
+    assert input_faults.jobs(catalogue.input_faults()["told.mass-off"], ready) is not None
 
 
 def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> None:
@@ -174,24 +185,24 @@ def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> No
 
     right = {"id": np.arange(1, 5), "f": np.arange(12.0).reshape(4, 3)}
     answer = Answer(right, 0.0, (right,), (0,))
-    for fault in read.faults().values():
-        spoilt = read.spoilt(fault, answer)
+    for fault in output_faults.faults().values():
+        faulty = output_faults.applied(fault, answer)
         assert right["f"].tolist() == np.arange(12.0).reshape(4, 3).tolist(), fault.id
-        assert spoilt is None or set(spoilt.arrays) == set(right)
+        assert faulty is None or set(faulty.arrays) == set(right)
 
 
 def test_a_loaded_reference_cannot_be_mistaken() -> None:
     with pytest.raises(RuntimeError, match="loaded already"):
-        load(Mistake("eos.laws", "x = 1"))
+        load(Mutation("eos.laws", "x = 1"))
 
 
 def test_arguments_are_of_faults_that_are_planted() -> None:
-    planted = {(fault.id, fault.what) for fault in plant.faults().values()}
+    planted = {(fault.id, fault.what) for fault in catalogue.faults().values()}
     assert set(record.arguments()) <= planted
 
 
 def test_names_of_faults() -> None:
-    faults = plant.faults()
+    faults = catalogue.faults()
     assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
     with pytest.raises(InputError, match=r"did you mean told\.cs-off"):
         collect.select(faults, ("told.cs-of",))
@@ -206,7 +217,7 @@ def _power(*faults: FaultRecord, **more: Any) -> Power:
 
 
 def _fault(name: str, *cases: str, quick: bool = True, argued: str = "") -> FaultRecord:
-    seen = tuple(Seen(case, "differs", "f", "") for case in cases)
+    seen = tuple(Detection(case, "differs", "f", "") for case in cases)
     return FaultRecord(f"told.{name}", "told", "constant", name, cases, quick and bool(cases), seen, argued)
 
 
@@ -319,7 +330,7 @@ def test_bad_input_is_one_line(eos_ref_command: Command, tmp_path: Path) -> None
 
 def test_fault_says_its_family() -> None:
     assert Fault("source.laws.x-1", "source", "x").family == "source"
-    assert set(formula.faults()) <= set(plant.faults("none"))
+    assert set(formula.faults()) <= set(catalogue.faults("none"))
 
 
 def test_without_lammps_it_says_so(eos_ref_command: Command, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every number of a scene is told alone; the smallest change seen is red, the largest unseen below it is not."""
+"""Every number of a scene is changed alone; the smallest change seen is red, the largest unseen below it is not."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import resolution
-from lammps_cases.studies.mutation.altered import Number, numbers
 from lammps_cases.studies.mutation.resolution import Resolution
+from lammps_cases.studies.mutation.scene_numbers import Number, numbers
 from lammps_cases.verdict.judgement import evaluate
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
@@ -25,7 +25,7 @@ CASES = {case.name: case for case in casefile.load()}
 LAW, FLUID, GAS = "near-rho0.linear.2d", "images.quintic.two", "near-rho0.ideal-gas.2d"
 
 
-# --- one number told
+# --- one number changed
 
 
 def _differences(one: Job, other: Job) -> int:
@@ -58,18 +58,18 @@ def _differences(one: Job, other: Job) -> int:
         ("walls.stored.damped", {"artificial_visc", "rho_damp"}),
     ],
 )
-def test_every_number_is_told_alone(case: str, parameters: set[str]) -> None:
+def test_every_number_is_changed_alone(case: str, parameters: set[str]) -> None:
     ready = campaign.prepare(CASES[case])
     found = numbers(ready)
     assert parameters <= {number.parameter for number in found}
     assert len({(number.parameter, number.place) for number in found}) == len(found)
     walls = int((ready.atoms.type_n == 2).sum())
     for number in found:
-        assert _differences(ready.jobs[0], number.told(number.value)) == 0, number
-        told = number.told(number.value + 1 if number.whole else number.value * 1.01)
-        # The cutoff is told twice, and all particles of a wall move.
+        assert _differences(ready.jobs[0], number.job_with(number.value)) == 0, number
+        job = number.job_with(number.value + 1 if number.whole else number.value * 1.01)
+        # The cutoff is given twice, and all particles of a wall move.
         expected = {"cut": 2, "wall velocity": walls}.get(number.parameter, 1)
-        assert _differences(ready.jobs[0], told) == expected, number
+        assert _differences(ready.jobs[0], job) == expected, number
 
 
 @pytest.mark.parametrize("case", ["refused.unknown-style", "twins.fluid.ranks"])
@@ -88,7 +88,7 @@ class Threshold:
         self.ready = campaign.prepare(CASES[LAW])
         self.asked = 0
 
-    def sees(self, change: float) -> bool:
+    def detects(self, change: float) -> bool:
         self.asked += 1
         return abs(change) >= self.size
 
@@ -142,13 +142,13 @@ def measured() -> dict[str, Resolution]:
 
 @pytest.fixture(scope="module")
 def red() -> Iterator[Callable[[str, str, str, float], bool]]:
-    """Whether a case is red when LAMMPS is told a number plus a change."""
+    """Whether a case is red when LAMMPS is given a number plus a change."""
     with Workers(None, 1) as workers:
 
         def verdict(case: str, parameter: str, place: str, change: float) -> bool:
             ready = campaign.prepare(CASES[case])
             number = next(n for n in numbers(ready) if (n.parameter, n.place) == (parameter, place))
-            answer = workers.outcome(workers.submit(number.told(number.value + change), 60.0))
+            answer = workers.outcome(workers.submit(number.job_with(number.value + change), 60.0))
             return evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0].verdict == "differs"
 
         yield verdict

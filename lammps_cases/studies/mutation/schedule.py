@@ -7,7 +7,6 @@ import tempfile
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,46 +17,37 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.findings import LEDGER
 from lammps_cases.records.progress import Progress
-from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run.campaign import engine_record, prepare
+from lammps_cases.run.campaign import Prepared, engine_record, prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation import attempts, control, formula, player, read, source, told
-from lammps_cases.studies.mutation.control import Control
-from lammps_cases.studies.mutation.fault import Fault, Seen
-from lammps_cases.studies.mutation.player import Mistake, Played
+from lammps_cases.studies.mutation import formula, source, substitute, tasks, unmutated
+from lammps_cases.studies.mutation.fault import Detection, Fault
+from lammps_cases.studies.mutation.perturbed import Judge
+from lammps_cases.studies.mutation.substitute import Mutation, Substitution
+from lammps_cases.studies.mutation.unmutated import Control
 
 LIMIT = 300.0  # seconds that some cases with one fault may take
-CASE_LIMIT = 30.0  # seconds of the processor that a mistaken reference may take for a case
+CASE_LIMIT = 30.0  # seconds of the processor that a mutated reference may take for a case
 TOGETHER = 12  # cases given to a worker at a time
-ENOUGH = 3  # answers that a mistaken reference changes, judged before it plays more
-ELSE = ("long", "open", "crash")  # tags of cases that are not used
+ENOUGH = 3  # answers that a mutated reference changes, judged before it goes on
+EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
 # What a fresh process needs that is not of the reference: imported once for all of them.
-LIGHT = ("numpy", "scipy.special", "pydantic", "yaml", "flint", "vesin", "lammps_cases.studies.mutation.player")
+LIGHT = ("numpy", "scipy.special", "pydantic", "yaml", "flint", "vesin", "lammps_cases.studies.mutation.substitute")
 
-Asking = Generator[Future[Any], Any, list[Seen]]
+Detecting = Generator[Future[Any], Any, list[Detection]]
 
 
 @dataclass(frozen=True)
-class Planted:
-    """A fault, and the cases that see it, in the order in which they were tried.
+class PlantedFault:
+    """A fault, and the cases that detect it, in the order in which they were tried.
 
     Attributes
     ----------
-    caught_by : the first case that sees it, or all of them
+    caught_by : the first case that detects it, or all of them
     """
 
     fault: Fault
-    caught_by: tuple[Seen, ...]
-
-
-@cache
-def faults(engine: str = "") -> dict[str, Fault]:
-    """All faults by id, family after family, but for those that an engine is known to have."""
-    had = {entry.particles.stages for entry in LEDGER if entry.particles and entry.listed(engine)}
-    every: dict[str, Fault] = {**told.faults(), **read.faults(), **formula.faults(), **source.faults()}
-    return {name: fault for name, fault in every.items() if formula.stages(fault) not in had - {None}}
+    caught_by: tuple[Detection, ...]
 
 
 def in_order(cases: Sequence[Case]) -> list[Case]:
@@ -69,7 +59,7 @@ def in_order(cases: Sequence[Case]) -> list[Case]:
         turn[group] = turn.get(group, -1) + 1
         return "quick" not in case.tags, case.scene.twin is not None, turn[group], _cost(case), case.name
 
-    usable = [case for case in cases if not set(ELSE) & set(case.tags) and case.scene.engine.ranks == 1]
+    usable = [case for case in cases if not EXCLUDED_TAGS & set(case.tags) and case.scene.engine.ranks == 1]
     return sorted(sorted(usable, key=lambda case: (_cost(case), case.name)), key=place)
 
 
@@ -82,24 +72,24 @@ def _cost(case: Case) -> int:
     return n * (1 + (case.scene.evolve.steps if case.scene.evolve else 0)) * (10 if case.scene.whole_model else 1)
 
 
-class Field:
-    """Workers, and the control in a folder of its own; a context manager."""
+class MutationPool:
+    """Workers, and the answers without a fault in a folder of their own; a context manager."""
 
     def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
         self.folder = Path(self._folder.name)
         context = forkserver.context(*LIGHT)
         self._workers = Workers(engine.site, jobs)
-        self._players = ProcessPool(
-            max_workers=jobs, max_tasks=1, context=context, initializer=player.prepare, initargs=(os.getpid(),)
+        self._substitutes = ProcessPool(
+            max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
         )
         try:
             who = self._workers.outcome(self._workers.identify())
         except BaseException as error:  # there is no LAMMPS
             self.__exit__(type(error), error, None)
             raise
-        self.engine: EngineRecord = engine_record(engine, {} if isinstance(who, Failure) else who)
-        self.jobs, self.store, self.every = jobs, store, every
+        self.judge = Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
+        self.jobs, self.every = jobs, every
         self.answered: list[str] = []
         self.played: list[str] = []
         self.quick: set[str] = set()
@@ -110,20 +100,19 @@ class Field:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._players.stop()
-        self._players.join()
+        self._substitutes.stop()
+        self._substitutes.join()
         self._workers.__exit__(kind, value, trace)
         self._folder.cleanup()
 
-    # --- control
+    # --- without a fault
 
     def prepare(self, cases: Sequence[Case], progress: Progress) -> list[Control]:
-        """Have every case answered and played without a fault; only those as expected are used for faults."""
+        """Have every case answered by both sides without a fault; only those as expected are used for faults."""
         found: list[Control] = []
-        asking: list[Generator[Future[Any], Any, Control]] = [self._control(case) for case in cases]
-        for control_ in self._together(asking):
-            found.append(control_)
-            progress.advance(len(found), len(cases), f"without a fault: {control_.case}")
+        for control in self._together([self._control(case) for case in cases]):
+            found.append(control)
+            progress.advance(len(found), len(cases), f"without a fault: {control.case}")
         known = {c.case: c for c in found}
         order = [known[case.name] for case in cases]
         self.answered = [c.case for c in order if c.answered]
@@ -133,23 +122,25 @@ class Field:
 
     def _control(self, case: Case) -> Generator[Future[Any], Any, Control]:
         ready = prepare(case)
-        given = (self.folder, ready, self.engine, self.store)
-        outcome = yield self._workers.call(control.ask, *given, time_limit=LIMIT)
+        outcome: Control | Failure = yield self._answered(ready)
         if isinstance(outcome, Failure):
-            outcome = yield self._workers.call(control.ask, *given, outcome.message, time_limit=LIMIT)
+            outcome = yield self._answered(ready, outcome.message)
         if isinstance(outcome, Failure):
             return Control(case.name, False, None, (f"{outcome.verdict}: {outcome.message}",))
-        found: Control = outcome
-        return found
+        return outcome
+
+    def _answered(self, ready: Prepared, failed: str = "") -> Future[Control]:
+        return self._workers.call(unmutated.answer_case, self.folder, self.judge, ready, failed, time_limit=LIMIT)
 
     # --- faults
 
-    def plant(self, chosen: Sequence[Fault], report: Callable[[Planted], None]) -> None:
+    def plant(self, chosen: Sequence[Fault], report: Callable[[PlantedFault], None]) -> None:
         """Plant faults, and report each when it is done."""
 
-        def planted(fault: Fault) -> Generator[Future[Any], Any, Planted]:
-            seen = yield from (self._ask(fault) if fault.family in ("told", "read") else self._play(fault))
-            return Planted(fault, tuple(seen))
+        def planted(fault: Fault) -> Generator[Future[Any], Any, PlantedFault]:
+            by_lammps = fault.family in ("told", "read")
+            detections = yield from (self._ask_lammps(fault) if by_lammps else self._ask_substitute(fault))
+            return PlantedFault(fault, tuple(detections))
 
         for done in self._together([planted(fault) for fault in chosen]):
             report(done)
@@ -178,14 +169,15 @@ class Field:
         others = [name for name in names if name not in self.quick]
         return [part[k : k + TOGETHER] for part in (quick, others) for k in range(0, len(part), TOGETHER)]
 
-    def _ask(self, fault: Fault) -> Asking:
-        """Put cases to a fault in what LAMMPS is told, or in what is read from it."""
-        found: list[Seen] = []
+    def _ask_lammps(self, fault: Fault) -> Detecting:
+        """Put cases to a fault in what LAMMPS is given, or in what is read from it."""
+        found: list[Detection] = []
         ahead = self._groups(self.answered)
         while ahead and (self.every or not found):
             names = ahead.pop(0)
-            given = (self.folder, fault.id, names, self.engine, self.store, self.every)
-            outcome = yield self._workers.call(attempts.attempt, *given, time_limit=LIMIT)
+            outcome = yield self._workers.call(
+                tasks.detect, self.folder, self.judge, fault.id, names, self.every, time_limit=LIMIT
+            )
             if not isinstance(outcome, Failure):
                 found += outcome
             elif len(names) > 1:
@@ -194,24 +186,25 @@ class Field:
                 found += yield from self._ended(names[0], outcome)
         return found
 
-    def _ended(self, name: str, failure: Failure) -> Asking:
-        """Judge that LAMMPS, or what plays it, did not answer; anything else that fails is a fault of this program."""
+    def _ended(self, name: str, failure: Failure) -> Detecting:
+        """Judge that LAMMPS, or what stands in for it, did not answer; any other failure is this program's."""
         if failure.verdict == "error":
             raise RuntimeError(f"{name}: {failure.message}")
-        given = (self.folder, name, failure, self.engine, self.store)
-        outcome = yield self._workers.call(attempts.ended, *given, time_limit=LIMIT)
-        return [outcome] if isinstance(outcome, Seen) else []
+        outcome = yield self._workers.call(
+            tasks.judge_failure, self.folder, self.judge, name, failure, time_limit=LIMIT
+        )
+        return [outcome] if isinstance(outcome, Detection) else []
 
-    def _play(self, fault: Fault) -> Asking:
-        """Have the mistaken reference play, and judge what comes out otherwise."""
-        mistake = _mistake(fault)
+    def _ask_substitute(self, fault: Fault) -> Detecting:
+        """Have the mutated reference answer in place of LAMMPS, and judge the answers that differ."""
+        mutation = _mutation(fault)
         enough = len(self.played) if self.every else ENOUGH
-        found: list[Seen] = []
+        found: list[Detection] = []
         quick = [name for name in self.played if name in self.quick]
         ahead = [part for part in (quick, self.played[len(quick) :]) if part]
         while ahead and (self.every or not found):
             names = ahead.pop(0)
-            played = yield self._call_player(mistake, names, enough)
+            played = yield self._call_substitute(mutation, names, enough)
             if isinstance(played, Failure):
                 if len(names) > 1:
                     ahead[:0] = [[name] for name in names]
@@ -219,9 +212,10 @@ class Field:
                     found += yield from self._ended(names[0], played)
                 continue
             for one in played:
-                given = (self.folder, one, self.engine, self.store)
-                outcome = yield self._workers.call(attempts.judged, *given, time_limit=LIMIT)
-                found += [outcome] if isinstance(outcome, Seen) else []
+                outcome = yield self._workers.call(
+                    tasks.judge_substitution, self.folder, self.judge, one, time_limit=LIMIT
+                )
+                found += [outcome] if isinstance(outcome, Detection) else []
                 if found and not self.every:
                     break
             if len(played) >= enough:
@@ -229,15 +223,17 @@ class Field:
                 ahead[:0] = [rest] if rest else []
         return found
 
-    def _call_player(self, mistake: Mistake, names: list[str], enough: int) -> Future[list[Played]]:
-        limit = 60.0 + CASE_LIMIT * len(names)
-        given = (mistake, self.folder, names, self.engine.distribution, enough, CASE_LIMIT)
-        future: Future[list[Played]] = self._players.schedule(player.play, args=given, timeout=limit)
+    def _call_substitute(self, mutation: Mutation, names: list[str], enough: int) -> Future[list[Substitution]]:
+        future: Future[list[Substitution]] = self._substitutes.schedule(
+            substitute.answer_cases,
+            args=(mutation, self.folder, names, self.judge.engine.distribution, enough, CASE_LIMIT),
+            timeout=60.0 + CASE_LIMIT * len(names),
+        )
         return future
 
 
-def _mistake(fault: Fault) -> Mistake:
+def _mutation(fault: Fault) -> Mutation:
     if isinstance(fault, formula.LintFault):
-        return Mistake(table=fault.table, name=fault.name)
+        return Mutation(table=fault.table, name=fault.name)
     assert isinstance(fault, source.SourceFault)
-    return Mistake(fault.module, fault.text)
+    return Mutation(fault.module, fault.text)

@@ -1,4 +1,4 @@
-"""Real LAMMPS is told something else than the scene says, and judged against the scene.
+"""Faults in what real LAMMPS is given: its input says something else than the scene that judges it.
 
 A change of the scene goes through `lammps_cases.setup.commands` as any other scene; what no scene can say (a fix
 dropped, an atom moved) is changed in the job itself. A change that leaves a job as it was does not apply to its case.
@@ -8,71 +8,55 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Job
+from lammps_cases.run.campaign import Prepared
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation.fault import Fault
 
-Alter = Callable[[Scene], Scene]
-Retell = Callable[[Job], Job]
+SceneChange = Callable[[Scene], Scene]
+JobChange = Callable[[Job], Job]
 
 
 @dataclass(frozen=True)
-class Told(Fault):
-    """A fault in what LAMMPS is told: a change of the scene, or of the job made from it."""
+class InputFault(Fault):
+    """A fault in what LAMMPS is given: a change of the scene, or of the job made from it."""
 
-    alter: Alter | None = None
-    retell: Retell | None = None
-
-
-@cache
-def faults() -> dict[str, Told]:
-    """All faults of this family by their id, in order."""
-    from lammps_cases.studies.mutation import told_jobs, told_laws, told_model
-
-    found = (*told_laws.FAULTS, *told_model.FAULTS, *told_jobs.FAULTS)
-    assert len({fault.id for fault in found}) == len(found), "two faults of one id"
-    return {fault.id: fault for fault in found}
+    change_scene: SceneChange | None = None
+    change_job: JobChange | None = None
 
 
-def jobs(fault: Told, sides: list[tuple[Scene, Job]], atoms: list[Atoms]) -> list[Job] | None:
-    """What LAMMPS is told instead; None if the fault does not apply.
-
-    Parameters
-    ----------
-    sides : scene and job of the case, or of both runs of a twin
-    atoms : particles of each
-    """
-    told = []
-    for (scene, right), particles in zip(sides, atoms, strict=True):
+def jobs(fault: InputFault, ready: Prepared) -> list[Job] | None:
+    """Return the jobs of a case, or of both runs of a twin, with a fault; None if it does not apply."""
+    right_jobs, faulty = ready.jobs, []
+    for (scene, atoms), right in zip(ready.sides, right_jobs, strict=True):
         wrong = right
-        if fault.alter is not None:
+        if fault.change_scene is not None:
             try:
-                altered = fault.alter(scene)
-                wrong = _job(altered, particles, scene) if altered != scene else right
+                changed = fault.change_scene(scene)
+                wrong = _job(changed, atoms, scene) if changed != scene else right
             except (InputError, ValueError, IndexError, ZeroDivisionError, OverflowError):
                 return None  # the change makes no sense for this scene
-        if fault.retell is not None:
-            wrong = fault.retell(wrong)
-        told.append(wrong)
-    same = [_same(one, other) for one, (_, other) in zip(told, sides, strict=True)]
-    return None if all(same) else told
+        if fault.change_job is not None:
+            wrong = fault.change_job(wrong)
+        faulty.append(wrong)
+    same = [_same(one, other) for one, other in zip(faulty, right_jobs, strict=True)]
+    return None if all(same) else faulty
 
 
-def _job(altered: Scene, atoms: Atoms, scene: Scene) -> Job:
-    """The job of an altered scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
+def _job(changed: Scene, atoms: Atoms, scene: Scene) -> Job:
+    """The job of a changed scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
     try:
-        items = plan(altered)
+        items = plan(changed)
     except InputError:
         items = plan(scene)
-    return job(altered, atoms, items)
+    return job(changed, atoms, items)
 
 
 def _same(one: Job, other: Job) -> bool:
@@ -88,23 +72,23 @@ def _same(one: Job, other: Job) -> bool:
     )
 
 
-def replaced_text(old: str, new: str) -> Retell:
+def replaced_text(old: str, new: str) -> JobChange:
     """Text of commands replaced, wherever it stands."""
 
-    def retell(of: Job) -> Job:
+    def change(of: Job) -> Job:
         def lines(text: tuple[str, ...]) -> tuple[str, ...]:
             return tuple(line.replace(old, new) for line in text)
 
         return replace(of, setup=lines(of.setup), commands=lines(of.commands))
 
-    return retell
+    return change
 
 
-def without(*beginnings: str) -> Retell:
+def without(*beginnings: str) -> JobChange:
     """Commands left out that begin with some words."""
 
-    def retell(of: Job) -> Job:
+    def change(of: Job) -> Job:
         keep = tuple(line for line in of.commands if not line.startswith(beginnings))
         return replace(of, setup=tuple(s for s in of.setup if not s.startswith(beginnings)), commands=keep)
 
-    return retell
+    return change

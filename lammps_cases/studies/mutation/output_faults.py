@@ -1,4 +1,4 @@
-"""What comes back from real LAMMPS is spoiled on its way: the arrays read, at every step read."""
+"""Faults in what is read from real LAMMPS: the arrays, changed at every step read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.studies.mutation.fault import Fault, Kind
 
 Arrays = dict[str, Any]
-Spoil = Callable[[tuple[Arrays, ...]], list[Arrays]]
+ArraysChange = Callable[[tuple[Arrays, ...]], list[Arrays]]
 
 # Arrays as the engine names them; those of whole numbers apart.
 REAL = {
@@ -50,15 +50,15 @@ PER_TYPE = {"q.conductivity": "conductivities", "q.cv": "specific heats"}
 
 
 @dataclass(frozen=True)
-class Read(Fault):
+class OutputFault(Fault):
     """A fault in what is read back: the arrays of all steps, changed."""
 
-    spoil: Spoil
+    change: ArraysChange
 
 
-def spoilt(fault: Read, answer: Answer) -> Answer | None:
-    """The answer with the fault; None if it does not apply, or changes nothing."""
-    snapshots = fault.spoil(answer.snapshots)
+def applied(fault: OutputFault, answer: Answer) -> Answer | None:
+    """Return the answer with the fault; None if it does not apply, or changes nothing."""
+    snapshots = fault.change(answer.snapshots)
     if all(_same(one, other) for one, other in zip(snapshots, answer.snapshots, strict=True)):
         return None
     return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
@@ -68,35 +68,35 @@ def _same(one: Arrays, other: Arrays) -> bool:
     return all(np.array_equal(one[name], other[name]) for name in other)
 
 
-# --- ways to spoil
+# --- changes
 
 
-def _each(name: str, change: Callable[[Any], Any]) -> Spoil:
+def _each(name: str, change: Callable[[Any], Any]) -> ArraysChange:
     """One array, changed at every step."""
 
-    def spoil(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+    def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
         return [s | {name: change(s[name].copy())} if name in s else s for s in snapshots]
 
-    return spoil
+    return change_all
 
 
-def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> Spoil:
+def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> ArraysChange:
     """All arrays, changed at every step."""
 
-    def spoil(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+    def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
         return [{k: v if k in keep else change(v.copy()) for k, v in s.items()} for s in snapshots]
 
-    return spoil
+    return change_all
 
 
-def _stale(name: str) -> Spoil:
+def _stale(name: str) -> ArraysChange:
     """Values of the reading before."""
 
-    def spoil(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+    def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
         before = (snapshots[0], *snapshots[:-1])
         return [s | {name: b[name]} if name in s else s for s, b in zip(snapshots, before, strict=True)]
 
-    return spoil
+    return change_all
 
 
 def _late(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
@@ -163,11 +163,11 @@ def _trace_only(array_n: Any) -> Any:
 # --- the faults
 
 
-def _fault(name: str, kind: Kind, what: str, spoil: Spoil) -> Read:
-    return Read(f"read.{name.replace('q.', 'output-').replace('/', '-')}", kind, what, spoil)
+def _fault(name: str, kind: Kind, what: str, change: ArraysChange) -> OutputFault:
+    return OutputFault(f"read.{name.replace('q.', 'output-').replace('/', '-')}", kind, what, change)
 
 
-def _per_field() -> Iterator[Read]:
+def _per_field() -> Iterator[OutputFault]:
     for name, words in REAL.items():
         yield _fault(f"single-{name}", "single precision", f"{words} rounded to float32", _each(name, _single))
         yield _fault(f"one-off-{name}", "last digits", f"{words}: one atom off by 1e-9", _each(name, _one_off))
@@ -197,7 +197,7 @@ def _per_field() -> Iterator[Read]:
 
 
 @cache
-def faults() -> dict[str, Read]:
+def faults() -> dict[str, OutputFault]:
     """All faults of this family by their id, in order."""
     found = (
         *_per_field(),

@@ -1,4 +1,4 @@
-"""What no scene can say: a fix dropped, lists never rebuilt, an atom moved, numbers rounded on their way to LAMMPS."""
+"""Faults in LAMMPS' input that no scene can say: a fix dropped, an atom moved, numbers rounded on the way."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ import numpy as np
 
 from lammps_cases.engine.session import Job
 from lammps_cases.studies.mutation.fault import Kind
-from lammps_cases.studies.mutation.told import Retell, Told, replaced_text, without
+from lammps_cases.studies.mutation.input_faults import InputFault, JobChange, replaced_text, without
 
 
-def _setup(change: Callable[[str], str]) -> Retell:
+def _setup(change: Callable[[str], str]) -> JobChange:
     return lambda of: replace(of, setup=tuple(change(line) for line in of.setup))
 
 
-def _commands(change: Callable[[str], str]) -> Retell:
+def _commands(change: Callable[[str], str]) -> JobChange:
     return lambda of: replace(of, commands=tuple(change(line) for line in of.commands))
 
 
-def _last(begins: str) -> Retell:
+def _last(begins: str) -> JobChange:
     """Commands that begin so, moved behind all others."""
 
-    def retell(of: Job) -> Job:
+    def change_job(of: Job) -> Job:
         moved = tuple(line for line in of.commands if line.startswith(begins))
         return replace(of, commands=(*(line for line in of.commands if line not in moved), *moved))
 
-    return retell
+    return change_job
 
 
-def _neighbours(*settings: str) -> Retell:
+def _neighbours(*settings: str) -> JobChange:
     """Other settings of neighbour lists."""
     words = {line.split()[0]: line for line in settings}
 
-    def retell(of: Job) -> Job:
+    def change_job(of: Job) -> Job:
         if not any(line.startswith("pair_style") for line in of.commands):
             return of
         kept = [line for line in of.setup if line.split()[0] not in words or "binsize" in line]
         at = next(k for k, line in enumerate(kept) if line.startswith("region"))
         return replace(of, setup=(*kept[:at], *settings, *kept[at:]))
 
-    return retell
+    return change_job
 
 
-def _pair_cut(factor: float) -> Retell:
+def _pair_cut(factor: float) -> JobChange:
     def change(line: str) -> str:
         if not line.startswith("pair_style rheo"):
             return line
@@ -55,7 +55,7 @@ def _pair_cut(factor: float) -> Retell:
     return _commands(change)
 
 
-def _box(change: Callable[[float], float]) -> Retell:
+def _box(change: Callable[[float], float]) -> JobChange:
     """The upper end of the box along x elsewhere."""
 
     def of(line: str) -> str:
@@ -67,10 +67,10 @@ def _box(change: Callable[[float], float]) -> Retell:
     return _setup(of)
 
 
-def _array(name: str, change: Callable[[Any], Any]) -> Retell:
+def _array(name: str, change: Callable[[Any], Any]) -> JobChange:
     """Positions (x), velocities (v), types, or a value per atom (rho, esph) as LAMMPS is given them."""
 
-    def retell(of: Job) -> Job:
+    def change_job(of: Job) -> Job:
         if name in ("x", "v", "type"):
             field = {"x": "x_nc", "v": "v_nc", "type": "type_n"}[name]
             given = getattr(of, field)
@@ -79,7 +79,7 @@ def _array(name: str, change: Callable[[Any], Any]) -> Retell:
             return of
         return replace(of, per_atom={**of.per_atom, name: change(of.per_atom[name].copy())})
 
-    return retell
+    return change_job
 
 
 def _one(by: float) -> Callable[[Any], Any]:
@@ -129,11 +129,11 @@ def _energy_per_mass(of: Job) -> Job:
     return replace(of, per_atom={**of.per_atom, "esph": of.per_atom["esph"] / mass_n})
 
 
-def _without_array(name: str) -> Retell:
-    def retell(of: Job) -> Job:
+def _without_array(name: str) -> JobChange:
+    def change_job(of: Job) -> Job:
         return replace(of, per_atom={k: v for k, v in of.per_atom.items() if k != name})
 
-    return retell
+    return change_job
 
 
 def _exclude_pairs(of: Job) -> Job:
@@ -148,8 +148,8 @@ def _first_run_again(of: Job) -> Job:
     return replace(of, runs=tuple(replace(run, command=run.command.replace(" pre no", "")) for run in of.runs))
 
 
-def _fault(name: str, kind: Kind, what: str, retell: Retell) -> Told:
-    return Told(f"told.{name}", kind, what, None, retell)
+def _fault(name: str, kind: Kind, what: str, change_job: JobChange) -> InputFault:
+    return InputFault(f"told.{name}", kind, what, None, change_job)
 
 
 FAULTS = (

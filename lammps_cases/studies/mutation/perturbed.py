@@ -1,4 +1,4 @@
-"""A case put to LAMMPS in other words, and judged as it always is."""
+"""Cases with another input than their own, run by LAMMPS and judged as they always are."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Rows = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)
-class Asked:
+class PerturbedCase:
     """A case, and the jobs given to LAMMPS in place of its own.
 
     Attributes
@@ -42,13 +42,34 @@ class Asked:
     row_n: Rows | None = None
 
 
-def judged(site: str | None, asked: Asked, engine: EngineRecord, store: Store | None) -> CaseRecord:
+@dataclass(frozen=True)
+class Judge:
+    """What every verdict needs: the engine that answers, and where predictions are kept."""
+
+    engine: EngineRecord
+    store: Store | None = None
+
+    @property
+    def predictor(self) -> Predictor:
+        """Predictions from the store, where that is of the present sources."""
+        return Predictor(self.store if self.store and current(self.store) else None)
+
+    def verdict(self, case: PerturbedCase, outcomes: list[Answer | Failure]) -> CaseRecord:
+        """Return the ordinary verdict on what LAMMPS answered."""
+        ready = case.ready
+        ordered = [in_order(o, case.row_n) if isinstance(o, Answer) else o for o in outcomes]
+        if ready.twin is not None:
+            return evaluate_twin(ready.case, ready.twin, ordered, self.engine, self.predictor)[0]
+        return evaluate(ready.case, ready.eos, ready.atoms, ordered[0], self.engine, self.predictor)[0]
+
+
+def run_and_judge(site: str | None, judge: Judge, case: PerturbedCase) -> CaseRecord:
     """Task: let LAMMPS answer, and judge; a crash takes the worker with it."""
-    return verdict(asked, [outcome(site, job) for job in asked.jobs], engine, store)
+    return judge.verdict(case, [outcome(site, job) for job in case.jobs])
 
 
 def outcome(site: str | None, job: Job) -> Answer | Failure:
-    """What LAMMPS answers in this process, or how it refuses."""
+    """Return what LAMMPS answers in this process, or how it refuses."""
     try:
         return solve(site, job)
     except EngineRefused as error:
@@ -57,30 +78,19 @@ def outcome(site: str | None, job: Job) -> Answer | Failure:
         return Failure("crashed", str(error))
 
 
-def verdict(
-    asked: Asked, outcomes: list[Answer | Failure], engine: EngineRecord, store: Store | None = None
-) -> CaseRecord:
-    """The ordinary verdict on what LAMMPS answered."""
-    ready, predictor = asked.ready, _predictor(store)
-    back = [in_order(o, asked.row_n) if isinstance(o, Answer) else o for o in outcomes]
-    if ready.twin is not None:
-        return evaluate_twin(ready.case, ready.twin, back, engine, predictor)[0]
-    return evaluate(ready.case, ready.eos, ready.atoms, back[0], engine, predictor)[0]
-
-
-def blamed(site: str | None, asked: Asked, engine: EngineRecord, store: Store | None) -> str:
-    """Task: the first step, field and atom outside the bound, from a run that is read after every step."""
-    job = asked.jobs[0]
-    last = asked.ready.case.scene.snapshots[-1]
+def first_difference(site: str | None, judge: Judge, case: PerturbedCase) -> str:
+    """Task: name the first step, field and atom outside the bound, from a run that is read after every step."""
+    job = case.jobs[0]
+    last = case.ready.case.scene.snapshots[-1]
     runs = (Run("run 0 post no"), *(Run("run 1 pre no post no") for _ in range(last)))
-    answer = in_order(solve(site, replace(job, runs=runs)), asked.row_n)
-    return first_step(asked.ready.case, asked.ready.atoms, answer, engine.distribution, _predictor(store))
+    answer = in_order(solve(site, replace(job, runs=runs)), case.row_n)
+    return first_step(case.ready.case, case.ready.atoms, answer, judge.engine.distribution, judge.predictor)
 
 
 def in_order(answer: Answer, row_n: Rows | None) -> Answer:
-    """An answer with its rows exchanged; ids stay, as they are names."""
+    """Return an answer with its rows exchanged; ids stay, as they are names."""
     if row_n is None or any(len(arrays["id"]) != len(row_n) for arrays in answer.snapshots):
-        return answer  # lost atoms are told by their ids
+        return answer  # lost atoms are recognised by their ids
     snapshots = tuple(
         {name: values if name == "id" else values[row_n] for name, values in arrays.items()}
         for arrays in answer.snapshots
@@ -88,12 +98,8 @@ def in_order(answer: Answer, row_n: Rows | None) -> Answer:
     return replace(answer, arrays=snapshots[-1], snapshots=snapshots)
 
 
-def _predictor(store: Store | None) -> Predictor:
-    return Predictor(store if store and current(store) else None)
-
-
-class Asking:
-    """A case asked again and again: what fits LAMMPS' answer to it as it is, the findings that explain it included.
+class RepeatedCase:
+    """A case run with one input after another, with the fields that fit LAMMPS' answer to its own input.
 
     Raises
     ------
@@ -101,9 +107,9 @@ class Asking:
         The case is not as expected even so.
     """
 
-    def __init__(self, site: str | None, ready: Prepared, engine: EngineRecord, store: Store | None) -> None:
-        self.site, self.ready, self.engine = site, ready, engine
-        self.predictor = _predictor(store)
+    def __init__(self, site: str | None, judge: Judge, ready: Prepared) -> None:
+        self.site, self.ready, self.engine = site, ready, judge.engine
+        self.predictor = judge.predictor
         case, scene = ready.case, ready.case.scene
         answer = outcome(site, ready.jobs[0])
         record = self._judged(answer)
@@ -128,13 +134,13 @@ class Asking:
     def _snapshots(self, answer: Answer) -> list[Snapshot]:
         return [snapshot(self.ready.case.scene, arrays) for arrays in answer.snapshots]
 
-    def sees(self, told: Job) -> bool:
+    def detects(self, job: Job) -> bool:
         """Whether the ordinary verdict is no longer as expected."""
-        return not self._judged(outcome(self.site, told)).as_expected
+        return not self._judged(outcome(self.site, job)).as_expected
 
-    def moved(self, told: Job) -> dict[str, float]:
+    def moved(self, job: Job) -> dict[str, float]:
         """How far LAMMPS' fields are from what fits them unaltered, in units of their bounds; empty: no numbers."""
-        answer = outcome(self.site, told)
+        answer = outcome(self.site, job)
         if isinstance(answer, Failure) or len(answer.arrays["id"]) != len(self.ready.atoms):
             return {}
         if self.fitting is None:

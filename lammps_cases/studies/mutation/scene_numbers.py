@@ -1,4 +1,4 @@
-"""The numbers of a scene, one by one, and what LAMMPS is told when one of them is another."""
+"""The numbers of a scene, one by one, and LAMMPS' job with another value of one of them."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Number:
     place : which one of its kind, as in ``type 2``
     whole : whether it counts something
     decides : whether it is compared with something, so that a small change may do nothing
-    told : what LAMMPS is told with another value in its place, everything else as it was
+    job_with : the job with another value in its place, everything else as it was
     """
 
     parameter: str
     place: str
     value: float
-    told: Put
+    job_with: Put
     whole: bool = False
     decides: bool = False
 
@@ -55,15 +55,15 @@ def numbers(ready: Prepared) -> list[Number]:
 
 
 def _scene(ready: Prepared, alter: Callable[[float], Scene]) -> Put:
-    """Another scene told, with the particles of the given one."""
-    told = plan(ready.case.scene)
-    return lambda value: job(alter(value), ready.atoms, told)
+    """Jobs of another scene, with the particles of the given one."""
+    items = plan(ready.case.scene)
+    return lambda value: job(alter(value), ready.atoms, items)
 
 
 def _atoms(ready: Prepared, alter: Callable[[float], Atoms]) -> Put:
-    """Other particles told, in the given scene."""
-    told = plan(ready.case.scene)
-    return lambda value: job(ready.case.scene, alter(value), told)
+    """Jobs of other particles, in the given scene."""
+    items = plan(ready.case.scene)
+    return lambda value: job(ready.case.scene, alter(value), items)
 
 
 def _of_types(ready: Prepared) -> Iterator[Number]:
@@ -204,8 +204,8 @@ def _of_atoms(ready: Prepared) -> Iterator[Number]:
     for t, atom_type in enumerate(scene.types, 1):
         wall = scene.interacts and atom_type.phase == "solid"  # all its particles have this velocity
         for axis, value in enumerate((atom_type.velocity or ()) if wall else ()):
-            told = _atoms(ready, _element(atoms, "v_nc", (atoms.type_n == t, axis)))
-            yield Number("wall velocity", f"type {t}, {'xyz'[axis]}", value, told)
+            put = _atoms(ready, _element(atoms, "v_nc", (atoms.type_n == t, axis)))
+            yield Number("wall velocity", f"type {t}, {'xyz'[axis]}", value, put)
     if scene.interacts and atoms.periodic[0]:
         yield Number("box edge", "x", float(atoms.high_c[0]), _atoms(ready, _element(atoms, "high_c", (0,))))
 

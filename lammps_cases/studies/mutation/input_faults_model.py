@@ -1,4 +1,4 @@
-"""What LAMMPS is told wrongly of the particle model: options, materials, forces, time steps."""
+"""Faults in LAMMPS' input: options, materials, forces and time steps of the particle model."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 from lammps_cases.scene import AtomType, ForceSettings, PowerLaw, RheoSettings, Scene
 from lammps_cases.scene.settings import Evolve, PairSettings, ShiftSettings, SurfaceDetectionSettings
 from lammps_cases.studies.mutation.fault import Kind
-from lammps_cases.studies.mutation.told import Alter, Told
-from lammps_cases.studies.mutation.told_laws import TINY, dealt_on, scaled, types
+from lammps_cases.studies.mutation.input_faults import InputFault, SceneChange
+from lammps_cases.studies.mutation.input_faults_laws import TINY, dealt_on, scaled, types
 
 Changes = dict[str, Any]
 
 
-def rheo(change: Callable[[RheoSettings], Changes]) -> Alter:
+def rheo(change: Callable[[RheoSettings], Changes]) -> SceneChange:
     """Options of fix rheo changed."""
     return lambda scene: scene.model_copy(update={"rheo": scene.rheo.model_copy(update=change(scene.rheo))})
 
 
-def _kernel(old: str, new: str) -> Alter:
+def _kernel(old: str, new: str) -> SceneChange:
     return rheo(lambda r: {"kernel": new} if r.kernel == old else {})
 
 
-def _surface(change: Callable[[SurfaceDetectionSettings], Changes]) -> Alter:
+def _surface(change: Callable[[SurfaceDetectionSettings], Changes]) -> SceneChange:
     def of(r: RheoSettings) -> Changes:
         found = r.surface_detection
         return {} if found is None else {"surface_detection": found.model_copy(update=change(found))}
@@ -31,7 +31,7 @@ def _surface(change: Callable[[SurfaceDetectionSettings], Changes]) -> Alter:
     return rheo(of)
 
 
-def _cross_type(change: Callable[[float, float, float], tuple[float, float, float]]) -> Alter:
+def _cross_type(change: Callable[[float, float, float], tuple[float, float, float]]) -> SceneChange:
     def of(r: RheoSettings) -> Changes:
         if r.shifting is None or r.shifting.scale_cross_type is None:
             return {}
@@ -41,7 +41,7 @@ def _cross_type(change: Callable[[float, float, float], tuple[float, float, floa
     return rheo(of)
 
 
-def _excluding(change: Callable[[tuple[str, ...]], tuple[str, ...]]) -> Alter:
+def _excluding(change: Callable[[tuple[str, ...]], tuple[str, ...]]) -> SceneChange:
     def of(r: RheoSettings) -> Changes:
         if r.shifting is None or not r.shifting.exclude:
             return {}
@@ -50,11 +50,11 @@ def _excluding(change: Callable[[tuple[str, ...]], tuple[str, ...]]) -> Alter:
     return rheo(of)
 
 
-def _pair(change: Callable[[PairSettings], Changes]) -> Alter:
+def _pair(change: Callable[[PairSettings], Changes]) -> SceneChange:
     return lambda scene: scene.model_copy(update={"pair": scene.pair.model_copy(update=change(scene.pair))})
 
 
-def _power(change: Callable[[PowerLaw], Any]) -> Alter:
+def _power(change: Callable[[PowerLaw], Any]) -> SceneChange:
     """Power-law viscosities changed; a number in place of the law makes it constant."""
 
     def of(t: AtomType) -> Changes:
@@ -70,11 +70,11 @@ def _times(name: str, factor: float) -> Callable[[PowerLaw], Changes]:
     return lambda law: {name: getattr(law, name) * factor}
 
 
-def _forces(change: Callable[[tuple[ForceSettings, ...]], tuple[ForceSettings, ...]]) -> Alter:
+def _forces(change: Callable[[tuple[ForceSettings, ...]], tuple[ForceSettings, ...]]) -> SceneChange:
     return lambda scene: scene.model_copy(update={"forces": change(scene.forces)})
 
 
-def _each_force(style: str, change: Callable[[ForceSettings], Changes | None]) -> Alter:
+def _each_force(style: str, change: Callable[[ForceSettings], Changes | None]) -> SceneChange:
     def of(forces: tuple[ForceSettings, ...]) -> tuple[ForceSettings, ...]:
         changes = [(force, change(force) if force.style == style else {}) for force in forces]
         return tuple(force.model_copy(update=new) for force, new in changes if new is not None)
@@ -86,31 +86,31 @@ def _vector(change: Callable[[float], float]) -> Callable[[ForceSettings], Chang
     return lambda force: {"vector": tuple(None if v is None else change(v) for v in force.vector)}
 
 
-def _evolve(change: Callable[[Evolve], Changes]) -> Alter:
-    def alter(scene: Scene) -> Scene:
+def _evolve(change: Callable[[Evolve], Changes]) -> SceneChange:
+    def change_scene(scene: Scene) -> Scene:
         if scene.evolve is None:
             return scene
         return scene.model_copy(update={"evolve": scene.evolve.model_copy(update=change(scene.evolve))})
 
-    return alter
+    return change_scene
 
 
-def _cut(factor: float) -> Alter:
-    def alter(scene: Scene) -> Scene:
+def _cut(factor: float) -> SceneChange:
+    def change_scene(scene: Scene) -> Scene:
         spacing = getattr(scene.positions, "spacing", None)
         cut = scene.rheo.cut or (3.0 * spacing if spacing else None)
         if cut is None or not scene.interacts:
             return scene
         return scene.model_copy(update={"rheo": scene.rheo.model_copy(update={"cut": cut * factor})})
 
-    return alter
+    return change_scene
 
 
-def _latent(change: Callable[[float], float | None]) -> Alter:
+def _latent(change: Callable[[float], float | None]) -> SceneChange:
     return types(lambda t: {} if t.latent_heat is None else {"latent_heat": change(t.latent_heat)})
 
 
-def _freezing(change: Callable[[float], float]) -> Alter:
+def _freezing(change: Callable[[float], float]) -> SceneChange:
     return types(lambda t: {} if t.T_freeze is None else {"T_freeze": change(t.T_freeze)})
 
 
@@ -119,8 +119,8 @@ def _lower(surface: SurfaceDetectionSettings) -> float:
     return lower if surface.style == "divergence" else float(int(lower))
 
 
-def _fault(name: str, kind: Kind, what: str, alter: Alter) -> Told:
-    return Told(f"told.{name}", kind, what, alter)
+def _fault(name: str, kind: Kind, what: str, change_scene: SceneChange) -> InputFault:
+    return InputFault(f"told.{name}", kind, what, change_scene)
 
 
 FAULTS = (

@@ -1,4 +1,4 @@
-"""What LAMMPS is told wrongly of types and equations of state."""
+"""Faults in LAMMPS' input: types and equations of state."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from eos_ref.eos.registry import PARAMETER
 from lammps_cases.scene import AtomType, PowerLaw, Scene
 from lammps_cases.scene.materials import Law
 from lammps_cases.studies.mutation.fault import Kind
-from lammps_cases.studies.mutation.told import Alter, Told
+from lammps_cases.studies.mutation.input_faults import InputFault, SceneChange
 
 TINY = 1 + 1e-6
 
 
-def types(change: Callable[[AtomType], dict[str, Any]]) -> Alter:
+def types(change: Callable[[AtomType], dict[str, Any]]) -> SceneChange:
     """Every type with some keys changed."""
 
-    def alter(scene: Scene) -> Scene:
+    def change_scene(scene: Scene) -> Scene:
         changed = tuple(t.model_copy(update=change(t)) for t in scene.types)
         return scene.model_copy(update={"types": changed})
 
-    return alter
+    return change_scene
 
 
-def scaled(name: str, factor: float) -> Alter:
+def scaled(name: str, factor: float) -> SceneChange:
     """A value of every type, where it is given, times a factor."""
 
     def change(t: AtomType) -> dict[str, Any]:
@@ -34,34 +34,34 @@ def scaled(name: str, factor: float) -> Alter:
     return types(change)
 
 
-def dealt_on(name: str) -> Alter:
+def dealt_on(name: str) -> SceneChange:
     """Values of the types, each given to the next type."""
 
-    def alter(scene: Scene) -> Scene:
+    def change_scene(scene: Scene) -> Scene:
         values = [getattr(t, name) for t in scene.types]
         rolled = zip(scene.types, [values[-1], *values[:-1]], strict=True)
         return scene.model_copy(update={"types": tuple(t.model_copy(update={name: v}) for t, v in rolled)})
 
-    return alter
+    return change_scene
 
 
-def laws(change: Callable[[Law], dict[str, Any] | None]) -> Alter:
+def laws(change: Callable[[Law], dict[str, Any] | None]) -> SceneChange:
     """Every entry of fix rheo/pressure with some keys changed; None drops it."""
 
-    def alter(scene: Scene) -> Scene:
+    def change_scene(scene: Scene) -> Scene:
         changes = [(law, change(law)) for law in scene.pressure]
         kept = tuple(law.model_copy(update=new) for law, new in changes if new is not None)
         return scene.model_copy(update={"pressure": kept}) if kept else scene
 
-    return alter
+    return change_scene
 
 
-def entry(style: str, change: Callable[[Law], dict[str, Any] | None]) -> Alter:
+def entry(style: str, change: Callable[[Law], dict[str, Any] | None]) -> SceneChange:
     """Entries of one style changed."""
     return laws(lambda law: change(law) if law.style == style else {})
 
 
-def order(change: Callable[[tuple[Law, ...]], tuple[Law, ...]]) -> Alter:
+def order(change: Callable[[tuple[Law, ...]], tuple[Law, ...]]) -> SceneChange:
     """Entries of fix rheo/pressure in another order, or some of them."""
     return lambda scene: scene.model_copy(update={"pressure": change(scene.pressure)})
 
@@ -72,7 +72,7 @@ def as_style(style: str, **values: float) -> Callable[[Law], dict[str, Any]]:
     return lambda law: {"style": style, **blank, **values}
 
 
-def _range(change: Callable[[str, str], tuple[str, str]]) -> Alter:
+def _range(change: Callable[[str, str], tuple[str, str]]) -> SceneChange:
     """Ranges m*n with other ends; empty where there is none."""
 
     def of(law: Law) -> dict[str, Any]:
@@ -94,8 +94,8 @@ def _all(law: Law) -> Law:
     return law.model_copy(update={"types": "*"})
 
 
-def _fault(name: str, kind: Kind, what: str, alter: Alter) -> Told:
-    return Told(f"told.{name}", kind, what, alter)
+def _fault(name: str, kind: Kind, what: str, change_scene: SceneChange) -> InputFault:
+    return InputFault(f"told.{name}", kind, what, change_scene)
 
 
 FAULTS = (

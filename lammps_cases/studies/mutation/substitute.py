@@ -1,7 +1,7 @@
-"""The reference plays LAMMPS: its fields, with the findings that the engine shows, as an answer to be judged.
+"""The reference in place of LAMMPS: its fields, with the findings that the engine shows, as an answer to be judged.
 
-A mistaken reference is loaded in a process of its own, before anything of the package is: its source is changed on the
-way in, so that everything built on it is built on the mistake. This module therefore imports nothing of it by itself.
+A mutated reference is loaded in a process of its own, before anything of the package is: its source is changed as it is
+read, so that everything built on it is built on the mutation. Only functions of this module therefore import it.
 """
 
 from __future__ import annotations
@@ -25,12 +25,10 @@ import numpy as np
 from lammps_cases.engine import ranks
 from lammps_cases.engine.session import Answer
 
-Snapshots = list[dict[str, Any]]
-
 
 @dataclass(frozen=True)
-class Mistake:
-    """What is wrong with the reference: the text of a module, or a mistake that the lint knows by name; or nothing."""
+class Mutation:
+    """A mutation of the reference: the text of a module, or a mistake that the lint knows by name; or none."""
 
     module: str = ""
     text: str = ""
@@ -39,8 +37,8 @@ class Mistake:
 
 
 @dataclass(frozen=True)
-class Played:
-    """What the reference plays for a case: answers to its one or two jobs; or how it failed, as LAMMPS would.
+class Substitution:
+    """The reference's answers to the one or two jobs of a case, or how it failed, as LAMMPS would.
 
     Attributes
     ----------
@@ -53,8 +51,8 @@ class Played:
     message: str = ""
 
 
-class TooLong(Exception):
-    """A case that a mistake keeps from ending."""
+class TimeLimitExceeded(Exception):
+    """A case that a mutation keeps from ending."""
 
 
 def prepare(parent: int) -> None:
@@ -65,7 +63,7 @@ def prepare(parent: int) -> None:
     warnings.simplefilter("ignore")
 
 
-def load(mistake: Mistake) -> None:
+def load(mutation: Mutation) -> None:
     """Have a module of the reference loaded with another text; before the package is.
 
     Raises
@@ -73,10 +71,10 @@ def load(mistake: Mistake) -> None:
     RuntimeError
         The reference is loaded already.
     """
-    if mistake.module:
+    if mutation.module:
         if any(name.partition(".")[0] == "eos_ref" for name in sys.modules):
             raise RuntimeError("the reference is loaded already")
-        sys.meta_path.insert(0, _Finder(f"eos_ref.{mistake.module}", mistake.text))
+        sys.meta_path.insert(0, _Finder(f"eos_ref.{mutation.module}", mutation.text))
 
 
 class _Finder(importlib.abc.MetaPathFinder):
@@ -102,93 +100,94 @@ class _Loader(importlib.machinery.SourceFileLoader):
         return compile(self.text, self.path, "exec")
 
 
-def play(mistake: Mistake, folder: Path, names: Sequence[str], engine: str, enough: int, limit: float) -> list[Played]:
-    """Task, in a fresh process: play cases until some answers are other ones than those without the mistake.
+def answer_cases(
+    mutation: Mutation, folder: Path, names: Sequence[str], engine: str, enough: int, limit: float
+) -> list[Substitution]:
+    """Task, in a fresh process: answer cases until some answers differ from those without the mutation.
 
     Parameters
     ----------
-    folder : of the control (`lammps_cases.studies.mutation.control`): cases, LAMMPS' answers, those played without a
-    mistake
-    enough : number of other answers after which the rest of the cases is left
+    folder : of the run without a fault (`lammps_cases.studies.mutation.unmutated`): cases, and both sides' answers
+    enough : number of differing answers after which the rest of the cases is left
     limit : seconds of the processor that a case may take, loading included
 
     Returns
     -------
-    list of Played
-        Only cases whose answers are other ones, in order.
+    list of Substitution
+        Only of cases whose answers differ, in order.
     """
-    load(mistake)
-    found: list[Played] = []
+    load(mutation)
+    found: list[Substitution] = []
     for name in names:
         if len(found) >= enough:
             break
-        played = _within(limit, name, lambda at: play_case(mistake, folder, at, engine))
-        if played.verdict or not _as_without(folder, played):
-            found.append(played)
+        substitution = _within(limit, name, lambda case: answer_case(mutation, folder, case, engine))
+        if substitution.verdict or not _as_without(folder, substitution):
+            found.append(substitution)
     return found
 
 
-def _within(limit: float, name: str, played: Callable[[str], Played]) -> Played:
-    """A case played within some seconds of the processor, or how it failed."""
+def _within(limit: float, name: str, answer: Callable[[str], Substitution]) -> Substitution:
+    """A case answered within some seconds of the processor, or how it failed."""
     signal.setitimer(signal.ITIMER_VIRTUAL, limit)
     try:
         with np.errstate(all="ignore"):
-            return played(name)
-    except TooLong:
-        return Played(name, verdict="timeout", message=f"did not end within {limit:g} s of the processor")
+            return answer(name)
+    except TimeLimitExceeded:
+        return Substitution(name, verdict="timeout", message=f"did not end within {limit:g} s of the processor")
     except Exception as error:
-        return Played(name, verdict="crashed", message=f"{type(error).__name__}: {error}")
+        return Substitution(name, verdict="crashed", message=f"{type(error).__name__}: {error}")
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    raise TooLong
+    raise TimeLimitExceeded
 
 
-def _as_without(folder: Path, played: Played) -> bool:
-    right = pickle.loads((folder / f"{played.case}.played").read_bytes())
+def _as_without(folder: Path, substitution: Substitution) -> bool:
+    right = pickle.loads((folder / f"{substitution.case}.played").read_bytes())
     return all(
         np.array_equal(a[name], b[name], equal_nan=True)
-        for one, other in zip(played.answers, right, strict=True)
+        for one, other in zip(substitution.answers, right, strict=True)
         for a, b in zip(one.snapshots, other.snapshots, strict=True)
         for name in b
     )
 
 
-def play_case(mistake: Mistake, folder: Path, name: str, engine: str) -> Played:
-    """What the reference of this process plays for a case that the folder of the control holds."""
-    from lammps_cases.studies.mutation.control import recall
+def answer_case(mutation: Mutation, folder: Path, name: str, engine: str) -> Substitution:
+    """Return the answers of this process' reference to a case that the folder holds."""
+    from lammps_cases.studies.mutation.answers import recall
 
-    known = recall(folder, name)
+    case = recall(folder, name)
     answers: list[Answer] = []
-    for scene, atoms, answer in known.sides:
-        same = answers and known.ready.twin is not None and known.ready.twin.same_problem
+    for scene, atoms, answer in case.sides:
+        same = answers and case.ready.twin is not None and case.ready.twin.same_problem
         if same and len(answers[0].snapshots) == len(answer.snapshots):
             answers.append(answers[0])
         else:
-            answers.append(play_side(mistake, known.ready.case.where, scene, atoms, answer, engine))
-    return Played(name, tuple(answers))
+            answers.append(answer_side(mutation, case.ready.case.where, scene, atoms, answer, engine))
+    return Substitution(name, tuple(answers))
 
 
-def play_side(mistake: Mistake, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
-    """What the reference of this process answers in place of LAMMPS; what no law or stage gives is LAMMPS' own."""
+def answer_side(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
+    """Return LAMMPS' answer with this process' reference in its place; what no law or stage gives stays LAMMPS'."""
     if not scene.whole_model:
-        return _play_law(mistake, where, scene, atoms, answer)
-    return _play_model(mistake, where, scene, atoms, answer, engine)
+        return _answer_law(mutation, where, scene, atoms, answer)
+    return _answer_model(mutation, where, scene, atoms, answer, engine)
 
 
-def _play_law(mistake: Mistake, where: str, scene: Any, atoms: Any, answer: Answer) -> Answer:
+def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer) -> Answer:
     """Pressures of LAMMPS' own densities."""
     from lammps_cases.comparison.compare import State
 
     got = answer.arrays
     state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None
-    if mistake.table == "law":
+    if mutation.table == "law":
         from lammps_cases.verdict.law_mistakes import MUTANTS
 
-        p_n = MUTANTS[mistake.name](eos, state)
+        p_n = MUTANTS[mutation.name](eos, state)
     if p_n is None:
         p_n = np.empty(len(state.rho_n))
         for t, law in enumerate(eos, 1):
@@ -198,13 +197,13 @@ def _play_law(mistake: Mistake, where: str, scene: Any, atoms: Any, answer: Answ
     return replace(answer, arrays=arrays, snapshots=(*answer.snapshots[:-1], arrays))
 
 
-def _play_model(mistake: Mistake, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
+def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
     """Fields of the particle model at the steps that LAMMPS was read at."""
     from lammps_cases.comparison.trajectory import visit, wanted
     from lammps_cases.verdict.judgement import particles_of, snapshot
 
     problem = particles_of(scene, atoms, where, scene.snapshots)
-    stages, stepping = made(mistake, problem, snapshot(scene, answer.snapshots[0]), engine)
+    stages, stepping = stages_of(mutation, problem, snapshot(scene, answer.snapshots[0]), engine)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     snapshots = []
     for at, _ in enumerate(visit(sim, problem.steps, problem.timestep)):
@@ -213,8 +212,8 @@ def _play_model(mistake: Mistake, where: str, scene: Any, atoms: Any, answer: An
     return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
 
 
-def made(mistake: Mistake, problem: Any, first: dict[str, Any], engine: str) -> tuple[Any, Any]:
-    """Stages and stepping with all findings that the engine shows, and with a mistake of the lint's before them."""
+def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: str) -> tuple[Any, Any]:
+    """Return stages and stepping with all findings that the engine shows, a mistake of the lint in front of them."""
     from eos_ref.evaluation.array_evaluator import Plain
     from eos_ref.evaluation.time_step import Simulation
     from lammps_cases.findings import shown_by
@@ -222,17 +221,17 @@ def made(mistake: Mistake, problem: Any, first: dict[str, Any], engine: str) -> 
 
     variants = [entry.particles for entry in shown_by(problem, engine) if entry.particles]
     stages, stepping = combined(variants, problem, first) or (Plain, Simulation)
-    if mistake.table == "stage":
+    if mutation.table == "stage":
         from lammps_cases.verdict.model_mistakes import MUTANTS
 
-        wrong = MUTANTS[mistake.name].stages
+        wrong = MUTANTS[mutation.name].stages
         if not issubclass(stages, wrong):
-            stages = type("Mistaken", (wrong,) if stages is Plain else (wrong, stages), {"__module__": __name__})
+            stages = type("Mutated", (wrong,) if stages is Plain else (wrong, stages), {"__module__": __name__})
     return stages, stepping
 
 
 def in_place_of(snapshot: dict[str, Any], fields: dict[str, Any]) -> dict[str, Any]:
-    """LAMMPS' arrays of one step with the reference's fields in place of its own."""
+    """Return LAMMPS' arrays of one step with the reference's fields in place of its own."""
     found = dict(snapshot)
     for field, values in fields.items():
         if field in ("x", "v", "f"):

@@ -1,0 +1,33 @@
+"""All planted faults, family after family."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from lammps_cases.findings import LEDGER
+from lammps_cases.studies.mutation import (
+    formula,
+    input_faults_jobs,
+    input_faults_laws,
+    input_faults_model,
+    output_faults,
+    source,
+)
+from lammps_cases.studies.mutation.fault import Fault
+from lammps_cases.studies.mutation.input_faults import InputFault
+
+
+@cache
+def input_faults() -> dict[str, InputFault]:
+    """Return the faults in what LAMMPS is given, by id."""
+    every = (*input_faults_laws.FAULTS, *input_faults_model.FAULTS, *input_faults_jobs.FAULTS)
+    assert len({fault.id for fault in every}) == len(every), "two faults of one id"
+    return {fault.id: fault for fault in every}
+
+
+@cache
+def faults(engine: str = "") -> dict[str, Fault]:
+    """Return all faults by id, without those that an engine is known to have."""
+    had = {entry.particles.stages for entry in LEDGER if entry.particles and entry.listed(engine)}
+    every: dict[str, Fault] = {**input_faults(), **output_faults.faults(), **formula.faults(), **source.faults()}
+    return {name: fault for name, fault in every.items() if formula.stages(fault) not in had - {None}}

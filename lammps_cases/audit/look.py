@@ -58,7 +58,7 @@ class Reader:
         self.lmp, self.model, self.mass_t = lmp, model, mass_t
         self.fields = tuple(field for field in CHECKED if field in fields and field != "pressure")
         self.actions = list(actions) if "f" in self.fields else []
-        self.listed = [entry for entry in LEDGER if entry.particles is not None and entry.listed(engine)]
+        self.listed = [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
         self.last: Explained = {}
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}

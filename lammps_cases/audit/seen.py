@@ -174,7 +174,7 @@ def explain(
     scene = Particles(view.model, view.box, view.state, 0.0, tuple(snapshot), (0,))
 
     def after(entries: Sequence[Entry]) -> frozenset[str]:
-        variants = [entry.particles for entry in entries if entry.particles]
+        variants = [entry.model_variant for entry in entries if entry.model_variant]
         made = combined(variants, scene, dict(snapshot))
         return outside(made[0], any(v.undefined for v in variants)) if made else frozenset(snapshot)
 
@@ -182,7 +182,7 @@ def explain(
         entries = list(dict.fromkeys(entry for field in before for entry in last[field]))
         if not after(entries):
             return {field: last[field] for field in before}
-    needed = [e for e in listed if e.particles and e.particles.stages and e.particles.applies(scene)]
+    needed = [e for e in listed if e.model_variant and e.model_variant.stages and e.model_variant.applies(scene)]
     if not needed:
         return {}
     left = after(needed)

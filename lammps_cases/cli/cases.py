@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
 from lammps_cases.cli.shared import json_option, paths_option, table, tag_option
+
+MOST_NAMES = 8  # of cases that show a finding, beyond which they are counted
 
 
 @click.command("list", short_help="List the cases.")
@@ -174,8 +178,9 @@ def ledger_command(as_json: bool) -> int:
     \b
     Example:  eos-ref ledger
     """
-    from lammps_cases.findings import LEDGER
+    from lammps_cases.findings import LEDGER, accepted_cases
 
+    shown = accepted_cases()
     if as_json:
         entries = [
             {
@@ -183,7 +188,8 @@ def ledger_command(as_json: bool) -> int:
                 "title": entry.title,
                 "severity": entry.severity,
                 "engines": list(entry.engines),
-                "cases": list(entry.cases),
+                "cases": shown.get(entry.id, []),
+                "applies_to": list(entry.applies_to),
                 "variant": entry.named_variant,
             }
             for entry in LEDGER
@@ -196,5 +202,16 @@ def ledger_command(as_json: bool) -> int:
             click.echo(f"  {key}: {getattr(entry, key)}")
         if entry.scene:
             click.echo(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}")
-        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {', '.join(entry.cases)}")
+        where = _shown(shown.get(entry.id, []), entry.applies_to)
+        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {where}")
     return 0
+
+
+def _shown(cases: Sequence[str], applies_to: Sequence[str]) -> str:
+    """Cases by name, or many of them by the files that they come from; without any, what the finding speaks of."""
+    if not cases:
+        return f"{', '.join(applies_to) or 'no case'} (in no accepted run)"
+    if len(cases) <= MOST_NAMES:
+        return ", ".join(cases)
+    counts = Counter(case.partition(".")[0] for case in cases)
+    return f"{len(cases)} cases ({', '.join(f'{count} {file}.*' for file, count in counts.most_common())})"

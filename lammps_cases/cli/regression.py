@@ -152,10 +152,12 @@ def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool,
     \b
     Example:  eos-ref accept reports/latest --reason "first baseline of 2025.7.22.4.0"
     """
-    from lammps_cases.regression import pairs
+    from lammps_cases.regression import evidence, pairs
     from lammps_cases.regression.acceptance import accept
 
     done = accept(run, reason, baselines, _command(), with_failures, prune)
+    if done.written and baselines.resolve() == evidence.BASELINES:
+        evidence.publish()
     if as_json:
         document: dict[str, Any] = {"baseline": str(done.folder), "cases": done.cases, "written": done.written}
         document["counts"] = done.changes.counts if done.changes else None

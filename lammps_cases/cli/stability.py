@@ -56,7 +56,7 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.campaign import command_line
-    from lammps_cases.studies.stability import atlas, known, page, record, select, tables
+    from lammps_cases.studies.stability import atlas, expected, page, record, select, tables
     from lammps_cases.studies.stability.maps import maps
 
     chosen = select.maps(maps(), names, tag or ("quick" if quick and not names else None))
@@ -72,7 +72,7 @@ def stability_command(
 
         edges = [b for m in found.maps for b in m.boundaries]
         limits.save(limits.measured(edges, maps(), found.engine.get("distribution", "")))
-    unexplained = known.unexplained(found.disagreements)
+    unexplained = expected.unexplained(found.disagreements)
     if as_json:
         click.echo(json.dumps(record.document(found), indent=1))
     else:
@@ -93,7 +93,7 @@ def _show(found: Any, unexplained: int, out: Path) -> None:
 def _one_cell(text: str, out: Path, site: str | None, as_json: bool) -> int:
     """Run a cell on both engines."""
     from lammps_cases.engine.workers import Workers
-    from lammps_cases.studies.stability import known, names, page, probe, select
+    from lammps_cases.studies.stability import expected, names, page, probe, select
     from lammps_cases.studies.stability.maps import maps
 
     cell = names.parse(text)
@@ -103,7 +103,7 @@ def _one_cell(text: str, out: Path, site: str | None, as_json: bool) -> int:
     out.mkdir(parents=True, exist_ok=True)
     written = page.write_deck(of, cell, out)
     path = str(out / written) if written else ""
-    differ = len({outcome.kind for outcome in ended.values()}) > 1 and known.finding(cell) is None
+    differ = len({outcome.kind for outcome in ended.values()}) > 1 and expected.expected_difference(cell) is None
     if as_json:
         from dataclasses import asdict
 

@@ -1,24 +1,44 @@
 """The ledger of findings: where LAMMPS differs from its manual, explained and reproduced.
 
-An entry that changes numbers names a variant of the reference that reproduces LAMMPS on every atom; one that changes
-how LAMMPS refuses predicts the outcome. Neither changes the reference or a bound. The numbers in the arguments are
-those of the cases named, or of two particles.
+A finding stands in the module of its subject, with all that is known of it. One that changes numbers names a variant
+of the reference that reproduces LAMMPS on every atom; one that changes how LAMMPS refuses predicts the outcome.
+Neither changes the reference or a bound. The numbers in the arguments are those of the cases named, or of two
+particles.
 """
 
 from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from eos_ref import EOSTable
 from lammps_cases.comparison.compare import Comparison, State, excess
 from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings import model, refusals
+from lammps_cases.findings import forces, kernels, refusals, shifting, surfaces, thermal, walls
 from lammps_cases.findings.entry import ALL, NEWEST, Entry
 from lammps_cases.records.run_record import Verdict
 
-__all__ = ["ALL", "LEDGER", "NEWEST", "Entry", "explain_outcome", "explain_pressure", "shown_by"]
+__all__ = ["ALL", "LEDGER", "NEWEST", "SHOWN_BY", "Entry", "accepted_cases", "explain_outcome", "explain_pressure"]
+__all__ += ["ledger_of", "shown_by"]
 
-LEDGER: tuple[Entry, ...] = (*refusals.ENTRIES, *model.ENTRIES)
+SHOWN_BY = Path(__file__).with_name("shown_by.json")
+
+
+def ledger_of(subjects: Iterable[Sequence[Entry]]) -> tuple[Entry, ...]:
+    """Findings of all subjects in the order of the ledger, by which variants are tried and named."""
+    return tuple(sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number))
+
+
+LEDGER = ledger_of(subject.ENTRIES for subject in (forces, kernels, refusals, shifting, surfaces, thermal, walls))
+
+
+def accepted_cases() -> dict[str, list[str]]:
+    """Cases of the accepted runs that show each finding, as `lammps_cases.regression.evidence` found them."""
+    cases: dict[str, list[str]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))
+    return cases
 
 
 def shown_by(scene: Particles, engine: str, lists: bool = False) -> list[Entry]:
@@ -26,7 +46,7 @@ def shown_by(scene: Particles, engine: str, lists: bool = False) -> list[Entry]:
 
     Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read.
     """
-    listed = ((e, e.particles) for e in LEDGER if e.particles is not None and e.listed(engine))
+    listed = ((e, e.model_variant) for e in LEDGER if e.model_variant is not None and e.listed(engine))
     return [e for e, variant in listed if (lists or not variant.lists) and variant.applies(scene)]
 
 
@@ -41,8 +61,8 @@ def explain_outcome(case: str, engine: str, verdict: Verdict, message: str) -> E
 def explain_pressure(case: str, engine: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:
     """The entry, for this engine, whose variant is within the bound on every atom."""
     for entry in LEDGER:
-        if entry.variant is not None and entry.covers(case, engine):
-            ratio_n = excess(comparison.lammps_n, entry.variant(table, state), comparison.bound_n)[1]
+        if entry.law_variant is not None and entry.covers(case, engine):
+            ratio_n = excess(comparison.lammps_n, entry.law_variant(table, state), comparison.bound_n)[1]
             if bool(np.all(ratio_n <= 1)):
                 return entry
     return None

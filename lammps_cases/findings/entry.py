@@ -1,11 +1,11 @@
-"""One finding, and the engines it is known on."""
+"""One finding: what it says, the engines that have it, what reproduces or predicts it, and where else it shows."""
 
 from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from eos_ref import EOSTable
 from eos_ref.eos.table import FloatArray
@@ -13,9 +13,38 @@ from lammps_cases.comparison.compare import State
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import Verdict
 
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
+
 ALL = ("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0")
+BEFORE_2, SINCE_2 = ALL[:2], ALL[2:]  # wheels before and since forces and heat flow changed
 NEWEST = ALL[-1]
+Severity = Literal["low", "medium", "high"]
 Law = Callable[[EOSTable, State], FloatArray]
+
+
+@dataclass(frozen=True)
+class MapDifference:
+    """A stability map on which LAMMPS and the reference fail at different places; ``layer`` None: on all layers."""
+
+    map: str
+    why: str
+    layer: str | None = None
+
+
+@dataclass(frozen=True)
+class AlarmDifference:
+    """Restatements of a scene under which LAMMPS differs although an ordinary run of the scene does not show it.
+
+    Attributes
+    ----------
+    kinds : how the scene is put to LAMMPS, see `lammps_cases.studies.mutation.alarms`
+    applies : to which scenes
+    """
+
+    kinds: tuple[str, ...]
+    applies: Callable[[Scene], bool]
+    why: str
 
 
 @dataclass(frozen=True)
@@ -24,35 +53,46 @@ class Entry:
 
     Attributes
     ----------
+    number : place in the ledger, where variants are tried and named in the order in which they were added
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
     workaround : what a user can do meanwhile
-    cases : patterns of the cases that show it
+    engines : versions of the distributions that have it
+    applies_to : patterns of the cases that it speaks of, for all findings without a model variant
     scene : the smallest scene that shows it
-    variant : replaces the reference's pressure, for a finding in an equation of state
-    particles : the variant of the particle model, for a finding in its fields
+    law_variant : replaces the reference's pressure, for a finding in an equation of state
+    model_variant : the variant of the particle model, for a finding in its fields
     outcome, outcome_text : verdict and part of the message that it predicts, for a finding in refusals
+    replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
+    expected_in_maps, expected_in_alarms : where else the engines differ by it
+    expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
     """
 
     id: str
+    number: int
     title: str
-    severity: Literal["low", "medium", "high"]
+    severity: Severity
     documented: str
     observed: str
     argument: str
     workaround: str
-    cases: tuple[str, ...]
     engines: tuple[str, ...]
+    applies_to: tuple[str, ...] = ()
     scene: str = ""
-    variant: Law | None = None
-    particles: Variant | None = None
+    law_variant: Law | None = None
+    model_variant: Variant | None = None
     outcome: Verdict | None = None
     outcome_text: str = ""
+    replaces: tuple[str, ...] = ()
+    expected_in_maps: tuple[MapDifference, ...] = ()
+    expected_in_alarms: tuple[AlarmDifference, ...] = ()
+    expected_inputs: tuple[str, ...] = ()
 
     @property
     def named_variant(self) -> str:
         """What reproduces or predicts it: a variant's name, or the outcome of a run."""
-        part = self.variant or (self.particles and (self.particles.stages or self.particles.stepping))
+        model = self.model_variant
+        part = self.law_variant or (model and (model.stages or model.stepping))
         return part.__name__ if part else (self.outcome or "")
 
     def covers(self, case: str, engine: str) -> bool:
@@ -61,7 +101,7 @@ class Entry:
         A finding is explained on the engines it was seen on, and nowhere else: where it comes back, or is met for the
         first time, it is red. A build without a distribution is taken as the newest.
         """
-        return self.listed(engine) and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.cases)
+        return self.listed(engine) and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.applies_to)
 
     def listed(self, engine: str) -> bool:
         """Whether an engine, given by its distribution's version, is known to have the fault."""

@@ -1,4 +1,4 @@
-"""Variants that follow LAMMPS' own lists of neighbours: which of a pair stands first, and what its slots hold.
+"""What variants share that follow LAMMPS' own lists of neighbours: which of a pair stands first, what slots hold.
 
 Slots number the atoms of a process and, after them, their periodic images. The lists are read at every step, only for
 cases that differ and may be explained by such a variant.
@@ -6,18 +6,19 @@ cases that differ and may be explained by such a variant.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import Plain
-from eos_ref.evaluation.time_step import BULK, LAYER, Simulation
-from eos_ref.model.parameters import BoolArray, IntArray, PairTerms
-from eos_ref.numbers.columns import Number, axes, dot
-from eos_ref.numbers.elementary import where
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import IntArray
+from eos_ref.numbers.columns import Number
 from eos_ref.numbers.rounded import value
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings.variants import Snapshot
 
 
 @dataclass(frozen=True)
@@ -81,58 +82,6 @@ def _places(wanted: IntArray, known: IntArray) -> IntArray:
     return place[name.ravel()[len(known) :]]
 
 
-class GradientOfSecond(FollowingLists):
-    """The pressure that is taken out of accelerations has, for both of a pair, the gradient of the second one.
-
-    Without newton a pair across a boundary is listed twice, once for each particle, which then has its own gradient.
-    """
-
-    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
-        """All terms as they are, and the pressure force kept from exchanged gradients."""
-        found, own = super().pair_terms(*fields, **options), self.g
-        exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & (self.reverse_p >= 0)
-        self.g = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own]
-        kept = super().pair_terms(*fields, **options)
-        self.g = own
-        return replace(found, pressure_force_nc=kept.pressure_force_nc)
-
-
-class AccelerationsOfOldImages(FollowingLists):
-    """Right after lists were rebuilt, slots hold the accelerations of what was in them before, further slots 0."""
-
-    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
-        """Sums as they are, and what other accelerations than the particles' own add to the last."""
-        *sums, sum_n = super().wall_sums(pressure_n, rho_n, acceleration_nc)
-        if not self.kept_sc.size:  # the set-up: nothing is kept yet
-            return *sums, sum_n
-        i, j = self.i, self.j
-        present = [a_n[j] - a_n[i] for a_n in axes(acceleration_nc)]
-        read = axes(self._read())
-        wall_p = self.solid_n[i] & ~self.solid_n[j]
-        stale_p = wall_p & np.logical_or.reduce([value(a) != b for a, b in zip(present, read, strict=True)])
-        change = [where(stale_p, b - a, 0.0) for a, b in zip(present, read, strict=True)]
-        return *sums, sum_n + self.total(where(stale_p, self.w * rho_n[j] * dot(change, self.x), 0.0))
-
-    def _read(self) -> FloatArray:
-        """Acceleration in the slot of j less that in the slot of i, for every pair; NaN for pairs not in the list."""
-        listed = self.lists[self.at]
-        new_sc = np.zeros((len(listed.row_s), self.model.dimension))[len(self.kept_sc) :]
-        held_sc = np.concatenate([self.kept_sc, new_sc])
-        under_i = self.forward_p >= 0
-        entry_p = np.where(under_i, self.forward_p, self.backward_p)
-        one, other = listed.pair_ps[entry_p].T
-        difference_pc = (held_sc[other] - held_sc[one]) * np.where(under_i, 1.0, -1.0)[:, None]
-        return np.where(entry_p[:, None] >= 0, difference_pc, np.nan)
-
-
-class LayerOfFirst(FollowingLists):
-    """Bulk beside a surface has the status of a layer only if it is the first of some pair with a surface particle."""
-
-    def meets_as_first(self, surface_n: BoolArray) -> BoolArray:
-        """Which particles are the first of a pair with one of some others."""
-        return np.bincount(self.i[(self.forward_p >= 0) & surface_n[self.j]], minlength=self.n) > 0
-
-
 class CountingSteps(Simulation):
     """Steps that tell the stages whose list is in use, and what the slots keep of the accelerations."""
 
@@ -156,13 +105,7 @@ class CountingSteps(Simulation):
         self.evaluator.kept_sc = self.kept_sc
 
 
-class StatusOfLayers(CountingSteps):
-    """Steps whose status words take the layer from `LayerOfFirst`."""
-
-    def output(self, field: str) -> Any:
-        """Fields as they are, with fewer particles in the layer."""
-        found = super().output(field)
-        if field != "status" or "surface" not in self.fields:
-            return found
-        met_n = self.evaluator.meets_as_first(value(self.fields["surface"]) == 1)
-        return np.where((found == LAYER) & ~met_n, float(BULK), found)
+def lists_of_neighbours(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+    """LAMMPS' list at every step, if they were read."""
+    lists: tuple[Listed, ...] = snapshot.get("lists", ())
+    return {"lists": lists} if len(lists) > scene.steps[-1] else None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from lammps_cases.findings.entry import ALL, Entry
+from lammps_cases.findings.entry import ALL, BEFORE_2, Entry, MapDifference
 
 ENTRIES: tuple[Entry, ...] = (
     Entry(
         id="no-pressure-segfault",
+        number=1,
         title="Asking for the pressure without fix rheo/pressure ends in a segmentation fault",
         severity="medium",
         documented="fix rheo, Restrictions: must be used in conjunction with fix rheo/pressure.",
@@ -15,13 +16,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The same omission gives an error or a crash depending on whether it is looked at. A crash loses "
         "the output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
         workaround="Define fix rheo/pressure before the first run.",
-        cases=("refused.no-fix-pressure-read",),
+        applies_to=("refused.no-fix-pressure-read",),
         engines=ALL,
         outcome="crashed",
         outcome_text="SIGSEGV",
     ),
     Entry(
         id="stress-without-pressure-segfault",
+        number=2,
         title="Asking for stress/t without the pressure ends in a segmentation fault",
         severity="medium",
         documented="compute rheo/property/atom: inputs may be given in any combination; stress/t is the total stress.",
@@ -30,13 +32,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The total stress contains the pressure, and nothing documents that it has to be asked for as well. "
         "A crash loses the output buffers and, where LAMMPS is a library, the host program.",
         workaround="Name pressure among the inputs of the same compute.",
-        cases=("strain.unasked.*",),
+        applies_to=("strain.unasked.*",),
         engines=ALL,
         outcome="crashed",
         outcome_text="SIGSEGV",
     ),
     Entry(
         id="self-mass-missing",
+        number=3,
         title="The keyword self/mass does not exist",
         severity="medium",
         documented="fix rheo, syntax: rho/sum takes the optional argument self/mass, with which a particle uses its "
@@ -47,13 +50,16 @@ ENTRIES: tuple[Entry, ...] = (
         "mass 1.5 beside one of mass 0.7 comes out at 0.903 where its own mass gives 0.954, an error of 5 % that the "
         "equation of state multiplies by c^2.",
         workaround="Equal masses of all types, or densities by continuity.",
-        cases=("undocumented.self-mass",),
+        applies_to=("undocumented.self-mass",),
         engines=ALL,
+        expected_inputs=("self-mass-alone",),
+        expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),
         outcome="refused",
         outcome_text="Illegal fix rheo command: self/mass",
     ),
     Entry(
         id="exclude-takes-one-range",
+        number=4,
         title="shift exclude/type takes one range, not a list of types",
         severity="low",
         documented="fix rheo, syntax: exclude/type values = types, types = list of types.",
@@ -61,13 +67,14 @@ ENTRIES: tuple[Entry, ...] = (
         "accepted.",
         argument="Types 1 and 3 of three cannot be excluded together, as no range holds just these two.",
         workaround="Order the types so that those excluded are adjacent, and write a range.",
-        cases=("undocumented.exclude-list",),
+        applies_to=("undocumented.exclude-list",),
         engines=ALL,
         outcome="refused",
         outcome_text="Illegal fix rheo command: 2",
     ),
     Entry(
         id="reconstruct-refuses-cubic",
+        number=5,
         title="interface/reconstruct refuses the cubic law, even for the fluid alone",
         severity="low",
         documented="fix rheo and fix rheo/pressure: no law is excluded from interface/reconstruct.",
@@ -76,13 +83,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The reconstruction needs the inverse of the solid's law only; for A3 > 0 the cubic is monotone and "
         "has one. A fluid with a cubic law over linear walls needs no inverse of it at all.",
         workaround="tait/general with an exponent of the same curvature, or linear.",
-        cases=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
+        applies_to=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
         engines=ALL,
         outcome="refused",
         outcome_text="incompatible with pressure equation of state",
     ),
     Entry(
         id="double-star-abort",
+        number=6,
         title="A type range of two stars aborts the process",
         severity="low",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
@@ -91,13 +99,15 @@ ENTRIES: tuple[Entry, ...] = (
         argument="A mistyped argument is an input error like any other. An abort cannot be caught by a program that "
         "uses LAMMPS as a library, and no message names the line of the input.",
         workaround="Write a single star.",
-        cases=("refused.range-two-stars",),
+        applies_to=("refused.range-two-stars",),
         engines=ALL,
+        expected_inputs=("range-of-two-stars",),
         outcome="crashed",
         outcome_text="SIGABRT",
     ),
     Entry(
         id="long-range-abort",
+        number=7,
         title="A type range with a number of 20 digits aborts the process",
         severity="low",
         documented="fix rheo/pressure, description of types: ranges lie within the types 1 to N.",
@@ -106,13 +116,15 @@ ENTRIES: tuple[Entry, ...] = (
         argument="A number too large for an integer is a number beyond N. An abort cannot be caught by a program that "
         "uses LAMMPS as a library, and no message names the line of the input.",
         workaround="Check ranges that are computed before they are written.",
-        cases=("refused.range-20-digits",),
+        applies_to=("refused.range-20-digits",),
         engines=ALL,
+        expected_inputs=("range-of-20-digits",),
         outcome="crashed",
         outcome_text="SIGABRT",
     ),
     Entry(
         id="hyphen-range-accepted",
+        number=8,
         title="A type range with a hyphen is taken for its first number",
         severity="medium",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
@@ -121,13 +133,15 @@ ENTRIES: tuple[Entry, ...] = (
         argument="A user who writes 1-2 means both types. A law silently dropped for one of them changes its "
         "stiffness by any factor, while '1;2' or '0*' are refused as invalid.",
         workaround="Write 1*2.",
-        cases=("refused.range-hyphen",),
+        applies_to=("refused.range-hyphen",),
         engines=ALL,
+        expected_inputs=("range-with-hyphen",),
         outcome="differs",
         outcome_text="accepts what the manual refuses",
     ),
     Entry(
         id="unknown-style-misnamed",
+        number=9,
         title="The error for an unknown pressure style names the types instead",
         severity="low",
         documented="fix rheo/pressure, syntax: pstyle is one of linear, tait/water, tait/general, cubic, ideal/gas, "
@@ -136,13 +150,14 @@ ENTRIES: tuple[Entry, ...] = (
         "taitwater.",
         argument="The types '*' are legal and the style is not: the message points at the wrong word of the command.",
         workaround="Look at the word after the one that the message names.",
-        cases=("refused.unknown-style",),
-        engines=("2025.7.22.0.1", "2025.7.22.1.0"),
+        applies_to=("refused.unknown-style",),
+        engines=BEFORE_2,
         outcome="differs",
         outcome_text="Illegal fix command, *",
     ),
     Entry(
         id="specific-heat-zero",
+        number=10,
         title="A specific heat of 0 is accepted and gives NaN",
         severity="medium",
         documented="fix rheo/thermal: the specific heat, by which energies are divided; LAMMPS' own error for a "
@@ -152,13 +167,15 @@ ENTRIES: tuple[Entry, ...] = (
         argument="0 is not positive, and T = e/cv has no value for it. A variable that was left at 0 costs the run, "
         "where the check for a negative value shows that the error was meant to be caught.",
         workaround="Check the value before it is used.",
-        cases=("probes.specific-heat-zero",),
+        applies_to=("probes.specific-heat-zero",),
         engines=ALL,
+        expected_inputs=("specific-heat-zero",),
         outcome="differs",
         outcome_text="accepts what the manual refuses",
     ),
     Entry(
         id="example-surface-detection",
+        number=11,
         title="The manual's example of surface/detection is refused",
         severity="low",
         documented="fix rheo, second example: 'shift surface/detection coordination 40'.",
@@ -166,13 +183,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The syntax of the same page has three values, a style, a limit and a limit for splashes; the example "
         "has no third. LAMMPS follows the syntax: the example is wrong.",
         workaround="Add a limit for splashes: surface/detection coordination 40 12.",
-        cases=("examples.rheo-2",),
+        applies_to=("examples.rheo-2",),
         engines=ALL,
         outcome="refused",
         outcome_text="surface/detection command: missing argument",
     ),
     Entry(
         id="example-rhosum",
+        number=12,
         title="The manual's example of rho/sum is refused",
         severity="low",
         documented="fix rheo, third example: 'rhosum self/mass'.",
@@ -180,13 +198,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The syntax and the description of the same page call the keyword rho/sum. LAMMPS follows them: the "
         "example is wrong, and would be refused for its self/mass too (self-mass-missing).",
         workaround="Write rho/sum.",
-        cases=("examples.rheo-3",),
+        applies_to=("examples.rheo-3",),
         engines=ALL,
         outcome="refused",
         outcome_text="Illegal fix rheo command: rhosum",
     ),
     Entry(
         id="style-taitwater",
+        number=13,
         title="The description names a pressure style that does not exist",
         severity="low",
         documented="fix rheo/pressure, description: the options are linear, taitwater and cubic.",
@@ -194,13 +213,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The syntax of the same page has tait/water, and three more styles. LAMMPS follows the syntax: the "
         "sentence is wrong.",
         workaround="Write tait/water.",
-        cases=("probes.pressure-taitwater",),
+        applies_to=("probes.pressure-taitwater",),
         engines=ALL,
         outcome="refused",
         outcome_text="Illegal fix command",
     ),
     Entry(
         id="speed-sound-count",
+        number=14,
         title="The syntax lists one speed of sound too many",
         severity="low",
         documented="fix rheo, syntax: speed/sound values = cs0, ... csN, which are N + 1 values.",
@@ -208,13 +228,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="The description of the same page has one value for each of the N types, and numbers types from 1. "
         "LAMMPS follows the description: the syntax is wrong.",
         workaround="Give one value per type.",
-        cases=("probes.rheo-sound-cs0-to-csn",),
+        applies_to=("probes.rheo-sound-cs0-to-csn",),
         engines=ALL,
         outcome="refused",
         outcome_text="Illegal fix rheo command",
     ),
     Entry(
         id="cubic-unit",
+        number=15,
         title="The unit that the syntax gives the cubic prefactor does not fit its formula",
         severity="medium",
         documented="fix rheo/pressure, syntax: cubic prefactor A3 (pressure/density^2).",
@@ -223,13 +244,14 @@ ENTRIES: tuple[Entry, ...] = (
         argument="c^2 (rho - rho0) is a pressure, so A3 (rho - rho0)^2 is a pure number. Who converts A3 of water from "
         "SI to cgs units by the syntax is off by a factor of ten in the cubic term.",
         workaround="Convert A3 as 1/density^2.",
-        cases=("probes.pressure-unit-a3",),
+        applies_to=("probes.pressure-unit-a3",),
         engines=ALL,
         outcome="differs",
         outcome_text="pressure differs",
     ),
     Entry(
         id="support-unit",
+        number=16,
         title="The threshold wmin is not the pure number that the syntax says",
         severity="low",
         documented="fix rheo, syntax: wmin = minimum local same-type support (unitless).",
@@ -237,7 +259,7 @@ ENTRIES: tuple[Entry, ...] = (
         argument="wmin is compared with sum W_ij, by the formula of the same page, and W has the unit 1/volume. What "
         "LAMMPS sums has one length more (cross-type-support), which is no pure number either.",
         workaround="Scale wmin with the kernel.",
-        cases=("probes.rheo-unit-wmin",),
+        applies_to=("probes.rheo-unit-wmin",),
         engines=ALL,
         outcome="differs",
         outcome_text="q differs",

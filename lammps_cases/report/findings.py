@@ -55,7 +55,7 @@ def _finding(entry: Entry, explained: Sequence[tuple[CaseRecord, set[str]]], eng
         shown = entry.id in entries
         would = entry.id in case.unseen
         # A finding of the particle model names the cases that would show it; the others speak of cases by name.
-        if not shown and entry.particles is None and entry.covers(case.case, engine) and case.verdict != "skipped":
+        if not shown and entry.model_variant is None and entry.covers(case.case, engine) and case.verdict != "skipped":
             shown = case.verdict == "differs" and not entry.named_variant
             would = not shown
         if shown:

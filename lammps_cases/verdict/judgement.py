@@ -357,8 +357,8 @@ def _explain_twin(
 
 def _with_finding(side: _Side, entry: Entry, predictor: Predictor) -> list[Snapshot]:
     """The reference's fields of a run with one finding alone."""
-    assert entry.particles is not None
-    made = combined([entry.particles], side.scene, side.snapshots[0])
+    assert entry.model_variant is not None
+    made = combined([entry.model_variant], side.scene, side.snapshots[0])
     return predictor.values(side.scene, made or (Plain, Simulation))
 
 

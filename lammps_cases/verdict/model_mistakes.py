@@ -18,7 +18,9 @@ from eos_ref.model.quantities import PART_OF
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.trajectory import Particles, Prediction, wanted
-from lammps_cases.findings.variants import ForcePerVolume, HeatOverDensity, TemperatureWithoutMass, WallVelocityLost
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.thermal import HeatOverDensity, TemperatureWithoutMass
+from lammps_cases.findings.walls import WallVelocityLost
 
 
 class _UnitMasses(Plain):

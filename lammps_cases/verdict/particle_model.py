@@ -152,7 +152,7 @@ def beyond(
 ) -> str:
     """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
     listed = shown_by(scene, engine, "lists" in snapshots[0])
-    made = combined([entry.particles for entry in listed if entry.particles], scene, snapshots[0])
+    made = combined([entry.model_variant for entry in listed if entry.model_variant], scene, snapshots[0])
     if not listed or made is None:
         return ""
     rest = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, made, random)), id_n)
@@ -257,7 +257,7 @@ def would_show(
     scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, predictor: Predictor
 ) -> bool:
     """Whether a finding takes some field of a scene out of the reference's bound."""
-    made = combined([entry.particles] if entry.particles else [], scene, snapshots[0])
+    made = combined([entry.model_variant] if entry.model_variant else [], scene, snapshots[0])
     if made is None:
         return False
     shown = predictor.values(scene, made)
@@ -280,7 +280,7 @@ def explain(
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
     def inside(entries: Sequence[Entry], of: Particles = scene) -> bool:
-        variants = [entry.particles for entry in entries if entry.particles]
+        variants = [entry.model_variant for entry in entries if entry.model_variant]
         return bool(variants) and reproduced(of, snapshots, variants, reference, random, predictor)
 
     needed = list(listed)

@@ -11,6 +11,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.analytic.riemann import Gas, Riemann
 from eos_ref.eos.table import FloatArray
+from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import rows, start, time_step
 
@@ -38,7 +39,7 @@ def problem(options: Options) -> Riemann:
 
 
 def without_volume(gases: Riemann, x_n: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
-    r"""Density and velocity of gases at rest if forces lack the volume, as LAMMPS' do: finding force-per-volume.
+    r"""Density and velocity of gases at rest if forces lack the volume, as LAMMPS' do.
 
     The acceleration is then :math:`-\partial_xP/m` in place of :math:`-\partial_xP/\rho`, m the first density of each
     gas.
@@ -123,8 +124,8 @@ def _tube_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dic
 SHOCK_TUBE = Flow(
     "shock-tube",
     "Sod's problem for gases whose particles keep their energies: a rarefaction, a contact, a shock. Mass equals "
-    "density on both sides, so that LAMMPS, whose forces lack the volume (force-per-volume), is right until volumes "
-    "change; it then converges to another solution, with a shock that is too fast. The cutoff is in units of "
+    f"density on both sides, so that LAMMPS, whose forces lack the volume ({FORCE_PER_VOLUME.id}), is right until "
+    "volumes change; it then converges to another solution, with a shock that is too fast. The cutoff is in units of "
     f"{SPREAD:g} spacings, as wide as the gas expands: below that the lattice, stretched along the tube alone, no "
     "longer carries the pressure. Options: thin (density of the thin gas, default 0.5), artificial-visc (default "
     "0.5).",

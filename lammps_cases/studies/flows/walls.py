@@ -17,6 +17,8 @@ import numpy as np
 from eos_ref.analytic.channel import column, plane_start_up, weight_of_column
 from eos_ref.eos.registry import Style
 from eos_ref.eos.table import EOS, FloatArray
+from lammps_cases.findings.forces import FORCE_PER_VOLUME
+from lammps_cases.findings.walls import WALL_VELOCITY_LOST
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import relative, rows, start, time_step
 
@@ -113,8 +115,8 @@ POISEUILLE = _channel_flow(
 )
 COUETTE = _channel_flow(
     "couette",
-    "A plate sets fluid in motion. LAMMPS forgets the velocity of the plate (wall-velocity-lost): the extrapolation "
-    "alone drags the fluid to half of it, and the error stays at a half.",
+    f"A plate sets fluid in motion. LAMMPS forgets the velocity of the plate ({WALL_VELOCITY_LOST.id}): the "
+    "extrapolation alone drags the fluid to half of it, and the error stays at a half.",
     _AT_THE_WALL,
     Drive(0.0, 1.0, True),
 )
@@ -202,10 +204,11 @@ def _tank_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dic
 TANK = Flow(
     "tank",
     "Compressible fluid at rest under gravity over a wall, with a free surface. It starts in equilibrium and is looked "
-    "at when a wave from a false start has its largest pressure. LAMMPS' forces lack the volume (force-per-volume), so "
-    "its column carries m g in place of rho g and the error stays near the compression. Options: law (linear, "
-    "tait/water), compression (weight over rho0 c^2, default 0.02). From a cutoff of 4 spacings on the second layer of "
-    "the wall lies within half of it, and the repulsion that comes with interface/reconstruct lifts the fluid.",
+    "at when a wave from a false start has its largest pressure. LAMMPS' forces lack the volume "
+    f"({FORCE_PER_VOLUME.id}), so its column carries m g in place of rho g and the error stays near the compression. "
+    "Options: law (linear, tait/water), compression (weight over rho0 c^2, default 0.02). From a cutoff of 4 spacings "
+    "on the second layer of the wall lies within half of it, and the repulsion that comes with interface/reconstruct "
+    "lifts the fluid.",
     "weight of the column in eos_ref.analytic.channel.column, places by the integral of c^2/rho",
     (8, 12, 18, 27),
     "1: the free surface lies anywhere within the last row; 2 for the rest",

@@ -8,7 +8,7 @@ back is judged as always, by the same bounds.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -20,6 +20,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import LEDGER
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run.campaign import Prepared, engine_record, prepare
@@ -59,47 +60,6 @@ WHAT: dict[Kind, str] = {
 LIMIT = 1800.0  # seconds that a case may take
 AHEAD = 40  # cases prepared before they are judged
 Records = dict[str, CaseRecord]
-
-
-@dataclass(frozen=True)
-class Known:
-    """A red that is none of the harness: a finding of the ledger, in scenes where the ordinary run does not show it."""
-
-    finding: str
-    kinds: tuple[Kind, ...]
-    applies: Callable[[Scene], bool]
-    why: str
-
-
-def _shows_layers(scene: Scene) -> bool:
-    return "status" in scene.compare and scene.rheo.surface_detection is not None
-
-
-def _scales_across_types(scene: Scene) -> bool:
-    return scene.rheo.shifting is not None and scene.rheo.shifting.scale_cross_type is not None
-
-
-KNOWN = (
-    Known(
-        "cross-type-normal",
-        ("ranks",),
-        _scales_across_types,
-        "on several ranks every particle has a mixture of directions of its own, which no variant reproduces",
-    ),
-    Known(
-        "walls-after-rebuild",
-        ("rebuilt",),
-        lambda scene: scene.rheo.interface_reconstruct,
-        "the first step that is wrong is the first in which the list of periodic images changes, and only densities "
-        "of solids are wrong in it; scenes whose images stay the same are right",
-    ),
-    Known(
-        "layer-depends-on-pair-order",
-        ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),
-        _shows_layers,
-        "which of two particles is listed first decides whether one of them is of the layer; lists are not read here",
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -313,6 +273,14 @@ def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
 
 
 def _alarm(kind: Kind, case: Case, record: CaseRecord, pool: _Pool | None) -> Alarm:
-    known = next((k for k in KNOWN if kind in k.kinds and k.applies(case.scene) and record.verdict == "differs"), None)
     message = (pool.blame(kind, case) if pool and record.verdict == "differs" else "") or record.message
-    return Alarm(case.name, kind, record.verdict, message, *((known.finding, known.why) if known else ("", "")))
+    return Alarm(case.name, kind, record.verdict, message, *_explanation(kind, case.scene, record))
+
+
+def _explanation(kind: Kind, scene: Scene, record: CaseRecord) -> tuple[str, str]:
+    """The finding that makes LAMMPS differ in this kind of words alone, and why; empty: none."""
+    for entry in LEDGER if record.verdict == "differs" else ():
+        for expected in entry.expected_in_alarms:
+            if kind in expected.kinds and expected.applies(scene):
+                return entry.id, expected.why
+    return "", ""

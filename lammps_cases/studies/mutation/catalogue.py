@@ -28,6 +28,6 @@ def input_faults() -> dict[str, InputFault]:
 @cache
 def faults(engine: str = "") -> dict[str, Fault]:
     """Return all faults by id, without those that an engine is known to have."""
-    had = {entry.particles.stages for entry in LEDGER if entry.particles and entry.listed(engine)}
+    had = {entry.model_variant.stages for entry in LEDGER if entry.model_variant and entry.listed(engine)}
     every: dict[str, Fault] = {**input_faults(), **output_faults.faults(), **formula.faults(), **source.faults()}
     return {name: fault for name, fault in every.items() if formula.stages(fault) not in had - {None}}

@@ -127,7 +127,7 @@ class RepeatedCase:
         case, scene = self.ready.case, self.ready.case.scene
         of = particles_of(scene, self.ready.atoms, case.where, scene.snapshots)
         named = {name for field in record.fields for name in (field.explained_by or "").split(", ")}
-        variants = [entry.particles for entry in LEDGER if entry.id in named and entry.particles]
+        variants = [entry.model_variant for entry in LEDGER if entry.id in named and entry.model_variant]
         made = combined(variants, of, first) if variants else None
         return of, self.predictor.predict(of, made, seed(f"{record.case}/moved runs"))
 

@@ -15,6 +15,7 @@ from functools import cache
 from itertools import islice
 
 from eos_ref.errors import InputError
+from lammps_cases.findings import LEDGER, NEWEST
 from lammps_cases.studies.mutation.edits import definition, text_of
 from lammps_cases.studies.mutation.fault import Fault
 
@@ -45,13 +46,18 @@ IN_IDS = {
     "evaluation.time_step": "steps",
     "model.parameters": "model",
 }
-# Functions that a finding of the newest engine replaces.
-REPLACED_BY_FINDINGS = (
-    "evaluation.array_evaluator:Plain.same_type_support",
-    "evaluation.array_evaluator:Plain.collecting_volume",
-    "evaluation.array_evaluator:Plain.heated_volume",
-    "evaluation.stages:Stages.cross_type_normal",
-)
+
+
+def _replaced() -> Iterator[str]:
+    """Functions that a finding of the newest engine replaces, in the class of the reference that has them."""
+    for entry in LEDGER:
+        variant = entry.model_variant
+        if variant and variant.stages and entry.listed(NEWEST):
+            for function in entry.replaces:
+                of = next(base for base in variant.stages.__mro__[1:] if function in vars(base))
+                yield f"{of.__module__.removeprefix('eos_ref.')}:{of.__qualname__}.{function}"
+
+
 # Functions left out, by what they serve in place of a prediction of values.
 EXCLUDED: dict[str, tuple[str, ...]] = {
     "other number types": (
@@ -79,7 +85,7 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
         "evaluation.time_step:Simulation.run",
         "evaluation.time_step:Simulation._check_steps",
     ),
-    "replaced by findings of the newest engine": REPLACED_BY_FINDINGS,
+    "replaced by findings of the newest engine": tuple(_replaced()),
 }
 # Of these modules only some functions.
 ONLY = {

@@ -219,7 +219,7 @@ def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: s
     from lammps_cases.findings import shown_by
     from lammps_cases.findings.variants import combined
 
-    variants = [entry.particles for entry in shown_by(problem, engine) if entry.particles]
+    variants = [entry.model_variant for entry in shown_by(problem, engine) if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (Plain, Simulation)
     if mutation.table == "stage":
         from lammps_cases.verdict.model_mistakes import MUTANTS

@@ -14,6 +14,7 @@ import numpy as np
 from lammps_cases.engine import session
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import LEDGER
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -213,7 +214,7 @@ def row(bad: BadInput, end: Ended) -> InputRow:
         text,
         bad.promise,
         candidate=goes_on and bool(bad.promise),
-        ledger=bad.ledger,
+        ledger=next((entry.id for entry in LEDGER if bad.id in entry.expected_inputs), ""),
     )
 
 

@@ -146,6 +146,7 @@ class StabilityMap:
     tags : ``quick`` maps make the one-minute atlas, ``long`` ones run only by name or tag
     quick_lines : the lines of the quick atlas; none: the first and the last
     reference_only : layers that LAMMPS has nothing of, as numbers of another precision
+    engines_differ : why the engines differ here although no statement of the manual is broken
     """
 
     id: str
@@ -162,6 +163,7 @@ class StabilityMap:
     tags: tuple[str, ...] = ()
     quick_lines: tuple[float, ...] = ()
     reference_only: tuple[str, ...] = ()
+    engines_differ: str = ""
 
     def engines(self, layer: str) -> tuple[Engine, ...]:
         """The engines that a layer can be run on."""

@@ -18,7 +18,7 @@ from eos_ref import InputError
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import draw as chart_draw
 from lammps_cases.studies.chart.page import SHARED, Picture, with_own_names
-from lammps_cases.studies.stability import draw, known, names
+from lammps_cases.studies.stability import draw, expected, names
 from lammps_cases.studies.stability.deck import deck
 from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.lines import Agreement
@@ -110,7 +110,7 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: 
         disagreements=[
             _difference(line, record) for record in atlas.maps for line in record.agreement if line.verdict == "differs"
         ],
-        unexplained=len(known.unexplained(atlas.disagreements)),
+        unexplained=len(expected.unexplained(atlas.disagreements)),
         inputs=inputs,
         reactions=Counter(row.reaction for row in inputs),
     )
@@ -170,7 +170,7 @@ def write_deck(of: StabilityMap, cell: Cell, folder: Path) -> str:
 
 def _difference(line: Agreement, record: MapRecord) -> Difference:
     ours, theirs = line.boundaries
-    found = known.finding(line)
+    found = expected.expected_difference(line)
     return Difference(
         record.id,
         record.title,

@@ -38,7 +38,6 @@ class BadInput:
     scene : keys of the scene that say the same here; without them, and without a check, the fixes edited are parsed
     add : commands in front of the others, when the particles exist
     drop : per-atom arrays that are not given, ``atoms`` for all particles
-    ledger : the finding that is known of it
     """
 
     id: str
@@ -50,7 +49,6 @@ class BadInput:
     scene: dict[str, Any] | None = None
     add: tuple[str, ...] = ()
     drop: tuple[str, ...] = ()
-    ledger: str = ""
 
 
 @functools.cache

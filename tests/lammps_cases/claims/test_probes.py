@@ -66,7 +66,7 @@ def test_probe_sees_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
 
 
 def test_no_finding_of_a_probe_is_stale() -> None:
-    named = {p.removeprefix(PROBE) for e in LEDGER for p in e.cases if p.startswith(PROBE)}
+    named = {p.removeprefix(PROBE) for e in LEDGER for p in e.applies_to if p.startswith(PROBE)}
     assert named == set(REFUTED)
 
 

@@ -113,7 +113,8 @@ def test_unforeseen_refusal_refutes() -> None:
 def test_finding_without_a_variant_speaks_of_cases_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """An entry of the older engines only, as if nothing reproduced it."""
     (entry,) = (entry for entry in LEDGER if entry.id == "walls-depend-on-pair-order")
-    monkeypatch.setattr(verdicts, "LEDGER", [replace(entry, particles=None, cases=("walls.reconstructed.rk1",))])
+    without = replace(entry, model_variant=None, applies_to=("walls.reconstructed.rk1",))
+    monkeypatch.setattr(verdicts, "LEDGER", [without])
     records = GOOD | {"walls.reconstructed.rk1": wrong("walls.reconstructed.rk1", ("rho",))}
     claim = BY_ID["rheo-reconstruct-density"]
     old, new = one(claim, records, OLD), one(claim, records, NEW)

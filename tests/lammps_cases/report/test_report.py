@@ -185,16 +185,16 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
 
 def _entry(name: str, **more: Any) -> Entry:
     texts = {"title": f"title of {name}", "documented": "this", "observed": "that", "argument": "so", "workaround": "-"}
-    known: dict[str, Any] = {"severity": "low", "cases": (), "engines": ("2025.7.22.4.0",)}
+    known: dict[str, Any] = {"number": 0, "severity": "low", "engines": ("2025.7.22.4.0",)}
     return Entry(id=name, **(texts | known | more))
 
 
 FINDINGS = (
-    _entry("elsewhere", severity="high", engines=("2024.1.1",), cases=("*",)),
-    _entry("F-3", severity="medium", particles=Variant(lambda scene: True)),
-    _entry("pairs", severity="high", cases=("*",), particles=Variant(lambda scene: True)),
-    _entry("gone", severity="high", particles=Variant(lambda scene: True)),
-    _entry("open", cases=("eos.broken",)),
+    _entry("elsewhere", severity="high", engines=("2024.1.1",), applies_to=("*",)),
+    _entry("F-3", severity="medium", model_variant=Variant(lambda scene: True)),
+    _entry("pairs", severity="high", applies_to=("*",), model_variant=Variant(lambda scene: True)),
+    _entry("gone", severity="high", model_variant=Variant(lambda scene: True)),
+    _entry("open", applies_to=("eos.broken",)),
     _entry("hostile", title=HOSTILE, documented=HOSTILE, observed=HOSTILE, argument=HOSTILE, scene=HOSTILE),
 )
 
@@ -549,7 +549,7 @@ def test_findings_of_a_run(run: RunRecord, parsed: Page, html: str) -> None:
 
 
 def test_an_outcome_that_is_not_as_predicted_is_not_seen() -> None:
-    entry = _entry("crash", cases=("[a-d]",), outcome="crashed")
+    entry = _entry("crash", applies_to=("[a-d]",), outcome="crashed")
     cases = [
         CaseRecord(case="a", verdict="explained", explained_by="crash"),
         CaseRecord(case="b", verdict="refused", expects="x"),

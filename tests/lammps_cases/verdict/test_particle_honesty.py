@@ -13,7 +13,7 @@ from eos_ref.evaluation import array_evaluator, time_step
 from eos_ref.model import interactions, kernels, per_atom
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
-from lammps_cases.findings.variants import ForcePerVolume
+from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile

@@ -139,6 +139,7 @@ GAS = StabilityMap(
     watch=lambda cell: Watch(pressure=True, hyperbolic=True),
     theory=(Theory("gamma = 1", lambda y: 1.0),),
     tags=("quick",),
+    engines_differ="the reference refuses a heat capacity ratio that is none; LAMMPS takes it, the manual is silent",
 )
 
 ENERGY = StabilityMap(
@@ -173,6 +174,7 @@ LIMIT = StabilityMap(
     lines=(1.01, 1.3, 4.0),
     start=lambda cell: alone("gamma-0", _tait(cell.x), RHO0 * cell.y),
     watch=lambda cell: Watch(digits=DIGITS),
+    engines_differ="LAMMPS evaluates the power as printed, which loses the digits that gamma has below 1",
     theory=(Theory(f"{DIGITS} digits left", _limit),),
     tags=("quick",),
     quick_lines=(1.3,),

@@ -17,6 +17,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.model import kernels
 from eos_ref.syntax.fixes import KernelStyle
+from lammps_cases.findings.kernels import STALE_GRADIENT_BELOW_ZMIN
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start, time_step
@@ -122,8 +123,8 @@ ZMIN = StabilityMap(
     id="matrices-zmin",
     title="Moment matrices at free surfaces: zmin",
     about="A square of particles with corners and edges, without disorder. x: zmin, rounded down. Below zmin "
-    "neighbours LAMMPS uses memory that nobody wrote (finding stale-gradient-below-zmin): what becomes of a run there "
-    "depends on what its process did before.",
+    f"neighbours LAMMPS uses memory that nobody wrote (finding {STALE_GRADIENT_BELOW_ZMIN.id}): what becomes of a run "
+    "there depends on what its process did before.",
     x=Axis("zmin", 0.0, 12.0, 0.5),
     y=Axis("cut/spacing", 1.05, 3.0, 0.1),
     lines=(1.2, 1.6, 2.1, 3.0),

@@ -2,8 +2,8 @@ r"""Two fluids side by side: how far apart their densities and speeds of sound m
 
 A summed density mixes both across the interface: :math:`\sum_jm_jW_{ij}` is about the mean of the two, so that the
 heavy fluid comes under the tension :math:`c^2(\rho_h-\rho_l)/2` and the light one under a pressure like it. With
-self/mass the density is :math:`m_i\sum_jW_{ij}`, which is right on both sides; LAMMPS does not have the keyword
-(self-mass-missing), so its side ends in an error.
+self/mass the density is :math:`m_i\sum_jW_{ij}`, which is right on both sides; LAMMPS does not have the keyword,
+so its side ends in an error.
 
 By continuity the densities stay right and the time step is what fails: a light particle among heavy ones has the
 kinematic viscosity :math:`\nu(1+r)/2` by arithmetic means, r the density ratio.

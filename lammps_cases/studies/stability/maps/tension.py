@@ -13,7 +13,7 @@ Sound (g) does not see the shortest waves, so the sign of P W'' at the nearest n
 with more neighbours the whole sum counts.
 
 Particles lie on a triangular lattice, which pressure leaves as it is, one per unit of area; m = rho, so that volumes
-are 1 until particles move, and LAMMPS' missing volume (force-per-volume) does not hide all else.
+are 1 until particles move, and that LAMMPS' forces lack the volume does not hide all else.
 """
 
 from __future__ import annotations

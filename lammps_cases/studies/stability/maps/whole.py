@@ -1,8 +1,8 @@
 r"""Whole scenes under gravity, over a floor of solid particles: a column at rest, a dam break, a falling drop.
 
-Particles at spacing 1 with m = rho0, so that volumes are 1 but for the compression, and LAMMPS' missing volume
-(force-per-volume) does not hide all else; c = 1; walls of three rows, with interface/reconstruct. Time steps are given
-over :math:`\min(h/4(c+U),\,h^2/8\nu)` (Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997)), h = cut/3 and U the
+Particles at spacing 1 with m = rho0, so that volumes are 1 but for the compression, and that LAMMPS'
+forces lack the volume does not hide all else; c = 1; walls of three rows, with interface/reconstruct. Time steps are
+given over :math:`\min(h/4(c+U),\,h^2/8\nu)` (Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997)), h = cut/3 and U the
 largest speed of the scene. Penetration: fluid passes the centres of the first row of the floor.
 """
 

@@ -12,7 +12,8 @@ from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import kernels
 from lammps_cases.engine import session
-from lammps_cases.findings import variants
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.thermal import HeatAsTemperatureRate
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.converge import ENGINES, Engine, by_lammps, by_reference, converge
 from lammps_cases.studies.flows.flow import Flow, Options, Start
@@ -126,7 +127,7 @@ def test_findings_account_for_lammps(flow: Flow, lmp: Any) -> None:
     """With forces per volume the reference does what LAMMPS does."""
     n = 12
     shot = by_reference(flow.start(n, flow.options)).snapshots[-1]
-    assert max(differences(flow, n, variants.ForcePerVolume, lmp)) < SAME
+    assert max(differences(flow, n, ForcePerVolume, lmp)) < SAME
     assert np.abs(shot.rho_n / shot.rho_n.mean() - 1).max() < 20 * COMPRESSED or flow is VORTICES
 
 
@@ -138,7 +139,7 @@ def test_findings_account_for_heat(extra: dict[str, float | str], lmp: Any) -> N
     found = by_lammps(start, lmp).snapshots[-1]
     scene = start.case.scene
     model, box = reference_side.model(scene, start.atoms, ""), reference_side.box(scene, start.atoms)
-    simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), variants.HeatAsTemperatureRate)
+    simulation = Simulation(model, box, reference_side.state(scene, start.atoms), (), HeatAsTemperatureRate)
     simulation.run(start.steps[-1], start.timestep)
     assert found.energy_n == pytest.approx(simulation.output("energy"), rel=SAME)
     ours = by_reference(start).snapshots[-1]

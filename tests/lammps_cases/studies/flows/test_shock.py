@@ -10,7 +10,7 @@ import pytest
 from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import Plain
 from lammps_cases.engine import session
-from lammps_cases.findings import variants
+from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.studies.flows.converge import converge
 from lammps_cases.studies.flows.flow import Options
 from lammps_cases.studies.flows.shock import SHOCK_TUBE, problem, without_volume
@@ -48,7 +48,7 @@ def test_lammps_converges_to_the_solution_without_volumes() -> None:
 
 def test_finding_accounts_for_lammps() -> None:
     lmp = session.open_lammps()
-    assert max(differences(SHOCK_TUBE, QUICK[0], variants.ForcePerVolume, lmp)) < SAME
+    assert max(differences(SHOCK_TUBE, QUICK[0], ForcePerVolume, lmp)) < SAME
     assert max(differences(SHOCK_TUBE, QUICK[0], Plain, lmp)) > 1e4 * SAME
 
 

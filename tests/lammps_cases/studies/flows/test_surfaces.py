@@ -9,7 +9,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import Plain
 from lammps_cases.engine import session
-from lammps_cases.findings import variants
+from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.studies.flows.converge import converge
 from lammps_cases.studies.flows.flow import Flow
 from lammps_cases.studies.flows.surfaces import DROP, INTERFACE
@@ -55,5 +55,5 @@ def test_lammps_converges_as_well(flow: Flow) -> None:
 
 @flows
 def test_finding_accounts_for_lammps(flow: Flow, lmp: Any) -> None:
-    assert max(differences(flow, QUICK[0], variants.ForcePerVolume, lmp)) < SAME
+    assert max(differences(flow, QUICK[0], ForcePerVolume, lmp)) < SAME
     assert max(differences(flow, QUICK[0], Plain, lmp)) > 1e3 * SAME

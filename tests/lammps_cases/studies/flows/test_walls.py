@@ -11,7 +11,8 @@ from eos_ref import EOS
 from eos_ref.analytic.channel import column
 from eos_ref.evaluation.array_evaluator import Plain
 from lammps_cases.engine import session
-from lammps_cases.findings import variants
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.walls import WallVelocityLost
 from lammps_cases.studies.flows.converge import Engine, converge
 from lammps_cases.studies.flows.flow import Flow, Options
 from lammps_cases.studies.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
@@ -22,7 +23,7 @@ QUICK = (8, 12, 18)
 SAME = 1e-8
 
 
-class ForceAndWall(variants.ForcePerVolume, variants.WallVelocityLost):
+class ForceAndWall(ForcePerVolume, WallVelocityLost):
     """The two findings that plane flow with a moving wall meets."""
 
 
@@ -79,7 +80,7 @@ def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
 
 @pytest.mark.parametrize(
     ("flow", "stages"),
-    [(POISEUILLE, variants.ForcePerVolume), (COUETTE, ForceAndWall), (TANK, variants.ForcePerVolume)],
+    [(POISEUILLE, ForcePerVolume), (COUETTE, ForceAndWall), (TANK, ForcePerVolume)],
     ids=["poiseuille", "couette", "tank"],
 )
 def test_findings_account_for_lammps(flow: Flow, stages: type[Plain], lmp: Any) -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from lammps_cases.studies.stability import atlas, known, maps, record, select, tables
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import MapDifference
+from lammps_cases.studies.stability import atlas, expected, maps, record, select, tables
 from lammps_cases.studies.stability.inputs import InputRow
-from lammps_cases.studies.stability.known import Known
 from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
 from tests.support.outcome import Outcome
@@ -48,7 +50,8 @@ def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
     assert "2 lines differ without a known finding" in out.out
     assert (tmp_path / "report.html").exists()
     assert measured == [{"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "report": measured[0]["report"]}]
-    monkeypatch.setattr(known, "KNOWN", (Known("made", "some-finding", "why"),))
+    shown = MapDifference("made", "why")
+    monkeypatch.setattr(expected, "LEDGER", (replace(LEDGER[0], expected_in_maps=(shown,)),))
     assert eos_ref_command("stability", "made", "--out", tmp_path).code == 0
 
 

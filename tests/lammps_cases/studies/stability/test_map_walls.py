@@ -7,7 +7,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.findings.variants import ForcePerVolume
+from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability.maps import walls
 from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, StabilityMap

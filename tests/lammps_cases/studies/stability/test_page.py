@@ -5,14 +5,17 @@ from __future__ import annotations
 import html
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.studies.stability import known, names, page
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import MapDifference
+from lammps_cases.studies.stability import expected, names, page
+from lammps_cases.studies.stability.expected import ExpectedDifference
 from lammps_cases.studies.stability.inputs import InputRow
-from lammps_cases.studies.stability.known import Known
 from lammps_cases.studies.stability.model import Cell
 from tests.support.made_atlas import MAP, TEXT, made_atlas
 
@@ -67,11 +70,20 @@ def test_the_table_of_disagreements_holds_both_sides(folder: Path) -> None:
 
 def test_a_known_finding_explains_a_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     atlas = made_atlas(folder)
-    finding = Known("made", "some-finding", "it moves <things>", "plain")
-    assert len(known.unexplained(atlas.disagreements)) == 2
-    monkeypatch.setattr(known, "KNOWN", (finding,))
-    assert [line.layer for line in known.unexplained(atlas.disagreements)] == ["with <shift>"]
-    assert [known.finding(line) for line in atlas.disagreements] == [finding, None]
+    assert len(expected.unexplained(atlas.disagreements)) == 2
+    shown = MapDifference("made", "it moves <things>", "plain")
+    monkeypatch.setattr(expected, "LEDGER", (replace(LEDGER[0], id="some-finding", expected_in_maps=(shown,)),))
+    assert [line.layer for line in expected.unexplained(atlas.disagreements)] == ["with <shift>"]
+    explained = ExpectedDifference("some-finding", "it moves <things>")
+    assert [expected.expected_difference(line) for line in atlas.disagreements] == [explained, None]
+
+
+def test_a_map_says_where_engines_differ_without_a_finding(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expected, "maps", lambda: {"made": replace(MAP, engines_differ="by rounding")})
+    atlas = made_atlas(folder)
+    assert [expected.expected_difference(line) for line in atlas.disagreements] == 2 * [
+        ExpectedDifference("", "by rounding")
+    ]
 
 
 def test_inputs_can_be_filtered_by_what_lammps_does(folder: Path) -> None:

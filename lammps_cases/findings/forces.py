@@ -1,0 +1,66 @@
+"""Findings about the forces of pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.numbers.columns import Number
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings.entry import SINCE_2, Entry, MapDifference
+from lammps_cases.findings.variants import Variant
+
+
+class ForcePerVolume(Plain):
+    """Pair forces lack the volume of the particle that they act on."""
+
+    def collecting_volume(self, rho_i: Number) -> Number:
+        """No volume."""
+        return 0 * rho_i + 1.0
+
+
+def _unit_volumes(scene: Particles) -> bool:
+    mass_n = scene.model.mass[scene.state.type_n - 1]
+    return bool(np.all(mass_n == scene.state.rho_n)) and not scene.model.fix.rho_sum
+
+
+def has_forces(scene: Particles) -> bool:
+    """Whether forces show, and particles have, or come to have, volumes other than 1."""
+    return scene.steps[-1] > 0 or ("f" in scene.fields and not _unit_volumes(scene))
+
+
+_VOLUME = "volumes leave 1 as the fluid is compressed or drawn out, and LAMMPS' forces lack the volume m/rho"
+FORCE_PER_VOLUME = Entry(
+    id="force-per-volume",
+    number=17,
+    title="Pair forces lack the volume of the particle they act on",
+    severity="high",
+    documented="pair rheo, as published (Palermo et al. 2024; Clemmer et al. 2024): the pressure force on i is "
+    "-sum V_i V_j (P_i + P_j) grad W, the viscous one sum 2 eta V_i V_j (x.grad W)/r^2 v_ij.",
+    observed="Since 2025.7.22.2.0 the factor V_i = m_i/rho_i is missing from pressure, viscous and artificial "
+    "viscous force on i: the array f holds a force per volume and is divided by the mass all the same. The "
+    "accelerations are wrong by the factor 1/V_i; nothing shows where every volume is 1, as in all example "
+    "decks.",
+    argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 feel "
+    "-1.10812 and +1.06855 in place of -0.79152 and +0.79152, so the pair accelerates itself. A fluid resolved "
+    "twice as finely in 2D (a quarter of each mass) gets 4 times the acceleration from the same pressure field, "
+    "while gravity, which multiplies by the mass, stays as it is.",
+    workaround="Choose the unit of length so that m/rho0 is 1 for every type.",
+    engines=SINCE_2,
+    scene="two particles of volume other than 1",
+    model_variant=Variant(has_forces, ForcePerVolume),
+    replaces=("collecting_volume",),
+    expected_in_maps=(
+        MapDifference("tension", _VOLUME, "shift"),
+        MapDifference("phases", _VOLUME, "continuity"),
+        MapDifference("wall-thickness", _VOLUME),
+        MapDifference("wall-stiffness", _VOLUME),
+        MapDifference("wall-viscosity", _VOLUME),
+        MapDifference("dam-break", _VOLUME),
+        MapDifference("column", _VOLUME),
+        MapDifference("falling-drop", _VOLUME),
+        MapDifference("summed-surface", _VOLUME, "rho/sum"),
+    ),
+)
+
+ENTRIES = (FORCE_PER_VOLUME,)

@@ -1,0 +1,132 @@
+"""Findings about the shift of particles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.numbers.columns import Axes, Number, axes, dot
+from eos_ref.numbers.elementary import sqrt, where
+from eos_ref.numbers.rounded import value
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings.entry import ALL, AlarmDifference, Entry
+from lammps_cases.findings.variants import Snapshot, Variant
+
+
+class SupportTimesDistance(Plain):
+    """The same-type support of scale/cross/type sums W r in place of W."""
+
+    def same_type_support(self, other: Any) -> Number:
+        """Sum of W r over neighbours of the same type."""
+        return self.total(where(other, 0.0, self.w * self.r))
+
+
+def asks_for_support(scene: Particles) -> bool:
+    """Whether shifting needs support by particles of the same type."""
+    shift = scene.model.fix.shift
+    return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[2] > 0
+
+
+class NormalOfLastPair(Plain):
+    """The normal of scale/cross/type is, for every particle, the direction of one and the same pair.
+
+    ``pair`` holds the indices of the pair; which one it is follows from LAMMPS' order of neighbours.
+    """
+
+    pair: tuple[int, int] = (-1, -1)
+
+    def cross_type_normal(self, gradient: Axes) -> Axes:
+        """Direction of the pair, in its present place."""
+        here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
+        if not here.size:  # it has left the cutoff: which pair is the last one now is not known
+            return [np.full(self.n, np.nan) for _ in self.x]
+        p = int(here[0])
+        x = [x_p[p : p + 1] for x_p in self.x]
+        size = sqrt(dot(x, x))
+        same = np.zeros(self.n, int)
+        return [(x_a / size)[same] for x_a in x]
+
+
+def scales_across_types(scene: Particles) -> bool:
+    """Whether shifting is scaled along the normal between types, with a kernel whose gradient has one direction."""
+    shift = scene.model.fix.shift
+    return (
+        not scene.model.corrects_gradients
+        and shift is not None
+        and shift.scale_cross_type is not None
+        and shift.scale_cross_type[0] != 1
+    )
+
+
+def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+    """The pair whose direction LAMMPS took out of the shift of the particle that changed most."""
+    if "shift/v" not in snapshot:
+        return None
+    sim = Simulation(scene.model, scene.box, scene.state, ("shift/v",), stages)
+    with np.errstate(invalid="ignore"):
+        sim.setup()
+    plain = sim.evaluator
+    unscaled_nc = value(np.stack(plain.raw_shift(axes(sim.state.v_nc), sim.state.rho_n), axis=1))
+    moves_n = np.any(snapshot["shift/v"] != 0, axis=1, keepdims=True)
+    change_nc = np.where(moves_n, unscaled_nc - snapshot["shift/v"], 0.0)
+    n_c = change_nc[np.argmax((change_nc**2).sum(axis=1))]
+    if not plain.i.size:
+        return None
+    if not n_c.any():  # nothing was taken out of any shift, so that no direction has to be known
+        return {}
+    x_pc = np.stack(plain.x, axis=1)
+    along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)
+    p = int(np.argmax(along_p))
+    return {"pair": (int(plain.i[p]), int(plain.j[p]))}
+
+
+CROSS_TYPE_SUPPORT = Entry(
+    id="cross-type-support",
+    number=22,
+    title="shift scale/cross/type sums W r for the same-type support",
+    severity="medium",
+    documented="fix rheo, scale/cross/type: W_same = sum W_ij delta_ij over particles of the same type.",
+    observed="The sum that is compared with wmin is sum W_ij r_ij delta_ij.",
+    argument="wmin is documented without dimension beyond that of W, yet the sum has one of length more: at "
+    "twice the spacing, everything else scaled, shifting goes on and off at other particles. The nearest "
+    "neighbours, which support most, count least.",
+    workaround="Multiply wmin by the mean distance of neighbours weighted by W, about 0.4 times the cutoff.",
+    engines=ALL,
+    scene="two types in disorder, wmin of half the full support",
+    model_variant=Variant(asks_for_support, SupportTimesDistance),
+    replaces=("same_type_support",),
+)
+
+
+CROSS_TYPE_NORMAL = Entry(
+    id="cross-type-normal",
+    number=23,
+    title="shift scale/cross/type uses one direction for all interfaces",
+    severity="high",
+    documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
+    "along it is scaled by shiftscale.",
+    observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop "
+    "over neighbours ended with. Now and then a particle has it to 9 digits only, as if it were multiplied by a "
+    "sum with both signs and divided by it again. With RK1 and RK2, whose pairs have two gradients, and on several "
+    "ranks every particle has a mixture of its own, which no variant reproduces.",
+    argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
+    "the atoms turns the direction, although nothing physical has changed; so does another skin or number of "
+    "ranks.",
+    workaround="Do not use scale/cross/type; exclude/type is not affected.",
+    engines=ALL,
+    scene="two types in disorder, shiftscale 0",
+    model_variant=Variant(scales_across_types, NormalOfLastPair, fit=last_pair),
+    replaces=("cross_type_normal",),
+    expected_in_alarms=(
+        AlarmDifference(
+            ("ranks",),
+            lambda scene: scene.rheo.shifting is not None and scene.rheo.shifting.scale_cross_type is not None,
+            "on several ranks every particle has a mixture of directions of its own, which no variant reproduces",
+        ),
+    ),
+)
+
+ENTRIES = (CROSS_TYPE_SUPPORT, CROSS_TYPE_NORMAL)

@@ -1,0 +1,76 @@
+"""Findings about free surfaces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.time_step import BULK, LAYER
+from eos_ref.model.parameters import BoolArray
+from eos_ref.numbers.rounded import value
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings.entry import ALL, AlarmDifference, Entry
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.variants import Variant
+
+
+class LayerOfFirst(FollowingLists):
+    """Bulk beside a surface has the status of a layer only if it is the first of some pair with a surface particle."""
+
+    def meets_as_first(self, surface_n: BoolArray) -> BoolArray:
+        """Which particles are the first of a pair with one of some others."""
+        return np.bincount(self.i[(self.forward_p >= 0) & surface_n[self.j]], minlength=self.n) > 0
+
+
+class StatusOfLayers(CountingSteps):
+    """Steps whose status words take the layer from `LayerOfFirst`."""
+
+    def output(self, field: str) -> Any:
+        """Fields as they are, with fewer particles in the layer."""
+        found = super().output(field)
+        if field != "status" or "surface" not in self.fields:
+            return found
+        met_n = self.evaluator.meets_as_first(value(self.fields["surface"]) == 1)
+        return np.where((found == LAYER) & ~met_n, float(BULK), found)
+
+
+def shows_layers(scene: Particles) -> bool:
+    """Whether the status of particles beside a surface shows."""
+    return "status" in scene.fields and scene.model.fix.surface_detection is not None
+
+
+LAYER_DEPENDS_ON_PAIR_ORDER = Entry(
+    id="layer-depends-on-pair-order",
+    number=26,
+    title="Which particles beside a surface are its layer depends on the order in which pairs are listed",
+    severity="low",
+    documented="fix rheo, surface/detection: particles are classified as bulk, surface or splash; neigh_modify, "
+    "newton and the number of processors must not change the physics. The layer beside a surface is not "
+    "documented; its status is listed by compute rheo/property/atom.",
+    observed="A bulk particle has the status of the layer (8) only if it is the first of some "
+    "pair, in the list, with a surface particle within the cutoff; one that is second in all such pairs keeps the "
+    "status of bulk (4), although surface/r of the same step holds its distance.",
+    argument="With newton off, or on two ranks, other particles of the same state have the status. With the order "
+    "of LAMMPS' own lists every status is predicted; on several ranks these are not read.",
+    workaround="surface/r for the layer.",
+    engines=ALL,
+    scene="a block of fluid beside vacuum",
+    model_variant=Variant(
+        shows_layers,
+        LayerOfFirst,
+        StatusOfLayers,
+        lists_of_neighbours,
+        lists=True,
+    ),
+    expected_in_alarms=(
+        AlarmDifference(
+            ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),
+            lambda scene: "status" in scene.compare and scene.rheo.surface_detection is not None,
+            "which of two particles is listed first decides whether one of them is of the layer; lists are not read "
+            "here",
+        ),
+    ),
+)
+
+ENTRIES = (LAYER_DEPENDS_ON_PAIR_ORDER,)

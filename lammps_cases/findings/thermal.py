@@ -1,0 +1,102 @@
+"""Findings about heat and temperature."""
+
+from __future__ import annotations
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.numbers.columns import Number
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings.entry import BEFORE_2, SINCE_2, Entry
+from lammps_cases.findings.variants import Variant
+
+
+class HeatAsTemperatureRate(Plain):
+    """The heat flow is that of the diffusivity kappa/(rho0 cv), without the volume of the particle heated."""
+
+    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
+        """No volume."""
+        return 0 * rho_i + 1.0
+
+    def conduction(self) -> Number:
+        """Thermal diffusivity at the equilibrium density."""
+        assert self.model.thermal is not None
+        cv_n = self.of_type(p.specific_heat for p in self.model.thermal)
+        return super().conduction() / (self.rho0_n * cv_n)
+
+
+class HeatOverDensity(Plain):
+    """The heat flow of a pair is divided by its mean density."""
+
+    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
+        """Volume over the mean density."""
+        return super().heated_volume(rho_i, rho_j) / (0.5 * (rho_i + rho_j))
+
+
+class TemperatureWithoutMass(Plain):
+    """The temperature is that of the energy of the particle, not per unit mass."""
+
+    def specific_energy(self, energy_n: Number) -> Number:
+        """The energy as it is stored."""
+        return energy_n
+
+
+def has_heat(scene: Particles) -> bool:
+    """Whether heat is conducted."""
+    return scene.model.thermal is not None
+
+
+HEAT_IS_TEMPERATURE_RATE = Entry(
+    id="heat-is-temperature-rate",
+    number=19,
+    title="The heat flow is a rate of temperature that is added to the energy",
+    severity="high",
+    documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
+    "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
+    observed="Since 2025.7.22.2.0 the output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean "
+    "of kappa/(rho0 cv): the rate of T, for the volume of one particle, at the equilibrium density. It is then "
+    "integrated as if it were the rate of the energy of the particle, which is m cv times larger.",
+    argument="Where m cv = 2 heat flows half as fast as the conductivity says. Two particles of volumes 2 and 3 "
+    "exchange -0.565 and +0.377: energy is not conserved.",
+    workaround="Use m = rho0 cv = 1 per type, with the diffusivity for the conductivity.",
+    engines=SINCE_2,
+    scene="two particles of different temperature and volume, cv other than 1",
+    model_variant=Variant(has_heat, HeatAsTemperatureRate),
+    replaces=("heated_volume",),
+)
+
+
+HEAT_OVER_DENSITY = Entry(
+    id="heat-over-density",
+    number=20,
+    title="The heat flow of a pair is divided by its mean density",
+    severity="high",
+    documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
+    "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
+    observed="Every term of the sum is divided by (rho_i + rho_j)/2. From 2025.7.22.2.0 on the heat flow is "
+    "another one (heat-is-temperature-rate).",
+    argument="The flow between two particles of volume 2/3 and density 1.5 is 2/3 of what the conductivity says; "
+    "the unit of the result is power over density. Water in SI units conducts a thousand times too little.",
+    workaround="Give the conductivity times the density.",
+    engines=BEFORE_2,
+    scene="two particles of different temperature and a density other than 1",
+    model_variant=Variant(has_heat, HeatOverDensity),
+)
+
+
+TEMPERATURE_WITHOUT_MASS = Entry(
+    id="temperature-without-mass",
+    number=21,
+    title="The temperature is taken from the energy of the particle, not per mass",
+    severity="high",
+    documented="fix rheo/thermal: specific heat in energy/(mass temperature), so T = E/(m cv) for the energy E "
+    "of a particle.",
+    observed="T = E/cv, while the heat flow changes E and ideal/gas takes E/m for the energy per mass. From "
+    "2025.7.22.2.0 on T = E/(m cv).",
+    argument="Two particles of masses 2 and 3 with energies 2 and 1 and cv = 1 have T = 1 and 1/3; LAMMPS "
+    "reports 2 and 1. A temperature that is measured in experiments depends on how finely the fluid is resolved.",
+    workaround="Use masses of 1, or a newer LAMMPS.",
+    engines=BEFORE_2,
+    scene="one particle of mass other than 1",
+    model_variant=Variant(has_heat, TemperatureWithoutMass),
+)
+
+ENTRIES = (HEAT_IS_TEMPERATURE_RATE, HEAT_OVER_DENSITY, TEMPERATURE_WITHOUT_MASS)

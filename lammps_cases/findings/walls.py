@@ -1,0 +1,221 @@
+"""Findings about solids: their velocity and their densities as the fluid sees them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Model, PairTerms
+from eos_ref.numbers.columns import Number, axes, dot
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.rounded import value
+from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.findings.entry import ALL, BEFORE_2, AlarmDifference, Entry
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.variants import Variant
+
+
+class WallVelocityLost(Plain):
+    """The velocity that a fluid particle sees of a solid lacks the solid's own velocity."""
+
+    def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
+        """Only the extrapolated difference."""
+        return (v_solid - v_fluid) * ratio
+
+
+def has_moving_walls(scene: Particles) -> bool:
+    """Whether reconstructed solids move, or may come to move."""
+    solid_n = scene.state.solid_n
+    free = solid_n & ~_held(scene.model, scene.state.type_n)
+    return scene.model.fix.interface_reconstruct and bool(np.any(scene.state.v_nc[solid_n]) or free.any())
+
+
+def _held(model: Model, type_n: Any) -> Any:
+    held_n = np.zeros(len(type_n), bool)
+    for force in model.forces:
+        if force.style == "setforce" and all(component == 0 for component in force.vector):
+            held_n |= force.acts_on(type_n)
+    return held_n
+
+
+class WallsSummedAfterSetup(Simulation):
+    """After the set-up of a run solids show their summed density, not the one reconstructed and used for the forces."""
+
+    def setup(self) -> None:
+        """Sum once more at the end."""
+        super().setup()
+        s = self.state
+        s.rho_n = where(s.solid_n, self.evaluator.density_sum(), s.rho_n)
+
+
+def sums_walls(scene: Particles) -> bool:
+    """Whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
+    fix = scene.model.fix
+    return 0 in scene.steps and fix.rho_sum and fix.interface_reconstruct and bool(scene.state.solid_n.any())
+
+
+class AccelerationsOfOldImages(FollowingLists):
+    """Right after lists were rebuilt, slots hold the accelerations of what was in them before, further slots 0."""
+
+    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
+        """Sums as they are, and what other accelerations than the particles' own add to the last."""
+        *sums, sum_n = super().wall_sums(pressure_n, rho_n, acceleration_nc)
+        if not self.kept_sc.size:  # the set-up: nothing is kept yet
+            return *sums, sum_n
+        i, j = self.i, self.j
+        present = [a_n[j] - a_n[i] for a_n in axes(acceleration_nc)]
+        read = axes(self._read())
+        wall_p = self.solid_n[i] & ~self.solid_n[j]
+        stale_p = wall_p & np.logical_or.reduce([value(a) != b for a, b in zip(present, read, strict=True)])
+        change = [where(stale_p, b - a, 0.0) for a, b in zip(present, read, strict=True)]
+        return *sums, sum_n + self.total(where(stale_p, self.w * rho_n[j] * dot(change, self.x), 0.0))
+
+    def _read(self) -> FloatArray:
+        """Acceleration in the slot of j less that in the slot of i, for every pair; NaN for pairs not in the list."""
+        listed = self.lists[self.at]
+        new_sc = np.zeros((len(listed.row_s), self.model.dimension))[len(self.kept_sc) :]
+        held_sc = np.concatenate([self.kept_sc, new_sc])
+        under_i = self.forward_p >= 0
+        entry_p = np.where(under_i, self.forward_p, self.backward_p)
+        one, other = listed.pair_ps[entry_p].T
+        difference_pc = (held_sc[other] - held_sc[one]) * np.where(under_i, 1.0, -1.0)[:, None]
+        return np.where(entry_p[:, None] >= 0, difference_pc, np.nan)
+
+
+def has_kept_images(scene: Particles) -> bool:
+    """Whether accelerations are kept for walls that may have periodic images."""
+    return any(scene.box.periodic) and keeps_forces(scene)
+
+
+class GradientOfSecond(FollowingLists):
+    """The pressure that is taken out of accelerations has, for both of a pair, the gradient of the second one.
+
+    Without newton a pair across a boundary is listed twice, once for each particle, which then has its own gradient.
+    """
+
+    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
+        """All terms as they are, and the pressure force kept from exchanged gradients."""
+        found, own = super().pair_terms(*fields, **options), self.g
+        exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & (self.reverse_p >= 0)
+        self.g = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own]
+        kept = super().pair_terms(*fields, **options)
+        self.g = own
+        return replace(found, pressure_force_nc=kept.pressure_force_nc)
+
+
+def keeps_corrected_forces(scene: Particles) -> bool:
+    """Whether accelerations without pressure are kept for walls, with a kernel whose pairs have two gradients."""
+    return scene.model.corrects_gradients and keeps_forces(scene)
+
+
+def keeps_forces(scene: Particles) -> bool:
+    """Whether accelerations are kept from step to step to reconstruct the densities of walls."""
+    return scene.model.fix.interface_reconstruct and scene.steps[-1] > 0 and bool(scene.state.solid_n.any())
+
+
+WALL_VELOCITY_LOST = Entry(
+    id="wall-velocity-lost",
+    number=18,
+    title="interface/reconstruct forgets that a wall moves",
+    severity="high",
+    documented="fix rheo, interface/reconstruct: densities and velocities of solids are reconstructed to ensure "
+    "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
+    observed="The solid's velocity as the fluid sees it is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
+    "agree for a wall at rest only.",
+    argument="A fluid and its container that move together with velocity U must feel no viscous force; LAMMPS "
+    "sees the wall at 0 in place of U. A wall moved at U drags the fluid towards U d_s/(d_s + d_f), not U, so "
+    "that a Couette flow depends on how the particles of the wall lie. Not Galilean invariant.",
+    workaround="Keep walls at rest: choose the frame of the wall, or drive the fluid by addforce.",
+    engines=ALL,
+    scene="fluid at rest over one row of solid particles that moves",
+    model_variant=Variant(has_moving_walls, WallVelocityLost),
+)
+
+
+WALLS_SUMMED_AFTER_SETUP = Entry(
+    id="walls-summed-after-setup",
+    number=24,
+    title="After the set-up of a run solids show a density that was not used",
+    severity="low",
+    documented="fix rheo, interface/reconstruct: the density of solids is reconstructed for the interaction with "
+    "fluid; rho/sum sums densities.",
+    observed="With both keywords the densities (and pressures) of solids reported after run 0 are the sums; the "
+    "forces of the same step used the reconstructed ones, and every later step reports these.",
+    argument="Output and forces of one step belong to different densities: a restart or a check of P(rho) after "
+    "run 0 sees a state that the dynamics never had.",
+    workaround="Look at solids from the first step on.",
+    engines=ALL,
+    scene="fluid over solid particles with rho/sum, run 0",
+    model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup),
+)
+
+
+WALLS_AFTER_REBUILD = Entry(
+    id="walls-after-rebuild",
+    number=25,
+    title="Densities of walls are wrong in single steps after neighbour lists are rebuilt",
+    severity="high",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
+    "2012), whatever the neighbour lists; neigh_modify: settings of the lists must not change the physics.",
+    observed="In a step in which atoms enter or leave the layer of periodic images, the extrapolation to solids "
+    "reads accelerations by the slots of images that the new list numbers, while the slots still hold what the old "
+    "list had in them: accelerations of other particles. Densities of solids that see fluid through a periodic "
+    "boundary are off by up to 1 % in that step, and with them the forces; before the next step the slots are "
+    "filled anew, so that only the trajectory keeps the error.",
+    argument="The same run with another skin or other rebuild settings has another trajectory. With the "
+    "accelerations taken from LAMMPS' own slots, as of the list before, every density is reproduced to rounding, "
+    "over 200 steps with 35 changes of the list; slots beyond those of the old list hold zeros. Lists that are "
+    "rebuilt with the same images in the same order do no harm.",
+    workaround="A large skin, so that lists are rebuilt seldom.",
+    engines=ALL,
+    scene="fluid over fixed solids under gravity, periodic along the wall, lists rebuilt every step",
+    model_variant=Variant(
+        has_kept_images,
+        AccelerationsOfOldImages,
+        CountingSteps,
+        lists_of_neighbours,
+        lists=True,
+    ),
+    expected_in_alarms=(
+        AlarmDifference(
+            ("rebuilt",),
+            lambda scene: scene.rheo.interface_reconstruct,
+            "the first step that is wrong is the first in which the list of periodic images changes, and only "
+            "densities of solids are wrong in it; scenes whose images stay the same are right",
+        ),
+    ),
+)
+
+
+WALLS_DEPEND_ON_PAIR_ORDER = Entry(
+    id="walls-depend-on-pair-order",
+    number=27,
+    title="With RK1 and RK2, densities of walls depend on the order in which pairs are listed",
+    severity="medium",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
+    "fluid (Adami et al. 2012), the acceleration being the one not due to pressure.",
+    observed="The pressure force that is taken out of the acceleration is, for the first particle of every pair "
+    "in the list, minus that of the second, made with the second particle's gradient; with the quintic kernel the "
+    "two are the same. With newton off pairs across a boundary are listed for each particle, which then has its "
+    "own gradient, as all have from 2025.7.22.2.0 on.",
+    argument="The twins that relabel the atoms or change newton, skin or frame give other densities from step 1 "
+    "on, by up to 6e-3: physics must not depend on which of a pair a list names first. With the order of LAMMPS' "
+    "own lists every density is reproduced to rounding at every step.",
+    workaround="The quintic kernel, or a newer LAMMPS.",
+    engines=BEFORE_2,
+    scene="one solid and three fluid particles, RK1",
+    model_variant=Variant(
+        keeps_corrected_forces,
+        GradientOfSecond,
+        CountingSteps,
+        lists_of_neighbours,
+        lists=True,
+    ),
+)
+
+ENTRIES = (WALL_VELOCITY_LOST, WALLS_SUMMED_AFTER_SETUP, WALLS_AFTER_REBUILD, WALLS_DEPEND_ON_PAIR_ORDER)

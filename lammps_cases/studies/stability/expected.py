@@ -1,0 +1,33 @@
+"""Why LAMMPS and the reference fail at different places: a finding, or what the map itself says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lammps_cases.findings import LEDGER
+from lammps_cases.studies.stability.lines import Agreement
+from lammps_cases.studies.stability.maps import maps
+from lammps_cases.studies.stability.model import Cell
+
+
+@dataclass(frozen=True)
+class ExpectedDifference:
+    """What makes the engines differ; ``finding``: id of a ledger entry, none where no statement is broken."""
+
+    finding: str
+    why: str
+
+
+def expected_difference(line: Agreement | Cell) -> ExpectedDifference | None:
+    """What explains that the engines differ on a line, or in a cell; None: nothing."""
+    for entry in LEDGER:
+        for where in entry.expected_in_maps:
+            if where.map == line.map and where.layer in (None, line.layer):
+                return ExpectedDifference(entry.id, where.why)
+    of = maps().get(line.map)
+    return ExpectedDifference("", of.engines_differ) if of and of.engines_differ else None
+
+
+def unexplained(lines: list[Agreement]) -> list[Agreement]:
+    """The lines that differ for no expected reason."""
+    return [line for line in lines if expected_difference(line) is None]

@@ -1,0 +1,168 @@
+"""One finding in one place: what is derived from the ledger, that it is current, and a finding walked through it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.numbers.columns import Number
+from lammps_cases import findings
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.findings import LEDGER, accepted_cases, forces, ledger_of
+from lammps_cases.findings.entry import Entry
+from lammps_cases.findings.variants import Variant
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.regression import acceptance, evidence
+from lammps_cases.report import findings as reported
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation.alarms import KINDS
+from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.judgement import particles_of
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+ROOT = Path(__file__).parents[3]
+BY_ID = {entry.id: entry for entry in LEDGER}
+ENGINE = "2099.1.1"
+
+
+def test_every_finding_has_a_name_and_a_place_of_its_own() -> None:
+    assert len(BY_ID) == len(LEDGER)
+    assert [entry.number for entry in LEDGER] == list(range(1, len(LEDGER) + 1))
+
+
+def test_a_finding_is_reproduced_or_speaks_of_cases() -> None:
+    for entry in LEDGER:
+        assert (entry.model_variant is None) == bool(entry.applies_to), entry.id
+        assert entry.named_variant, entry.id
+
+
+def test_functions_that_a_finding_replaces_are_those_of_its_variant() -> None:
+    replaced = {entry.id: entry.replaces for entry in LEDGER if entry.replaces}
+    assert replaced
+    for name, functions in replaced.items():
+        variant = BY_ID[name].model_variant
+        assert variant is not None
+        assert set(functions) <= vars(variant.stages).keys()
+        assert all(hasattr(Plain, function) for function in functions)
+
+
+def test_alarms_are_of_kinds_that_there_are() -> None:
+    expected = [alarm for entry in LEDGER for alarm in entry.expected_in_alarms]
+    assert expected
+    assert {kind for alarm in expected for kind in alarm.kinds} <= set(KINDS)
+
+
+# --- what is derived
+
+
+def test_the_generated_files_are_current() -> None:
+    for path, content in evidence.documents().items():
+        assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.regression.evidence"
+
+
+def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
+    entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
+    assert {entry["id"]: entry["cases"] for entry in entries} == evidence.shown_by(evidence.BASELINES)
+    assert {case for entry in entries for case in entry["cases"]} <= {case.name for case in casefile.load()}
+
+
+def test_every_finding_that_speaks_of_a_case_is_shown_by_it() -> None:
+    """Or the case is a probe, which is part of no accepted run."""
+    shown = accepted_cases()
+    for entry in LEDGER:
+        cases = [pattern for pattern in entry.applies_to if not pattern.startswith("probes.")]
+        assert bool(cases) <= bool(shown[entry.id]), entry.id
+        assert all(any(entry.covers(case, engine) for engine in entry.engines) for case in shown[entry.id]) or (
+            entry.model_variant is not None
+        ), entry.id
+
+
+def test_findings_are_named_in_their_room_only() -> None:
+    """And in claims, and where a case, an input or a probe bears the same name."""
+    places: dict[str, set[str]] = {name: set() for name in BY_ID}
+    files = [path for package in ("eos_ref", "lammps_cases") for path in (ROOT / package).rglob("*")]
+    for path in files:
+        relative = path.relative_to(ROOT / path.relative_to(ROOT).parts[0])
+        if path.suffix not in (".py", ".yaml") or relative.parts[0] in ("claims", "cases"):
+            continue
+        text = re.sub(r"^ *- id: \S+$", "", path.read_text(), flags=re.MULTILINE)
+        for name in places:
+            if re.search(rf"(?<![\w.-]){name}(?![\w-])", text):
+                places[name].add(str(relative))
+    for name, found in places.items():
+        assert found, name
+        assert all(place.startswith("findings/") for place in found), (name, found)
+
+
+# --- a new finding
+
+
+class HalfVolume(Plain):
+    """Forces with half the volume, as no LAMMPS has them."""
+
+    def collecting_volume(self, rho_i: Number) -> Number:
+        """Half of it."""
+        return 0.5 * super().collecting_volume(rho_i)
+
+
+HALVED = Entry(
+    id="halved",
+    number=len(LEDGER) + 1,
+    title="Forces are halved",
+    severity="low",
+    documented="They are whole.",
+    observed="They are half.",
+    argument="Two halves make a whole.",
+    workaround="Twice the mass.",
+    engines=(ENGINE,),
+    scene="two particles",
+    model_variant=Variant(forces.has_forces, HalfVolume),
+)
+
+
+def _judged(name: str) -> CaseRecord:
+    """A case judged on an engine that has the finding, and no other."""
+    (case,) = casefile.select(casefile.load(), (name,))
+    ready, predictor = campaign.prepare(case), Predictor()
+    problem = particles_of(case.scene, ready.atoms, case.where, case.scene.snapshots)
+    fields = predictor.values(problem, (HalfVolume, Simulation))
+    snapshots = [{name: np.asarray(values) for name, values in at.items()} for at in fields]
+    judged = particle_model.judge(problem, name, ready.atoms.id_n, snapshots, ENGINE, predictor)
+    records = [comparison.record for comparison in judged.comparisons]
+    assert [entry.id for entry in judged.entries] == ["halved"]
+    return CaseRecord(case=name, verdict="explained", fields=records)
+
+
+def test_a_new_finding_is_a_record_and_a_class(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
+) -> None:
+    """From its record alone: the explanation of a case, the report, the shown-by list, the README, the command."""
+    ledger = ledger_of((LEDGER, (HALVED,)))
+    monkeypatch.setattr(findings, "LEDGER", ledger)
+    record = _judged("images.quintic.two")
+    assert "f" in {field.field for field in record.fields if field.verdict == "explained"}
+
+    run = RunRecord(engine=EngineRecord(distribution=ENGINE), reference={}, cases=[record])
+    (shown,) = (found for found in reported.of_run(run, ledger) if found.entry.id == "halved")
+    assert shown.cases == ["images.quintic.two"]
+
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.json").write_text(run.counted().to_json())
+    acceptance.accept(tmp_path / "run", "has the finding", tmp_path / "accepted")
+    documents = evidence.documents(tmp_path / "accepted", ledger)
+    assert "| low | Forces are halved (`halved`) | 2099.1.1 | 1 |\n" in documents[evidence.README]
+
+    (tmp_path / "shown_by.json").write_text(documents[findings.SHOWN_BY])
+    monkeypatch.setattr(findings, "SHOWN_BY", tmp_path / "shown_by.json")
+    out = eos_ref_command("ledger").out
+    assert "halved (low): Forces are halved" in out
+    assert "seen in: 2099.1.1; shown by: images.quintic.two\n" in out

@@ -1,0 +1,31 @@
+"""What explains that engines differ: of maps and layers that there are, each once."""
+
+from __future__ import annotations
+
+from lammps_cases.findings import LEDGER
+from lammps_cases.studies.stability.maps import maps
+from lammps_cases.studies.stability.refusals import bad_inputs
+
+PLACES = [where for entry in LEDGER for where in entry.expected_in_maps]
+
+
+def test_every_explanation_is_of_a_map_and_a_layer_that_exist() -> None:
+    assert PLACES
+    for where in PLACES:
+        assert where.layer is None or where.layer in maps()[where.map].layers, where
+        assert where.map in maps()
+        assert where.why
+
+
+def test_no_difference_is_explained_twice() -> None:
+    places = [(where.map, where.layer) for where in PLACES]
+    assert len(places) == len(set(places))
+    named = {where.map for where in PLACES}
+    assert not [of.id for of in maps().values() if of.engines_differ and of.id in named]
+
+
+def test_findings_name_inputs_that_exist_each_once() -> None:
+    named = [name for entry in LEDGER for name in entry.expected_inputs]
+    assert named
+    assert len(named) == len(set(named))
+    assert set(named) <= {bad.id for bad in bad_inputs()}

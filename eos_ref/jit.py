@@ -19,7 +19,8 @@ from eos_ref.cache import cache_folder
 SOURCES = ("jit.py", "numbers/elementary.py", "eos/laws.py", "eos/registry.py", "eos/compiled.py")
 
 
-def _cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:
+def cache_directory(sources: tuple[str, ...] = SOURCES) -> Path:
+    """Return the folder of compiled code that depends on some files, a new one when any of them changes."""
     # numba notices changes of the file that holds a loop, but not of the law it calls: key the cache by both.
     digest = hashlib.sha256()
     for name in sources:
@@ -35,7 +36,7 @@ def announce_first_use(loop: Any) -> None:
 
 def cached(*sources: str) -> Any:
     """Decorator of a compiled loop kept on disk until one of these files, or of `SOURCES`, changes."""
-    folder = str(_cache_directory((*SOURCES, *sources)))
+    folder = str(cache_directory((*SOURCES, *sources)))
 
     def decorate(loop: Any) -> Any:
         # Other packages' functions stay where they were: the setting is read when a loop is decorated.

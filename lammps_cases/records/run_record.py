@@ -1,6 +1,6 @@
 """What a run leaves behind: the models of ``run.json``.
 
-``run.json`` is the single source of every report; its JSON schema is published as ``lammps_cases/run.schema.json``.
+``run.json`` is the single source of every report; its JSON schema is published in the same room.
 """
 
 from __future__ import annotations

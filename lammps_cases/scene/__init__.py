@@ -1,6 +1,6 @@
 """A scene: everything that defines one case, as validated data. No raw LAMMPS text, so safe from strangers.
 
-The models are the file format: `lammps_cases/scene.schema.json` (for editors) is generated from them. Quantities
+The models are the file format: `lammps_cases/scene/scene.schema.json` (for editors) is generated from them. Quantities
 are in the scene's LAMMPS units; energies are per unit mass.
 """
 

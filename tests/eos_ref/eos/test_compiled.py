@@ -141,7 +141,7 @@ def test_a_place_without_a_law_has_no_pressure() -> None:
 
 def test_the_cache_follows_the_laws(monkeypatch: pytest.MonkeyPatch) -> None:
     """A law that changes must not be answered by an old compiled loop."""
-    before = jit._cache_directory()
+    before = jit.cache_directory()
     read = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path.name == "laws.py" else b""))
-    assert jit._cache_directory() != before
+    assert jit.cache_directory() != before

@@ -84,7 +84,7 @@ def test_importing_the_plugin_imports_nothing_but_pytest() -> None:
         "import sys, pytest; a = set(sys.modules); import lammps_cases.ci.pytest_plugin; print(*set(sys.modules) - a)"
     )
     words = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert sorted(words) == ["lammps_cases", "lammps_cases.ci.pytest_plugin"]
+    assert sorted(words) == ["lammps_cases", "lammps_cases.ci", "lammps_cases.ci.pytest_plugin"]
 
 
 def test_yaml_files_are_ours_only_if_asked_for(pytester: pytest.Pytester) -> None:

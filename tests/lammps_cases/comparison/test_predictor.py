@@ -161,27 +161,28 @@ def test_libraries_and_processor_are_part_of_the_context(
     assert prediction_keys.context() != before
 
 
-def _imported(name: str) -> set[str]:
+def _imported(module: str) -> set[str]:
     """Modules of lammps_cases that one of them imports anywhere in its text."""
-    module = ROOT / "lammps_cases" / name
-    files = sorted(module.glob("*.py")) if module.is_dir() else [module.with_suffix(".py")]
-    found = set()
-    for node in (node for file in files for node in ast.walk(ast.parse(file.read_text()))):
-        if isinstance(node, ast.ImportFrom) and node.module == "lammps_cases":
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lammps_cases."):
-            found.add((node.module or "").split(".")[1])
-    return found
+    path = ROOT.joinpath(*module.split("."))
+    text = (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text()
+    imported = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lammps_cases"):
+            for name in [f"{node.module}.{alias.name}" for alias in node.names]:
+                here = ROOT.joinpath(*name.split("."))
+                imported.add(name if here.is_dir() or here.with_suffix(".py").exists() else str(node.module))
+    return imported
 
 
 def test_the_context_holds_every_module_that_predictions_go_through() -> None:
-    seen, left = set(), {"predictions"}
+    reached, left = set(), {"lammps_cases.comparison.predictor", "lammps_cases.verdict.model_mistakes"}
     while left:
         name = left.pop()
-        seen.add(name)
-        left |= _imported(name) - seen
-    assert seen == {*prediction_keys.SOURCES, "methods"}
-    assert {path.parent.name for path in prediction_keys.hashed(ROOT)} == {"eos_ref", "lammps_cases", "methods"}
+        reached.add(name)
+        left |= _imported(name) - reached
+    rooms = {name.split(".")[1] for name in reached}
+    assert "comparison" in rooms
+    assert rooms <= set(prediction_keys.ROOMS)
 
 
 def _bits(prediction: Prediction) -> list[bytes]:
@@ -196,12 +197,12 @@ def test_what_is_found_has_the_bits_of_what_was_computed(scene: Particles, tmp_p
     first, second, alone = Predictor(kept), Predictor(kept), Predictor()
     for predictor in (first, second, alone):
         predictor.predict(scene, seed=5)
-        predictor.unseen(scene, seed=5)
+        predictor.names("lint", scene, lambda: ["one"], 5)
     assert [(p.computed, p.stored) for p in (first, second, alone)] == [(2, 0), (0, 2), (2, 0)]
     for one, other in ((first, second), (first, alone)):
         assert _bits(one.predict(scene, seed=5)) == _bits(other.predict(scene, seed=5))
         assert _bits(one.predict(scene, made, 5)) == _bits(other.predict(scene, made, 5))
-        assert one.unseen(scene, 5) == other.unseen(scene, 5)
+        assert one.names("lint", scene, list, 5) == other.names("lint", scene, list, 5) == ["one"]
         digits = [p.precise(scene) for p in (one, other)]
         assert all(np.array_equal(digits[0][f], digits[1][f], equal_nan=True) for f in scene.fields)
         assert all(digits[0][f].dtype == digits[1][f].dtype for f in scene.fields)

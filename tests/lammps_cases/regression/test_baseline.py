@@ -180,7 +180,7 @@ def test_a_run_that_notes_no_machine_is_of_this_one(
 ) -> None:
     old = changed_run(of_field("pressure", digest=OTHER, verdict="pass"), whole=lambda run: run["machine"].pop("kind"))
     assert check(old, accepted).faults
-    monkeypatch.setattr(baseline.keys, "processor", lambda: "another processor")
+    monkeypatch.setattr(baseline.prediction_keys, "processor", lambda: "another processor")
     assert check(old, accepted).faults == ()
 
 

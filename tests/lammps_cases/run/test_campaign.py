@@ -233,5 +233,5 @@ def test_published_schemas_are_current() -> None:
 
 @pytest.mark.parametrize("path", sorted(casefile.SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_case_files_fit_the_published_schema(path: Path) -> None:
-    schema = json.loads((schemas.FOLDER / "scene.schema.json").read_text())
+    schema = json.loads((schemas.FOLDER / "scene" / "scene.schema.json").read_text())
     jsonschema.Draft202012Validator(schema).validate(casefile.read_yaml(path))

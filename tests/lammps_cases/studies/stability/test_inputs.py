@@ -182,7 +182,7 @@ class Traced:
 
 def test_rules_of_the_reference_are_covered() -> None:
     """Every line of the parser, the laws and the model that refuses is run by a row, or named above."""
-    files = [Path(eos_ref.__file__).with_name(f"{name}.py") for name in MODULES]
+    files = [Path(eos_ref.__file__).parent / f"{name}.py" for name in MODULES]
     rules = {(str(path), line): text for path in files for line, text in raised(path)}
     assert len(rules) > 40
     traced = Traced({str(path) for path in files})
@@ -205,7 +205,8 @@ def test_rules_of_the_reference_are_covered() -> None:
 
 def test_rules_of_scenes_are_covered() -> None:
     """Every complaint of a scene's own validators is run by a row, or by a refusal that is nothing to LAMMPS."""
-    files = sorted(Path(scene.__file__).parent.glob("*.py"))
+    validators = ("case", "manual", "materials", "particles", "runs", "settings", "values")
+    files = [Path(scene.__file__).with_name(f"{name}.py") for name in validators]
     rules = {
         (str(path), node.lineno): ast.unparse(node)
         for path in files

@@ -1,6 +1,10 @@
-"""The one exception that bad input raises."""
+"""The one exception that bad input raises, and a suggestion for its rule."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+
+SIMILAR = 0.5  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
 
 
 class InputError(ValueError):
@@ -34,3 +38,11 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str, object, str]]:
         return InputError, (self.what, self.rule, self.found, self.where)
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Return the name that was probably meant, for the end of a rule; empty if none is similar."""
+    import difflib
+
+    close = difflib.get_close_matches(name, list(names), 1, SIMILAR)
+    return f" (did you mean {close[0]}?)" if close else ""

@@ -6,7 +6,6 @@ is refused here with one line that says why.
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -15,7 +14,7 @@ from typing import Literal, NoReturn, cast, get_args
 
 from eos_ref.eos.registry import PARAMETER, STYLES, Style
 from eos_ref.eos.table import EOS, EOSTable
-from eos_ref.errors import InputError
+from eos_ref.errors import InputError, nearest
 from eos_ref.syntax.ranges import type_range
 
 KernelStyle = Literal["quintic", "RK0", "RK1", "RK2"]
@@ -166,9 +165,8 @@ def _words(text: str, style: str) -> _Words:
     return words
 
 
-def _nearest(word: str, choices: Sequence[str]) -> str:
-    close = difflib.get_close_matches(word, choices, 1, 0.5)
-    return f"must be one of {', '.join(choices)}" + (f" (did you mean {close[0]}?)" if close else "")
+def _one_of(word: str, choices: Sequence[str]) -> str:
+    return f"must be one of {', '.join(choices)}{nearest(word, choices)}"
 
 
 def parse_fix_rheo_pressure(text: str) -> tuple[PressureEntry, ...]:
@@ -194,7 +192,7 @@ def parse_fix_rheo_pressure(text: str) -> tuple[PressureEntry, ...]:
         type_range(types, 10**18, words.command)  # its form; `resolve` knows the number of types
         style = words.word("pressure style")
         if style not in styles:
-            words.fail("pressure style", _nearest(style, styles), style)
+            words.fail("pressure style", _one_of(style, styles), style)
         name = PARAMETER.get(style)
         entries.append(PressureEntry(types, style, words.number(f"{name} of {style}") if name else None))
     return tuple(entries)
@@ -263,7 +261,7 @@ def resolve(
 def _surface(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
     style = words.word("style of surface/detection")
     if style not in get_args(SurfaceStyle):
-        words.fail("style of surface/detection", _nearest(style, get_args(SurfaceStyle)), style)
+        words.fail("style of surface/detection", _one_of(style, get_args(SurfaceStyle)), style)
     fix.surface_detection = SurfaceDetection(
         cast(SurfaceStyle, style),
         words.number("limit of surface/detection"),
@@ -348,7 +346,7 @@ def parse_fix_rheo(text: str, ntypes: int | None = None) -> FixRheo:
         words.fail("cut", "must be positive", cut)
     kernel = words.word("kstyle")
     if kernel not in get_args(KernelStyle):
-        words.fail("kstyle", _nearest(kernel, get_args(KernelStyle)), kernel)
+        words.fail("kstyle", _one_of(kernel, get_args(KernelStyle)), kernel)
     zmin = words.integer("zmin")
     if zmin < 0:
         words.fail("zmin", "must not be negative", zmin)
@@ -356,6 +354,6 @@ def parse_fix_rheo(text: str, ntypes: int | None = None) -> FixRheo:
     while words.left:
         keyword = words.word("keyword")
         if keyword not in _KEYWORDS:
-            words.fail("keyword of fix rheo", _nearest(keyword, tuple(_KEYWORDS)), keyword)
+            words.fail("keyword of fix rheo", _one_of(keyword, tuple(_KEYWORDS)), keyword)
         _KEYWORDS[keyword](words, fix, ntypes)
     return fix

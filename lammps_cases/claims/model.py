@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
 from eos_ref import InputError
-from lammps_cases.records.wording import nearest
+from eos_ref.errors import nearest
 from lammps_cases.scene import casefile
 
 PROBE = "probes."  # the names of probes begin so, and those of no case

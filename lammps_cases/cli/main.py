@@ -59,12 +59,10 @@ class LazyGroup(click.Group):
 
     def resolve_command(self, context: click.Context, args: list[str]) -> Any:
         """Suggest the nearest command for an unknown one."""
-        import difflib
+        from eos_ref.errors import nearest
 
         if args and args[0] not in COMMANDS:
-            close = difflib.get_close_matches(args[0], COMMANDS, 1)
-            hint = f" (did you mean {close[0]}?)" if close else ""
-            raise click.UsageError(f"no such command: {args[0]}{hint}")
+            raise click.UsageError(f"no such command: {args[0]}{nearest(args[0], COMMANDS)}")
         return super().resolve_command(context, args)
 
 

@@ -114,20 +114,27 @@ def _version(library: str) -> str:
         return ""
 
 
+def cpuinfo() -> dict[str, str]:
+    """Return what Linux says of the first processor, by key; nothing on other systems."""
+    known: dict[str, str] = {}
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
+            key, _, value = line.partition(":")
+            known.setdefault(key.strip(), value.strip())
+    except OSError:
+        pass
+    return known
+
+
 def processor() -> str:
     """The processor as far as it decides which instructions are used, and the C library with its functions."""
-    name, flags = platform.machine(), set[str]()
+    known = cpuinfo()
+    flags = set(known.get("flags", known.get("Features", "")).split())
     try:
-        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as lines:
-            known: dict[str, str] = {}
-            for line in lines:
-                key, _, value = line.partition(":")
-                known.setdefault(key.strip(), value.strip())
-        name = known.get("model name", name)
-        flags = set(known.get("flags", known.get("Features", "")).split())
-        libc = os.confstr("CS_GNU_LIBC_VERSION") or ""
+        libc = os.confstr("CS_GNU_LIBC_VERSION") or "" if known else ""
     except (OSError, ValueError):
         libc = ""
+    name = known.get("model name", platform.machine())
     return ", ".join(filter(None, (name, " ".join(i for i in INSTRUCTIONS if i in flags), libc)))
 
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from packaging.version import InvalidVersion, Version
+
 from lammps_cases.history.model import Run
 
-_BEFORE = ("dev", "a", "alpha", "b", "beta", "c", "pre", "rc")  # what leads to a version
 _HASH = 8  # digits shown of a library's hash
 
 
@@ -22,15 +23,16 @@ class Line:
     runs: tuple[Run, ...]
 
 
-def natural(version: str) -> tuple[tuple[int, int, str], ...]:
-    """Key by which versions sort as people count: 1.2 < 1.10rc1 < 1.10 < 1.10.post1."""
-    parts: list[tuple[int, int, str]] = []
-    for part in re.findall(r"\d+|[a-z]+", version.lower()):
-        if part.isdigit():
-            parts.append((2, int(part), ""))
-        else:
-            parts.append((0, _BEFORE.index(part), part) if part in _BEFORE else (2, -1, part))
-    return (*parts, (1, 0, ""))
+def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
+    """Return the key by which versions sort: 1.2 < 1.10rc1 < 1.10 < 1.10.post1; labels that are none come first.
+
+    Numbers within such labels sort as people count, between words in the order of the alphabet.
+    """
+    try:
+        return True, Version(version)
+    except InvalidVersion:
+        parts = re.findall(r"\d+|[a-z]+", version.lower())
+        return False, [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
 def engines(runs: Sequence[Run]) -> list[Line]:

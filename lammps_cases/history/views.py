@@ -8,11 +8,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
-from eos_ref.errors import InputError
+from eos_ref.errors import InputError, nearest
 from lammps_cases.history.model import KINDS, FieldOutcome, Kind, Outcome, Result, Run
 from lammps_cases.history.order import Line, engines
 from lammps_cases.history.store import History
-from lammps_cases.records.wording import nearest, size
+from lammps_cases.records.wording import size
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable
 from typing import Any, Literal
 
 from lammps_cases.records.run_record import VERDICTS, CaseRecord, FieldRecord, RunRecord, Verdict, worst
@@ -71,12 +69,6 @@ def plain(item: Any) -> Any:
 
 
 # --- names
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that was probably meant, for the end of a rule; empty if none is near."""
-    close = difflib.get_close_matches(name, list(known), 1, 0.4)
-    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def folder_name(text: str) -> str:

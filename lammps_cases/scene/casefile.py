@@ -6,7 +6,6 @@ merged into the scene (``key+`` appends to a list, null removes), every combinat
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 import itertools
 import math
@@ -21,7 +20,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
-from lammps_cases.records.wording import nearest
+from eos_ref.errors import nearest
 from lammps_cases.scene import Scene, check_name, models
 
 MAX_CASES = 10_000  # of one file
@@ -142,9 +141,7 @@ def _validation_error(error: ValidationError, where: str, data: Any) -> InputErr
     rule = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
         known = [*CaseFile.model_fields, *_known_keys()]
-        close = difflib.get_close_matches(place[-1], known, 1, 0.6)
-        rule = "unknown key" + (f" (did you mean {close[0]}?)" if close else "")
-        return InputError(".".join(place), rule, where=where)
+        return InputError(".".join(place), f"unknown key{nearest(place[-1], known)}", where=where)
     found = first.get("input")
     shown = None if first["type"] in ("missing", "value_error") else found
     return InputError(".".join(place) or "scene", rule, shown, where)

@@ -7,6 +7,7 @@ import pickle
 import pytest
 
 from eos_ref import InputError
+from eos_ref.errors import nearest
 
 
 def test_the_line() -> None:
@@ -44,3 +45,8 @@ def test_it_pickles(found: object, where: str) -> None:
     assert type(back) is InputError
     assert (back.what, back.rule, back.found, back.where) == ("cs", "must be positive", found, where)
     assert str(back) == str(error)
+
+
+def test_the_nearest_name_is_suggested_if_any_is_near() -> None:
+    assert nearest("near-rho", ["far", "near-rho0"]) == " (did you mean near-rho0?)"
+    assert nearest("zzz", ["far", "near-rho0"]) == ""

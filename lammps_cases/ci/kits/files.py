@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eos_ref import InputError
+from eos_ref.errors import nearest
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.wording import nearest
 
 TEMPLATES = Path(__file__).with_name("templates")
 REPOSITORY = "@REPOSITORY@"  # in a template: owner and name of the repository that holds eos-ref

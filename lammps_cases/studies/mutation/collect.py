@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 import hashlib
 import time
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from eos_ref import InputError
+from eos_ref.errors import nearest
 from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
@@ -42,8 +42,7 @@ def select(
     chosen = [fault for fault in faults.values() if family in (None, fault.family)]
     for name in names:
         if not fnmatch.filter(faults, name):
-            close = difflib.get_close_matches(name, faults, 1, 0.4)
-            raise InputError("fault", "does not exist" + (f" (did you mean {close[0]}?)" if close else ""), name)
+            raise InputError("fault", f"does not exist{nearest(name, faults)}", name)
     if names:
         chosen = [fault for fault in chosen if any(fnmatch.fnmatchcase(fault.id, name) for name in names)]
     if sample is not None:

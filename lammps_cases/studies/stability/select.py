@@ -6,7 +6,7 @@ import fnmatch
 from collections.abc import Mapping, Sequence
 
 from eos_ref import InputError
-from lammps_cases.records.wording import nearest
+from eos_ref.errors import nearest
 from lammps_cases.studies.stability.model import Cell, StabilityMap
 
 

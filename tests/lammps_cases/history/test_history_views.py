@@ -34,6 +34,12 @@ def test_versions_sort_as_people_count() -> None:
         assert natural(one) < natural(other)
 
 
+def test_labels_that_are_no_versions_sort_as_people_count_before_all_versions() -> None:
+    rising = ["patch-9", "patch-10", "stable-2", "22Jul2025", "29Aug2024", "0.1", "1!0.1"]
+    falling = rising[::-1]
+    assert sorted(falling, key=natural) == rising
+
+
 def test_releases_come_by_version_and_own_builds_by_date(tmp_path: Path) -> None:
     made = made_runs.run
     records = [

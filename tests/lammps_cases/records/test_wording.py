@@ -41,11 +41,6 @@ def test_things_are_counted() -> None:
     assert [wording.counted(count, "case") for count in (0, 1, 2)] == ["0 cases", "1 case", "2 cases"]
 
 
-def test_the_nearest_name_is_suggested_if_any_is_near() -> None:
-    assert wording.nearest("near-rho", ["far", "near-rho0"]) == " (did you mean near-rho0?)"
-    assert wording.nearest("zzz", ["far", "near-rho0"]) == ""
-
-
 @pytest.mark.parametrize(
     ("text", "name"),
     [("pypi:2025.7.22.1.0", "pypi-2025.7.22.1.0"), ("path:../../etc", "path-..-..-etc"), ("../..", ""), ("ü/é", "")],

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import quantile_test
 
 from lammps_cases.studies.benchmarks.measure import CONFIDENCE, Interval, Timing, in_turns, interval, machine, verdict
 
@@ -26,6 +27,14 @@ def test_interval_encloses_the_median_as_often_as_it_says(n: int) -> None:
 
     assert rank == 1 or missed(rank) <= 1 - CONFIDENCE
     assert missed(rank + 1) > 1 - CONFIDENCE or rank + 1 > n // 2
+
+
+@pytest.mark.parametrize("n", [6, 7, 8, 9, 25, 100])
+def test_interval_is_that_of_the_quantile_test(n: int) -> None:
+    random = np.random.default_rng(n)
+    for values in (random.standard_cauchy(n), random.integers(0, 4, n).astype(float)):
+        found, expected = interval(tuple(values.tolist())), quantile_test(values).confidence_interval(CONFIDENCE)
+        assert (found.low, found.high) == (expected.low, expected.high)
 
 
 def test_coverage_is_what_it_claims_on_random_numbers() -> None:

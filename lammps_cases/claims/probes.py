@@ -139,10 +139,9 @@ def _run(lmp: Any, text: str) -> Ran:
     lmp.command("log deck.log")
     error = ""
     try:
-        lmp.commands_string(text)
-    except Exception as raised:
-        if type(raised) is not Exception and type(raised).__name__ != "MPIAbortException":
-            raise
+        with session.translated():
+            lmp.commands_string(text)
+    except session.EngineRefused as raised:
         error = own_words(str(raised))
     arrays = {} if error else _arrays(lmp)
     lmp.command("log none")

@@ -83,8 +83,8 @@ class Ranks:
 
 
 @functools.cache
-def _living(site: str | None, count: int) -> Ranks:
-    """The processes of this one: starting them takes as long as a dozen small jobs."""
+def processes(site: str | None, count: int) -> Ranks:
+    """Return the processes of this one: starting them takes as long as a dozen small jobs."""
     return Ranks(site, count)
 
 
@@ -98,12 +98,12 @@ def solve(site: str | None, job: Job) -> Answer:
     EngineCrashed
         A rank died without a word of LAMMPS.
     """
-    living = _living(site, job.ranks)
+    running = processes(site, job.ranks)
     try:
-        return living.run(job)
+        return running.run(job)
     except Exception:
-        living.end()
-        _living.cache_clear()
+        running.end()
+        processes.cache_clear()
         raise
 
 

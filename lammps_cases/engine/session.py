@@ -13,7 +13,8 @@ import math
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -205,6 +206,24 @@ def _git(lmp: Any) -> str:
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("Git info")), "")
 
 
+@contextmanager
+def translated() -> Iterator[None]:
+    """Turn LAMMPS' exceptions, which have no type of their own, into those of this module; others pass.
+
+    Raises
+    ------
+    EngineRefused, EngineBroken
+    """
+    try:
+        yield
+    except Exception as error:
+        if type(error) is Exception:  # LAMMPS' own message
+            raise EngineRefused(str(error).strip()) from None
+        if type(error).__name__ == "MPIAbortException":
+            raise EngineBroken(str(error).strip()) from None
+        raise
+
+
 def _commands(lmp: Any, commands: tuple[str, ...]) -> None:
     if commands:
         lmp.commands_string("\n".join(commands))
@@ -219,7 +238,7 @@ def run(lmp: Any, job: Job) -> Answer:
         With LAMMPS' own error text.
     """
     begin = time.perf_counter()
-    try:
+    with translated():
         lmp.command("clear")
         _commands(lmp, job.setup)
         n = len(job.id_n)
@@ -248,12 +267,6 @@ def run(lmp: Any, job: Job) -> Answer:
                 steps.append(int(lmp.extract_global("ntimestep")))
                 if job.lists:
                     lists.append(read_list(lmp, snapshots[-1]["id"]))
-    except Exception as error:
-        if type(error) is Exception:  # LAMMPS' own message
-            raise EngineRefused(str(error).strip()) from None
-        if type(error).__name__ == "MPIAbortException":
-            raise EngineBroken(str(error).strip()) from None
-        raise
     seconds = time.perf_counter() - begin
     return Answer(snapshots[-1], seconds, tuple(snapshots), tuple(steps), tuple(run_seconds), tuple(lists))
 

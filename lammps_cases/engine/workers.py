@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import resource
 import signal
@@ -22,15 +21,14 @@ from pebble import ProcessExpired, ProcessPool
 from lammps_cases.engine import forkserver, ranks
 from lammps_cases.engine.session import (
     Answer,
-    EngineBroken,
     EngineCrashed,
     EngineMissing,
     EngineRefused,
     Job,
     describe,
-    open_lammps,
     run,
 )
+from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Verdict
@@ -49,26 +47,18 @@ class Failure:
 # --- inside the worker ---
 
 
-@functools.cache
-def _living(site: str | None) -> Any:
-    """The worker's LAMMPS; `clear` between jobs takes 5 ms where a new instance takes 100."""
-    return open_lammps(site)
-
-
 def solve(site: str | None, job: Job) -> Answer:
     """Task: run one job."""
     if job.ranks > 1:
         return ranks.solve(site, job)
-    try:
-        return run(_living(site), job)
-    except EngineBroken:
-        _living.cache_clear()
-        raise
+    with instance(site).use() as lmp:
+        return run(lmp, job)
 
 
 def identify(site: str | None) -> dict[str, str]:
     """Task: say which LAMMPS this is."""
-    return describe(_living(site), site)
+    with instance(site).use() as lmp:
+        return describe(lmp, site)
 
 
 def _prepare(folder: str, memory: int, parent: int) -> None:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from functools import cache
 
+from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.model import Cell, Engine, Outcome, StabilityMap
-from lammps_cases.studies.stability.runs import Living, open_run
+from lammps_cases.studies.stability.runs import open_run
 
 
 @cache
-def living() -> Living:
+def living() -> Instance:
     """The LAMMPS of this process."""
-    return Living(None)
+    return Instance(None)
 
 
 def outcome(of: StabilityMap, x: float, y: float, layer: str = "", side: Engine = "reference") -> Outcome:

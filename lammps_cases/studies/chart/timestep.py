@@ -13,19 +13,17 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.engine import session
+from lammps_cases.engine.session import EngineBroken, EngineRefused
 from lammps_cases.scene.atoms import seed
-from lammps_cases.setup.commands import job
-from lammps_cases.setup.plan import plan
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.benchmarks.measure import Interval, Timing
 from lammps_cases.studies.chart import threads
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, compared, point
-from lammps_cases.studies.chart.prepared import Instances, Prepared, rms
+from lammps_cases.studies.chart.prepared import Instances, rms
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
+from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, ReferenceFlow
 
 FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
 RESOLUTION, QUICK_RESOLUTION = 24, 16  # spacings per wavelength
@@ -61,44 +59,18 @@ def waves() -> tuple[Wave, ...]:
 # --- a flow that is stepped by hand
 
 
-class Stepping:
-    """A flow on one engine: the reference, or an instance of LAMMPS."""
+def stepping(start: Start, lmp: Any | None) -> FlowRun:
+    """Return a flow set up on the reference, or on an instance of LAMMPS."""
+    return ReferenceFlow(start) if lmp is None else LammpsFlow(start, lmp)
 
-    def __init__(self, start: Start, lmp: Any | None) -> None:
-        self.start, self.lmp, self.step = start, lmp, 0
-        self._simulation: Simulation | None = None
-        self._told = job(start.case.scene, start.atoms, plan(start.case.scene))
-        if lmp is None:
-            self._simulation = Prepared(start.case, start.atoms).simulation(())
-        else:
-            session.run(lmp, replace(self._told, runs=(session.Run("run 0 post no"),)))
 
-    def run(self, steps: int) -> None:
-        """Take steps."""
-        if self._simulation is not None:
-            self._simulation.run(steps, self.start.timestep)
-        else:
-            assert self.lmp is not None
-            self.lmp.command(f"run {steps} pre no post no")
-        self.step += steps
-
-    def snapshot(self) -> Snapshot:
-        """The fields now."""
-        if self._simulation is not None:
-            fields = {name: self._simulation.output(name) for name in ("x", "v", "rho", "pressure")}
-        else:
-            read = session.read(self.lmp, self._told.outputs, self._told.atom_arrays)
-            fields = read | {"pressure": read["q.pressure"], "x": read["x"][:, :2], "v": read["v"][:, :2]}
-        x_nc, v_nc, rho_n, pressure_n = (np.array(fields[name]) for name in ("x", "v", "rho", "pressure"))
-        return Snapshot(self.step * self.start.timestep, x_nc, v_nc, rho_n, None, pressure_n, None)
-
-    def shots(self) -> list[Snapshot]:
-        """All readings of the flow, from its beginning to its end."""
-        found = []
-        for step in self.start.steps:
-            self.run(step - self.step)
-            found.append(self.snapshot())
-        return found
+def shots(run: FlowRun, steps: Sequence[int]) -> list[Snapshot]:
+    """Return all readings of a flow, from its beginning to its end."""
+    found = []
+    for step in steps:
+        run.advance(step - run.step)
+        found.append(run.snapshot())
+    return found
 
 
 def _start(flow: Flow, n: int, fraction: float) -> Start:
@@ -122,14 +94,16 @@ class Solved:
 def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances: Sequence[Any | None]) -> list[Solved]:
     """Solve a flow with several steps on one engine; ``instances`` of LAMMPS, or None, one per step and one more."""
     flow = wave.flow
-    limit = wave.field(Stepping(_start(flow, n, fine), instances[-1]).shots()[-1])
+    finest = _start(flow, n, fine)
+    limit = wave.field(shots(stepping(finest, instances[-1]), finest.steps)[-1])
     found = []
     for fraction, lmp in zip(fractions, instances, strict=False):
-        stepping = Stepping(_start(flow, n, fraction), lmp)
-        shots = stepping.shots()
-        field_n = wave.field(shots[-1])
-        total = flow.measures(n, replace(flow.options, dt_fraction=fraction), shots)["profile"]
-        found.append(Solved(field_n, rms(field_n - limit, limit), total, stepping.start, partial(stepping.run, TIMED)))
+        start = _start(flow, n, fraction)
+        run = stepping(start, lmp)
+        read = shots(run, start.steps)
+        field_n = wave.field(read[-1])
+        total = flow.measures(n, replace(flow.options, dt_fraction=fraction), read)["profile"]
+        found.append(Solved(field_n, rms(field_n - limit, limit), total, start, partial(run.advance, TIMED)))
     return found
 
 
@@ -210,17 +184,15 @@ def stability(flow: Flow, n: int, lmp: Any | None) -> Interval:
 def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
     """Whether energy grows tenfold, or the run fails, within some steps."""
     start = _noisy(_start(flow, n, fraction))
-    stepping = Stepping(start, lmp)
-    first = _energy(start, stepping.snapshot())
-    while stepping.step < SPAN:
+    run = stepping(start, lmp)
+    first = _energy(start, run.snapshot())
+    while run.step < SPAN:
         try:
-            stepping.run(LOOK)
-            energy = _energy(start, stepping.snapshot())
-        except session.EngineBroken:
+            run.advance(LOOK)
+            energy = _energy(start, run.snapshot())
+        except EngineBroken:
             raise
-        except Exception:  # LAMMPS' own have no type of their own
-            if lmp is None:
-                raise
+        except EngineRefused:
             return True
         if not energy < TENFOLD * first:
             return True

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,16 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import Plain
-from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import State
-from lammps_cases.engine import session
+from lammps_cases.engine.session import EngineBroken, EngineRefused
+from lammps_cases.engine.stepping import instance
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.setup import reference_side
-from lammps_cases.setup.commands import job
-from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, ReferenceFlow
 
 Engine = Literal["reference", "lammps"]
 ENGINES: tuple[Engine, ...] = ("reference", "lammps")
@@ -39,27 +34,6 @@ class Result:
     message: str = ""
 
 
-def _snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
-    """A snapshot of two-dimensional or three-dimensional arrays by LAMMPS' names."""
-    d, energy_n = start.case.scene.dimension, fields.get("energy")
-    heat_n = _heat_capacity(start)
-    return Snapshot(
-        step * start.timestep,
-        np.array(fields["x"][:, :d]),
-        np.array(fields["v"][:, :d]),
-        np.array(fields["rho"]),
-        None if energy_n is None else np.array(energy_n),
-        np.array(fields["pressure"]),
-        None if energy_n is None else energy_n / heat_n,
-    )
-
-
-def _heat_capacity(start: Start) -> FloatArray:
-    """Mass times specific heat."""
-    specific: FloatArray = np.array([t.specific_heat for t in start.case.scene.types])[start.atoms.type_n - 1]
-    return specific * start.atoms.mass_n
-
-
 def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", threads: int = 1) -> Result:
     """Run a flow on the reference.
 
@@ -72,90 +46,47 @@ def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", thr
     """
     from eos_ref.compiled.evaluator import Fast
 
-    scene, atoms, where = start.case.scene, start.atoms, start.case.where
-    model, box = reference_side.model(scene, atoms, where), reference_side.box(scene, atoms)
-    state = reference_side.state(scene, atoms, where)
-    make: Any = Plain if evaluator == "plain" else Fast
+    make: Callable[..., Any] = Plain if evaluator == "plain" else Fast
     if threads != 1:
         make = functools.partial(make, threads=threads)
-    Simulation(model, box, state, (), make).run(1, start.timestep)  # compiles
-    simulation = Simulation(model, box, state, (), make)
-    simulation.run(0, start.timestep)
-    snapshots, seconds, done = [], 0.0, 0
-    for step in start.steps:
-        begin = time.perf_counter()
-        simulation.run(step - done, start.timestep)
-        seconds += time.perf_counter() - begin
-        snapshots.append(_snapshot(start, step, _outputs(simulation)))
-        done = step
-    return Result(tuple(snapshots), seconds, len(atoms), done)
-
-
-def _outputs(simulation: Simulation) -> dict[str, Any]:
-    state: State = simulation.state
-    names = ("x", "v", "rho", "pressure", *(["energy"] if state.energy_n is not None else []))
-    return {name: simulation.output(name) for name in names}
+    ReferenceFlow(start, make).advance(1)  # compiles
+    return _timed(start, lambda: ReferenceFlow(start, make))
 
 
 def by_lammps(start: Start, lmp: Any) -> Result:
-    """Run a flow on a living LAMMPS; what LAMMPS refuses or loses becomes the message.
+    """Run a flow on a LAMMPS instance; what LAMMPS refuses or loses becomes the message.
 
     Raises
     ------
     EngineBroken
         After an error of which the instance must not be used again.
     """
-    scene, atoms = start.case.scene, start.atoms
-    told = job(scene, atoms, plan(scene))
-    snapshots, seconds, done = [], 0.0, 0
+    return _timed(start, lambda: LammpsFlow(start, lmp))
+
+
+def _timed(start: Start, begin: Callable[[], FlowRun]) -> Result:
+    """Snapshots at the steps of a flow, with the wall time of the steps alone."""
+    snapshots, seconds, done, message = [], 0.0, 0, ""
     try:
-        session.run(lmp, replace(told, runs=(session.Run("run 0 post no"),)))
+        run = begin()
         for step in start.steps:
-            begin = time.perf_counter()
+            before = time.perf_counter()
             if step > done:
-                lmp.command(f"run {step - done} pre no post no")
-            seconds += time.perf_counter() - begin
-            snapshots.append(_snapshot(start, step, _read(lmp, told, start)))
+                run.advance(step - done)
+            seconds += time.perf_counter() - before
+            snapshots.append(run.snapshot())
             done = step
-    except Exception as error:
-        if type(error).__name__ == "MPIAbortException":
-            raise session.EngineBroken(str(error).strip()) from None
-        # LAMMPS' own message has no type of its own; any other is not LAMMPS'.
-        if type(error) not in (Exception, session.EngineRefused):
-            raise
-        return Result(tuple(snapshots), seconds, len(atoms), done, " ".join(str(error).split()))
-    return Result(tuple(snapshots), seconds, len(atoms), done)
-
-
-def _read(lmp: Any, told: session.Job, start: Start) -> dict[str, Any]:
-    """Arrays of LAMMPS by the names of the reference.
-
-    Raises
-    ------
-    EngineRefused
-        Atoms were lost, or a position or velocity is no number.
-    """
-    arrays = session.read(lmp, told.outputs, told.atom_arrays)
-    wrong = np.setxor1d(arrays["id"], start.atoms.id_n)
-    if wrong.size:
-        raise session.EngineRefused(f"LAMMPS lost {wrong.size} of {len(start.atoms)} atoms, first id {wrong[0]}")
-    if not (np.isfinite(arrays["x"]).all() and np.isfinite(arrays["v"]).all()):
-        raise session.EngineRefused("a position or velocity of LAMMPS is no finite number")
-    return arrays | {"pressure": arrays["q.pressure"]} | ({"energy": arrays["esph"]} if "esph" in arrays else {})
-
-
-@functools.cache
-def _living(site: str | None) -> Any:
-    return session.open_lammps(site)
+    except EngineBroken:
+        raise
+    except EngineRefused as error:
+        message = " ".join(str(error).split())
+    return Result(tuple(snapshots), seconds, len(start.atoms), done, message)
 
 
 def solve(site: str | None, start: Start) -> Result:
     """Task of a worker: run a flow on its LAMMPS."""
-    try:
-        return by_lammps(start, _living(site))
-    except session.EngineBroken:
-        _living.cache_clear()
-        raise
+    with instance(site).use() as lmp:
+        return by_lammps(start, lmp)
 
 
 def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> Result:
@@ -205,11 +136,6 @@ class Convergence:
     def fit(self, measure: str) -> Fit:
         """Order of a measure."""
         return fit(self.resolutions, self.errors[measure])
-
-    def local(self, measure: str) -> tuple[float, ...]:
-        """Order between each resolution and the next."""
-        points = zip(self.resolutions, self.errors[measure], strict=True)
-        return tuple(fit((n, m), (a, b)).order for (n, a), (m, b) in itertools.pairwise(points))
 
 
 def converge(

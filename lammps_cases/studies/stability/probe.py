@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import pickle
 import tempfile
@@ -16,13 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
+from lammps_cases.engine.stepping import instance
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.scene.atoms import IntArray
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.kinds import Found, Look, Subject
 from lammps_cases.studies.stability.model import Cell, Engine, Kind, Outcome, StabilityMap, Watch
-from lammps_cases.studies.stability.runs import Living, ReferenceRun, Run, Stopped, open_run
+from lammps_cases.studies.stability.runs import ReferenceRun, Run, Stopped, open_run
 
 LIMIT = 30.0  # seconds that a cell may take
 Note = Callable[[Look], None]
@@ -168,11 +168,6 @@ def _before(of: Subject, look: Look, atom: int | None) -> Before:
 # --- inside a worker
 
 
-@functools.cache
-def _living(site: str | None) -> Living:
-    return Living(site)
-
-
 def run_cell(site: str | None, start: Start, watch: Watch, side: Engine, trace: str, single: int = 0) -> Examined:
     """Task of a worker: examine one cell; the last sound look is kept in the file ``trace``, should the worker die."""
     of, begin = kinds.subject(start), time.perf_counter()
@@ -183,7 +178,7 @@ def run_cell(site: str | None, start: Start, watch: Watch, side: Engine, trace: 
         partly.replace(trace)
 
     steps = start.steps[-1] if of.moves else 0
-    examined = follow(open_run(start, watch, side, _living(site)), of, watch, steps, note, single)
+    examined = follow(open_run(start, watch, side, instance(site)), of, watch, steps, note, single)
     seconds = time.perf_counter() - begin
     return replace(examined, outcome=replace(examined.outcome, seconds=seconds, steps=start.steps[-1]))
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, Literal, Protocol
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import quantities
 from lammps_cases.engine import session
+from lammps_cases.engine.stepping import Instance, Stepping
 from lammps_cases.scene import Scene
 from lammps_cases.scene.runs import Expect
 from lammps_cases.setup import reference_side
@@ -189,68 +190,45 @@ def saying(message: str) -> Kind:
     return next((kind for words, kind in SAYINGS if words in message), "error")
 
 
-class Living:
-    """The LAMMPS of a process: opened when first needed, and anew after an error that broke it."""
-
-    def __init__(self, site: str | None) -> None:
-        self.site = site
-        self._lmp: Any = None
-
-    @property
-    def lmp(self) -> Any:
-        """The instance."""
-        if self._lmp is None:
-            self._lmp = session.open_lammps(self.site)
-        return self._lmp
-
-    @property
-    def opened(self) -> bool:
-        """Whether there is an instance that may be used."""
-        return self._lmp is not None
-
-    def drop(self) -> None:
-        """Forget an instance that must not be used again."""
-        self._lmp = None
-
-
 class LammpsRun:
     """LAMMPS itself; its errors stop the run."""
 
-    def __init__(self, start: Start, watch: Watch, living: Living) -> None:
-        self.start, self.living, self.step = start, living, 0
+    def __init__(self, start: Start, watch: Watch, instance: Instance) -> None:
+        self.start, self.instance, self.step = start, instance, 0
         scene = watched(start.case.scene, watch)
-        self.told = job(scene, start.atoms, _planned(scene))
+        self.job = job(scene, start.atoms, _planned(scene))
         self.dimension = scene.dimension
         self._stretches: list[int] = []
 
     def begin(self) -> None:
         """Set up, run 0."""
         self.step, self._stretches = 0, []
-        with _Telling(self.living):
-            session.run(self.living.lmp, replace(self.told, runs=(session.Run("run 0 post no"),)))
+        with _stopping(self.instance) as lmp:
+            self.stepping = Stepping(lmp, self.job)
+            self.stepping.begin()
 
     def advance(self, steps: int) -> None:
-        """Take steps; without `pre no` a run begins with an evaluation that a continued run does not have."""
+        """Take steps."""
         self._stretches.append(steps)
         try:
-            with _Telling(self.living):
-                self.living.lmp.command(f"run {steps} pre no post no")
+            with _stopping(self.instance):
+                self.stepping.advance(steps)
         except Stopped as stop:
-            if stop.kind == "lost particles" and self.living.opened:
+            if stop.kind == "lost particles" and self.instance.is_open:
                 stop.atom = self._missing()
             raise
         self.step += steps
 
     def _missing(self) -> int | None:
         """The first id that LAMMPS no longer has."""
-        missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.living.lmp)["id"])
+        missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.stepping.lmp)["id"])
         return int(missing[0]) if missing.size else None
 
     def look(self) -> Look:
         """LAMMPS' arrays by id."""
-        with _Telling(self.living):
-            arrays = session.read(self.living.lmp, self.told.outputs, self.told.atom_arrays)
-        wrong = np.setxor1d(arrays["id"], self.start.atoms.id_n)
+        with _stopping(self.instance):
+            arrays = self.stepping.read()
+        wrong = self.stepping.lost(arrays["id"])
         if wrong.size:
             raise Stopped("lost particles", f"{wrong.size} of {len(self.start.atoms)} atoms", int(wrong[0]))
         d, a = self.dimension, self.start.atoms
@@ -272,28 +250,18 @@ def _planned(scene: Scene) -> Plan:
         return plan(scene.model_copy(update={"expect": Expect(refused=str(error))}))
 
 
-class _Telling:
-    """Turns LAMMPS' errors into `Stopped`; any other is this project's own."""
-
-    def __init__(self, living: Living) -> None:
-        self.living = living
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> Literal[False]:
-        if kind is None:
-            return False
-        broken = kind is session.EngineBroken or kind.__name__ == "MPIAbortException"
-        if broken:
-            self.living.drop()
-        if broken or kind in (Exception, session.EngineRefused):
-            raise Stopped(saying(str(error)), str(error)) from None
-        return False
+@contextmanager
+def _stopping(instance: Instance) -> Iterator[Any]:
+    """Give LAMMPS to a block; its errors become `Stopped`, any other is this project's own."""
+    try:
+        with instance.use() as lmp:
+            yield lmp
+    except session.EngineRefused as error:
+        raise Stopped(saying(str(error)), str(error)) from None
 
 
-def open_run(start: Start, watch: Watch, side: Engine, living: Living) -> Run:
+def open_run(start: Start, watch: Watch, side: Engine, instance: Instance) -> Run:
     """The run of a start on an engine, not begun."""
     if side == "lammps":
-        return LammpsRun(start, watch, living)
+        return LammpsRun(start, watch, instance)
     return ReferenceRun(start, watch) if start.case.scene.interacts else LawRun(start)

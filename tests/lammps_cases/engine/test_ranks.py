@@ -20,12 +20,12 @@ from lammps_cases.scene import casefile
 def job() -> Iterator[Job]:
     case = casefile.select(casefile.load(), ("twins.fluid.ranks",))[0]
     yield next(job for job in campaign.prepare(case).jobs if job.ranks > 1)
-    ranks._living(None, 2).end()
-    ranks._living.cache_clear()
+    ranks.processes(None, 2).end()
+    ranks.processes.cache_clear()
 
 
 def _processes() -> int:
-    return ranks._living(None, 2)._process.pid
+    return ranks.processes(None, 2)._process.pid
 
 
 def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:

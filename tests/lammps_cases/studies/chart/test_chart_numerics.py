@@ -200,11 +200,10 @@ def test_both_engines_become_unstable_at_the_same_step(lmp: Any) -> None:
 def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
     start = timestep._start(FLOWS["sound-wave-linear"], 16, 1.0)
     for who in (None, lmp):
-        by_hand = timestep.Stepping(start, who)
-        shots = by_hand.shots()
+        shots = timestep.shots(timestep.stepping(start, who), start.steps)
         assert [round(shot.time / start.timestep) for shot in shots] == list(start.steps)
-        at_once = timestep.Stepping(start, who)
-        at_once.run(start.steps[-1])
+        at_once = timestep.stepping(start, who)
+        at_once.advance(start.steps[-1])
         assert np.array_equal(at_once.snapshot().rho_n, shots[-1].rho_n)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.engine.stepping import Instance
 from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, record
 from lammps_cases.studies.stability.atlas import Survey
@@ -21,7 +22,7 @@ from lammps_cases.studies.stability.maps import maps
 from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, Kind, Outcome, StabilityMap, Watch
 from lammps_cases.studies.stability.probe import Examined, follow
 from lammps_cases.studies.stability.record import Atlas
-from lammps_cases.studies.stability.runs import Living, open_run
+from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_scenes import resting, viscous
 
 LINEAR = Axis("x", 0.0, 1.0, 0.05)
@@ -122,7 +123,7 @@ class Threads:
         start, watch = faulty.start(cell), of.watch(cell)
 
         def work() -> None:
-            run = open_run(start, watch, "reference", Living(None))
+            run = open_run(start, watch, "reference", Instance(None))
             later.future.set_result(follow(run, kinds.subject(start), watch, start.steps[-1]))
 
         threading.Timer(float(self.random.uniform(0, 0.01)), work).start()

@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS
+from lammps_cases.engine.stepping import Instance
 from lammps_cases.engine.workers import Workers
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.maps import laws
 from lammps_cases.studies.stability.model import Cell, Kind, Outcome, StabilityMap, Watch
-from lammps_cases.studies.stability.runs import Living, open_run
+from lammps_cases.studies.stability.runs import open_run
 
 
 def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> Outcome:
     """A cell on the reference, in this process."""
     cell = Cell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
-    return probe.follow(open_run(start, watch, "reference", Living(None)), kinds.subject(start), watch, 0).outcome
+    return probe.follow(open_run(start, watch, "reference", Instance(None)), kinds.subject(start), watch, 0).outcome
 
 
 def around(of: StabilityMap, layer: str, y: float) -> tuple[float, float, float]:
@@ -99,7 +100,7 @@ def test_lost_digits_are_seen() -> None:
     """A pressure wrong in its ninth digit passes, one wrong in its seventh does not; the value is the digits left."""
     cell = Cell("", 0.5, 1.3)
     start = laws.LIMIT.start(cell)
-    run = open_run(start, Watch(), "reference", Living(None))
+    run = open_run(start, Watch(), "reference", Instance(None))
     run.begin()
     of, look = kinds.subject(start), run.look()
     for error, wanted in ((1e-9, None), (1e-7, "lost digits")):

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from eos_ref.model import kernels
+from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.maps import matrices
 from lammps_cases.studies.stability.model import Cell, Kind, StabilityMap
-from lammps_cases.studies.stability.runs import Living, open_run
+from lammps_cases.studies.stability.runs import open_run
 
 FAILED = ("failed matrix", "ill-conditioned matrix")
 
@@ -20,7 +21,7 @@ FAILED = ("failed matrix", "ill-conditioned matrix")
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
     cell = Cell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
-    run = open_run(start, watch, "reference", Living(None))
+    run = open_run(start, watch, "reference", Instance(None))
     return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
 
 
@@ -68,7 +69,7 @@ def test_surface(layer: str, order: int) -> None:
     assert kind(matrices.SURFACE, limit - 0.01, 0.0, layer) in FAILED
     assert kind(matrices.SURFACE, limit + 0.1, 0.0, layer) == "stable"
     start = matrices.SURFACE.start(Cell("matrices-surface", limit + 0.2, 0.1, layer))
-    of, run = kinds.subject(start), open_run(start, matrices._watch(Cell("", 0, 0, layer)), "reference", Living(None))
+    of, run = kinds.subject(start), open_run(start, matrices._watch(Cell("", 0, 0, layer)), "reference", Instance(None))
     run.begin()
     m_nbb, definite_n, _ = kinds.moment_matrices(of, run.look())
     assert definite_n.all()

@@ -14,6 +14,7 @@ import pytest
 from eos_ref.compiled.evaluator import Fast
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.engine import session
+from lammps_cases.engine.stepping import Instance
 from lammps_cases.engine.workers import Workers
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
@@ -21,18 +22,18 @@ from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, StabilityMap, Watch
 from lammps_cases.studies.stability.probe import Examined, examine, follow
-from lammps_cases.studies.stability.runs import Living, ReferenceRun, Stopped, open_run, saying
+from lammps_cases.studies.stability.runs import ReferenceRun, Stopped, open_run, saying
 from tests.support.stability_scenes import channel, resting, unstable
 
 WATCH = timestep.watch(1e-3)
 
 
 @pytest.fixture(scope="module")
-def living() -> Living:
-    return Living(None)
+def living() -> Instance:
+    return Instance(None)
 
 
-def followed(start: Start, watch: Watch, side: Engine, living: Living, **options: Any) -> Examined:
+def followed(start: Start, watch: Watch, side: Engine, living: Instance, **options: Any) -> Examined:
     return follow(open_run(start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options)
 
 
@@ -63,7 +64,7 @@ def by_hand(start: Start, watch: Watch) -> tuple[int, kinds.Found, Simulation]:
     raise AssertionError("nothing failed")
 
 
-def test_step_atom_and_value_are_the_first_ones(living: Living) -> None:
+def test_step_atom_and_value_are_the_first_ones(living: Instance) -> None:
     start = unstable()
     step, found, before = by_hand(start, WATCH)
     assert step > 2 and step % WATCH.every  # within a stretch
@@ -79,7 +80,7 @@ def test_step_atom_and_value_are_the_first_ones(living: Living) -> None:
 
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize("every", [1, 3, 1000])
-def test_the_stretch_does_not_matter(side: Engine, every: int, living: Living) -> None:
+def test_the_stretch_does_not_matter(side: Engine, every: int, living: Instance) -> None:
     found = followed(unstable(), WATCH, side, living)
     again = followed(unstable(), replace(WATCH, every=every), side, living)
     assert again.outcome == found.outcome
@@ -87,14 +88,14 @@ def test_the_stretch_does_not_matter(side: Engine, every: int, living: Living) -
     assert np.array_equal(again.before.v_nc, found.before.v_nc)
 
 
-def test_engines_fail_alike(living: Living) -> None:
+def test_engines_fail_alike(living: Instance) -> None:
     ours, theirs = (followed(unstable(), WATCH, side, living).outcome for side in ENGINES)
     assert (ours.kind, ours.step, ours.atom) == (theirs.kind, theirs.step, theirs.atom)
     assert ours.value == pytest.approx(theirs.value, rel=1e-2)
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Living) -> None:
+def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Instance) -> None:
     start = unstable(1e-6)
     watch = Watch(every=20, growth=10.0)
     run = open_run(start, watch, side, living)
@@ -113,13 +114,13 @@ def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine,
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_sound_runs_are_stable(side: Engine, living: Living) -> None:
+def test_sound_runs_are_stable(side: Engine, living: Instance) -> None:
     examined = followed(resting(25), replace(WATCH, closest=0.9), side, living)
     assert (examined.outcome.kind, examined.before) == ("stable", None)
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_surfaces_are_those_of_the_engine(side: Engine, living: Living) -> None:
+def test_surfaces_are_those_of_the_engine(side: Engine, living: Instance) -> None:
     start = channel()
     look = followed(start, Watch(surface={60: 0, 66: 1}), side, living)
     assert look.outcome.kind == "stable"
@@ -128,7 +129,7 @@ def test_surfaces_are_those_of_the_engine(side: Engine, living: Living) -> None:
 
 
 @pytest.mark.parametrize("side", ENGINES)
-def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Living) -> None:
+def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Instance) -> None:
     start = channel(60)
     v_nc = np.zeros(start.atoms.x_nc.shape)
     v_nc[-1, 1] = 10.0
@@ -145,7 +146,7 @@ def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Living)
         assert run.look().x_nc[-1, 1] > 13.0
 
 
-def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Living) -> None:
+def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Instance) -> None:
     """The reference stops in the middle of a step; what it has by then is looked at."""
     start = unstable(0.3)
     huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))  # type: ignore[operator]
@@ -157,7 +158,7 @@ def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(livin
 # --- ends that are not the particles'
 
 
-def test_refusals_are_errors_with_their_text(living: Living) -> None:
+def test_refusals_are_errors_with_their_text(living: Instance) -> None:
     """A law that the reference refuses and LAMMPS takes."""
     start = channel(3)
     law = start.case.scene.pressure[0].model_copy(update={"style": "tait/general", "A3": None, "gamma": 0.0})
@@ -168,7 +169,7 @@ def test_refusals_are_errors_with_their_text(living: Living) -> None:
     assert followed(start, Watch(), "lammps", living).outcome.kind != "error"
 
 
-def test_lammps_errors_keep_their_text(living: Living) -> None:
+def test_lammps_errors_keep_their_text(living: Instance) -> None:
     start = channel(3)
     scene = start.case.scene.model_copy(update={"violate": "unknown-pressure-style"})
     outcome = followed(replace(start, case=replace(start.case, scene=scene)), Watch(), "lammps", living).outcome
@@ -177,7 +178,9 @@ def test_lammps_errors_keep_their_text(living: Living) -> None:
     assert followed(channel(), Watch(), "lammps", living).outcome.kind == "stable"  # the instance serves on
 
 
-def test_mistakes_of_this_project_are_not_blamed_on_an_engine(monkeypatch: pytest.MonkeyPatch, living: Living) -> None:
+def test_mistakes_of_this_project_are_not_blamed_on_an_engine(
+    monkeypatch: pytest.MonkeyPatch, living: Instance
+) -> None:
     def mistaken(*arguments: object) -> None:
         raise TypeError("a mistake")
 
@@ -287,7 +290,7 @@ def test_others_are_not_touched(faulty: Workers) -> None:
 
 
 def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
-    monkeypatch: pytest.MonkeyPatch, living: Living
+    monkeypatch: pytest.MonkeyPatch, living: Instance
 ) -> None:
     """LAMMPS may read memory that nobody wrote: the way back then fails itself."""
     start = unstable()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.maps.timestep import (
@@ -18,14 +19,14 @@ from lammps_cases.studies.stability.maps.timestep import (
 )
 from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
 from lammps_cases.studies.stability.probe import follow
-from lammps_cases.studies.stability.runs import Living, open_run
+from lammps_cases.studies.stability.runs import open_run
 
 TINY = 1e-9  # Mach number at which the scheme is linear
 
 
 @pytest.fixture(scope="module")
-def living() -> Living:
-    return Living(None)
+def living() -> Instance:
+    return Instance(None)
 
 
 @pytest.mark.parametrize("side", ENGINES)
@@ -33,7 +34,7 @@ def living() -> Living:
     ("fraction", "ratio", "cut"), [(1.5, 0.1, 3.0), (4.3, 1.0, 3.0), (4.5, 3.0, 2.5), (0.5, 1.0, 4.0)]
 )
 def test_energy_is_that_of_the_linearised_scheme(
-    side: Engine, fraction: float, ratio: float, cut: float, living: Living
+    side: Engine, fraction: float, ratio: float, cut: float, living: Instance
 ) -> None:
     start = box(fraction, ratio, cut, TINY)
     of, run = kinds.subject(start), open_run(start, watch(TINY), side, living)
@@ -49,7 +50,7 @@ def test_energy_is_that_of_the_linearised_scheme(
 
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("side", ENGINES)
-def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Living) -> None:
+def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Instance) -> None:
     limit = growth_limit(ratio, 3.0)
     for fraction, kind in ((0.97 * limit, "stable"), (1.01 * limit, "energy growth")):
         start = box(fraction, ratio, 3.0, 1e-4)

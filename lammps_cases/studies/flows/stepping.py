@@ -1,0 +1,117 @@
+"""A flow that is stepped and read, on the reference or on LAMMPS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.engine.session import EngineRefused
+from lammps_cases.engine.stepping import Stepping
+from lammps_cases.setup import reference_side
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.flows.flow import Snapshot, Start
+
+
+class FlowRun(Protocol):
+    """A flow on one engine, set up when it is made."""
+
+    @property
+    def step(self) -> int:
+        """Steps taken."""
+
+    def advance(self, steps: int) -> None:
+        """Take steps."""
+
+    def snapshot(self) -> Snapshot:
+        """Return the fields now."""
+
+
+class ReferenceFlow:
+    """A flow on the reference; by default on the compiled one."""
+
+    def __init__(self, start: Start, evaluator: Callable[..., Any] | None = None) -> None:
+        from eos_ref.compiled.evaluator import Fast
+
+        scene, atoms, where = start.case.scene, start.atoms, start.case.where
+        model, box = reference_side.model(scene, atoms, where), reference_side.box(scene, atoms)
+        state = reference_side.state(scene, atoms, where)
+        self.start, self.step = start, 0
+        self.simulation = Simulation(model, box, state, (), evaluator or Fast)
+        self.simulation.run(0, start.timestep)
+
+    def advance(self, steps: int) -> None:
+        """Take steps."""
+        self.simulation.run(steps, self.start.timestep)
+        self.step += steps
+
+    def snapshot(self) -> Snapshot:
+        """Return the fields now."""
+        names = ("x", "v", "rho", "pressure", *(["energy"] if self.simulation.state.energy_n is not None else []))
+        return _snapshot(self.start, self.step, {name: self.simulation.output(name) for name in names})
+
+
+class LammpsFlow:
+    """A flow on an instance of LAMMPS.
+
+    Raises
+    ------
+    EngineRefused
+        LAMMPS' error, when made or in any method; after an `EngineBroken` the instance must not be used again.
+    """
+
+    def __init__(self, start: Start, lmp: Any) -> None:
+        scene = start.case.scene
+        self.start = start
+        self._stepping = Stepping(lmp, job(scene, start.atoms, plan(scene)))
+        self._stepping.begin()
+
+    @property
+    def step(self) -> int:
+        """Steps taken."""
+        return self._stepping.step
+
+    def advance(self, steps: int) -> None:
+        """Take steps."""
+        self._stepping.advance(steps)
+
+    def snapshot(self) -> Snapshot:
+        """Return the fields now.
+
+        Raises
+        ------
+        EngineRefused
+            Atoms were lost, or a position or velocity is not finite.
+        """
+        arrays = self._stepping.read()
+        wrong = self._stepping.lost(arrays["id"])
+        if wrong.size:
+            raise EngineRefused(f"LAMMPS lost {wrong.size} of {len(self.start.atoms)} atoms, first id {wrong[0]}")
+        if not (np.isfinite(arrays["x"]).all() and np.isfinite(arrays["v"]).all()):
+            raise EngineRefused("a position or velocity of LAMMPS is no finite number")
+        fields = arrays | {"pressure": arrays["q.pressure"]} | ({"energy": arrays["esph"]} if "esph" in arrays else {})
+        return _snapshot(self.start, self.step, fields)
+
+
+def _snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
+    """Copies of two-dimensional or three-dimensional arrays by the reference's names."""
+    d, energy_n = start.case.scene.dimension, fields.get("energy")
+    return Snapshot(
+        step * start.timestep,
+        np.array(fields["x"][:, :d]),
+        np.array(fields["v"][:, :d]),
+        np.array(fields["rho"]),
+        None if energy_n is None else np.array(energy_n),
+        np.array(fields["pressure"]),
+        None if energy_n is None else energy_n / _heat_capacity(start),
+    )
+
+
+def _heat_capacity(start: Start) -> FloatArray:
+    """Mass times specific heat."""
+    specific: FloatArray = np.array([t.specific_heat for t in start.case.scene.types])[start.atoms.type_n - 1]
+    return specific * start.atoms.mass_n

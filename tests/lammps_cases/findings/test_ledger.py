@@ -166,3 +166,18 @@ def test_a_new_finding_is_a_record_and_a_class(
     out = eos_ref_command("ledger").out
     assert "halved (low): Forces are halved" in out
     assert "seen in: 2099.1.1; shown by: images.quintic.two\n" in out
+
+
+def test_accepting_into_the_own_baselines_writes_what_follows_from_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
+) -> None:
+    run = RunRecord(
+        engine=EngineRecord(distribution=ENGINE), reference={}, cases=[CaseRecord(case="made", verdict="pass")]
+    )
+    (tmp_path / "run.json").write_text(run.counted().to_json())
+    published: list[str] = []
+    monkeypatch.setattr(evidence, "publish", lambda: published.append("own"))
+    monkeypatch.setattr(evidence, "BASELINES", tmp_path / "own")
+    for folder, times in (("other", 0), ("own", 1), ("own", 1)):  # accepted again, nothing is another
+        out = eos_ref_command("accept", tmp_path, "--reason", "made", "--baselines", tmp_path / folder)
+        assert (out.code, len(published)) == (0, times), out.err

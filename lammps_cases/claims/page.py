@@ -38,7 +38,7 @@ class Proof:
 
 
 @dataclass(frozen=True)
-class Row:
+class ClaimView:
     """A claim as the page shows it."""
 
     claim: Claim
@@ -51,45 +51,31 @@ class Row:
     text: str
 
 
-@dataclass(frozen=True)
-class Section:
-    """A section of a manual page with its claims."""
-
-    page: str
-    title: str
-    rows: tuple[Row, ...]
-
-
 def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
     """The page; links are relative to the folder of ``path``, where it will lie."""
     claims = [judged.claim for judged in columns[0].judged]
     rows = [_row(i, columns, path.parent) for i in range(len(claims))]
     grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
-    sections = [Section(page, title, tuple(found)) for (page, title), found in grouped]
+    verdicts = {v: sum(row.verdict == v for row in rows) for v in VERDICTS}
     refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
     unexplained = any(judged.unexplained for column in columns for judged in column.judged)
-    return (
-        frame.environment(ASSETS)
-        .get_template("claims.html.j2")
-        .render(
-            command="claims",
-            status="bad" if unexplained else "good",
-            engines=[column.engine for column in columns],
-            totals=[counts(column.judged) for column in columns],
-            verdicts=[v for v in VERDICTS if any(row.verdict == v for row in rows)],
-            kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
-            number=len(rows),
-            counted={v: sum(row.verdict == v for row in rows) for v in VERDICTS},
-            sections=sections,
-            findings=[
-                (entry, [r for r in rows if any(entry.id in finding_ids(p.evidence.finding) for p in r.proofs)])
-                for entry in LEDGER
-                if entry.id in refuting
-            ],
-            trace=trace,
-            css=frame.style(ASSETS / "claims.css"),
-            script=frame.script(ASSETS / "claims.js"),
-        )
+    return frame.page(
+        ASSETS,
+        "claims",
+        "bad" if unexplained else "good",
+        engines=[column.engine for column in columns],
+        totals=[counts(column.judged) for column in columns],
+        verdicts=verdicts,
+        present={verdict: count for verdict, count in verdicts.items() if count},
+        kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
+        sections=[(page, title, list(found)) for (page, title), found in grouped],
+        findings=[
+            (entry, [r for r in rows if any(entry.id in finding_ids(p.evidence.finding) for p in r.proofs)])
+            for entry in LEDGER
+            if entry.id in refuting
+        ],
+        number=len(rows),
+        trace=trace,
     )
 
 
@@ -97,7 +83,7 @@ def _findings(judged: Judged) -> set[str]:
     return {entry for evidence in judged.evidence for entry in finding_ids(evidence.finding)}
 
 
-def _row(at: int, columns: Sequence[Column], folder: Path) -> Row:
+def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:
     of = [column.judged[at] for column in columns]
     claim = of[0].claim
     proofs: dict[Evidence, list[str]] = {}
@@ -113,7 +99,9 @@ def _row(at: int, columns: Sequence[Column], folder: Path) -> Row:
     words = (claim.id, claim.page, claim.section, claim.kind, claim.text, *claim.refuted_by, *of[0].cases)
     verdicts = tuple(judged.verdict for judged in of)
     more = max(len(judged.evidence) - SHOWN for judged in of)
-    return Row(claim, worst(verdicts), verdicts, tuple(made), max(0, more), cases, remarks, " ".join(words).lower())
+    return ClaimView(
+        claim, worst(verdicts), verdicts, tuple(made), max(0, more), cases, remarks, " ".join(words).lower()
+    )
 
 
 def _link(case: str, columns: Sequence[Column], folder: Path, engine: str = "") -> str:

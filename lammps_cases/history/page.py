@@ -8,7 +8,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from lammps_cases.history import draw
+from lammps_cases.history.draw import points
 from lammps_cases.history.model import KINDS, Kind
 from lammps_cases.history.views import CaseView, Change, RunLine
 from lammps_cases.pages import frame
@@ -59,18 +59,16 @@ def write(
     folder: Path, lines: Sequence[RunLine], views: Sequence[CaseView], labels: Sequence[str], pictured: bool
 ) -> Path:
     """Write the page of some runs and cases; with a picture of every case, or the changes alone."""
-    environment = frame.environment(ASSETS)
-    environment.filters["findings"] = findings
-    environment.filters["error"] = error
-    html = environment.get_template("page.html.j2").render(
+    html = frame.page(
+        ASSETS,
+        "history",
         lines=lines,
         labels=labels,
         steps=[step for label in labels for step in steps(views) if step.engine == label],
         changed=[view for view in views if pictured or view.changes],
         total=len(views),
         pictures=[_picture(view) for view in views] if pictured else [],
-        command="history",
-        css=frame.style(ASSETS / "history.css"),
+        filters={"findings": findings, "error": error},
     )
     path = folder / "history.html"
     write_atomically(path, html)
@@ -88,4 +86,8 @@ def findings(changes: Sequence[Change]) -> list[tuple[str, str]]:
 
 
 def _picture(view: CaseView) -> Picture:
-    return Picture(view, Markup(draw.errors(draw.points(view))), Markup(draw.times(view.times)))
+    from lammps_cases.history import figures
+
+    return Picture(
+        view, figures.errors(points(view), f"errors-{view.case}"), figures.times(view.times, f"times-{view.case}")
+    )

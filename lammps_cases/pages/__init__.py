@@ -1,1 +1,1 @@
-"""The frame that all HTML pages share."""
+"""What all HTML pages share: frame, parts, figures."""

@@ -1,33 +1,89 @@
-"""What the pages share: one frame, one style sheet; each is one file that opens offline."""
+"""What the pages share: one frame, one style sheet, one set of parts; each is one file that opens offline."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jinja2
 from markupsafe import Markup
 
+from eos_ref.cache import cache_folder
 from lammps_cases.records import wording
 
 SHARED = Path(__file__).parent / "assets"
 
 
-def environment(assets: Path) -> jinja2.Environment:
-    """Templates of a folder, beside those that pages share: ``frame.html.j2`` is what a page extends.
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a table: its text, its CSS classes, what a pointer over it says, where it leads."""
 
-    The filters ``number``, ``brief`` and ``counted`` are those of `lammps_cases.records.wording`.
+    text: object
+    css: str = ""
+    title: str = ""
+    link: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table, headed by a name; ``data`` are its ``data-`` attributes, for the page's script."""
+
+    name: str
+    cells: Sequence[Cell | None]
+    css: str = ""
+    data: Mapping[str, str] = field(default_factory=dict)
+    hidden: bool = False
+
+
+def page(
+    assets: Path,
+    name: str,
+    status: str = "",
+    *,
+    styles: Sequence[Path] = (),
+    scripts: Sequence[Path] = (),
+    filters: Mapping[str, Callable[..., object]] | None = None,
+    **content: object,
+) -> str:
+    """Render a page; the same content gives the same bytes.
+
+    Parameters
+    ----------
+    assets : Path
+        Folder of the template ``NAME.html.j2``, which extends ``frame.html.j2``, and of ``NAME.css`` and ``NAME.js``,
+        which the page embeds where they exist.
+    name : str
+        Of the page, and of the command that writes it.
+    status : str
+        Colour of the header: good, bad or none.
+    styles, scripts : sequence of Path
+        Further ones, embedded before those of the page.
+    filters : mapping
+        Of the page, besides ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
+    content
+        What the template shows.
     """
-    loader = jinja2.FileSystemLoader([assets, SHARED])
-    made = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    made.filters |= {"number": wording.number, "brief": wording.brief, "counted": wording.counted}
-    return made
+    css = [SHARED / "page.css", *styles, assets / f"{name}.css"]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([assets, SHARED]),
+        # Compiling the templates takes a fifth of the time of a report.
+        bytecode_cache=jinja2.FileSystemBytecodeCache(str(cache_folder("templates"))),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": wording.number, "brief": wording.brief, "counted": wording.counted}
+    environment.filters |= filters or {}
+    return environment.get_template(f"{name}.html.j2").render(
+        command=name,
+        status=status,
+        css=Markup("\n".join(path.read_text(encoding="utf-8") for path in css if path.is_file())),
+        scripts=[_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()],
+        **content,
+    )
 
 
-def style(*own: Path) -> Markup:
-    """The shared style sheet, and a page's own."""
-    return Markup("\n".join(path.read_text(encoding="utf-8") for path in (SHARED / "page.css", *own)))
-
-
-def script(path: Path) -> Markup:
+def _script(path: Path) -> Markup:
     """A script as it may stand in a page."""
     return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from eos_ref.model.quantities import PART_OF
 from lammps_cases.pages import frame
+from lammps_cases.pages.frame import Cell, Row
 from lammps_cases.records import wording
 from lammps_cases.regression import pairs
 from lammps_cases.regression.groups import Group
@@ -25,26 +26,6 @@ MARKS: dict[Kind, str] = {
     "cannot tell": "?",
 }
 CLOSER = {"both": "=", "neither": "×"}
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A field of a case; ``anchor`` of its line in the list of changes, if it is in it."""
-
-    kind: Kind
-    mark: str
-    anchor: str
-    words: str
-
-
-@dataclass(frozen=True)
-class Row:
-    """A case with a cell per column, None where the case does not compare that field."""
-
-    case: str
-    cells: list[Cell | None]
-    kinds: list[Kind]
-    quiet: bool
 
 
 @dataclass(frozen=True)
@@ -85,20 +66,15 @@ class View:
 def render(found: Compared) -> str:
     """The page of a comparison."""
     shown = [found.alone] if found.alone else pairs.shown(found)
-    return (
-        frame.environment(ASSETS)
-        .get_template("compare.html.j2")
-        .render(
-            command="compare",
-            found=found,
-            status="bad" if found.exit_code else "good",
-            stamp=pairs.STAMPS[found.exit_code],
-            css=frame.style(ASSETS / "compare.css"),
-            script=frame.script(ASSETS / "compare.js"),
-            table=[_in_table(pair) for pair in found.pairs],
-            views=[_view(pair) for pair in shown],
-            about=ABOUT,
-        )
+    return frame.page(
+        ASSETS,
+        "compare",
+        "bad" if found.exit_code else "good",
+        found=found,
+        stamp=pairs.STAMPS[found.exit_code],
+        table=[_in_table(pair) for pair in found.pairs],
+        views=[_view(pair) for pair in shown],
+        about=ABOUT,
     )
 
 
@@ -144,13 +120,16 @@ def _row(
 ) -> Row:
     cells = [None if field not in found else _cell(found[field], anchors, closer) for field in columns]
     kinds = sorted({change.kind for change in found.values()}, key=KINDS.index)
-    return Row(case, cells, kinds, not any(change.fault for change in found.values()))
+    quiet = not any(change.fault for change in found.values())
+    return Row(case, cells, data={"kinds": "|".join(kinds)} | ({"quiet": ""} if quiet else {}), hidden=quiet)
 
 
 def _cell(change: Change, anchors: dict[tuple[str, str], str], closer: dict[str, str]) -> Cell:
     anchor = anchors.get((change.case, change.field), "")
-    words = pairs.fault(change) if anchor else ""
-    return Cell(change.kind, MARKS.get(change.kind, closer[change.closer]), anchor, words)
+    mark = MARKS.get(change.kind, closer[change.closer])
+    if not anchor:
+        return Cell(mark, "dot")
+    return Cell(mark, f"k-{change.kind.replace(' ', '-')}", pairs.fault(change), f"#{anchor}")
 
 
 def _side(change: Change, side: int) -> str:

@@ -10,14 +10,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 from markupsafe import Markup
 
-from eos_ref.cache import cache_folder
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
 from lammps_cases.findings import LEDGER, Entry
-from lammps_cases.history.draw import errors
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
@@ -31,7 +28,7 @@ ROWS = 200  # checks of an audit listed per case
 
 
 @dataclass(frozen=True)
-class Row:
+class SteppedField:
     """A field at all steps that a case compares; ``span`` rows from this one on are of its stage."""
 
     record: FieldRecord
@@ -59,7 +56,7 @@ class Shown:
     message: str
     explained: list[str]
     steps: list[int]
-    rows: list[Row]
+    rows: list[SteppedField]
 
 
 def render(
@@ -71,22 +68,14 @@ def render(
 ) -> str:
     """The page of a run; per-atom arrays of cases that are not among the known are read from the folder ``fields``."""
     known = known or {}
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([ASSETS, frame.SHARED]),
-        bytecode_cache=jinja2.FileSystemBytecodeCache(
-            str(cache_folder("templates"))
-        ),  # compiling them takes a fifth of the time
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = wording.number
-    environment.filters["brief"] = wording.brief
-    environment.filters["shade"] = shade
-    environment.filters["sortable"] = _sortable
-    return environment.get_template("report.html.j2").render(
+    return frame.page(
+        ASSETS,
+        "report",
+        wording.status(run),
+        filters={"shade": shade, "sortable": _sortable},
+        styles=[HISTORY_CSS] if history else [],
+        scripts=[_plotly(), ASSETS / "plots.js"],
         run=run,
-        status=wording.status(run),
         stamp=wording.stamp(run),
         sentence=wording.sentence(run),
         engine=wording.engine(run),
@@ -101,17 +90,8 @@ def render(
         provenance=dict(_provenance(run)),
         seeds={case.case: case.seed for case in run.cases if case.seed is not None},
         history=history,
-        marks=_marks(history),
-        css=Markup((frame.SHARED / "page.css").read_text(encoding="utf-8")),
-        history_css=Markup(HISTORY_CSS.read_text(encoding="utf-8")) if history else "",
-        scripts=[_script(path) for path in (_plotly(), ASSETS / "plots.js", ASSETS / "report.js")],
+        marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
     )
-
-
-def _marks(history: Past | None) -> dict[str, Markup]:
-    """Pictures of the cases that some run before had too."""
-    known = history.marks if history else {}
-    return {case: Markup(errors(marks, height=64)) for case, marks in known.items() if len(marks) > 1}
 
 
 def shade(ratio: float | None, verdict: str) -> int:
@@ -124,14 +104,14 @@ def shade(ratio: float | None, verdict: str) -> int:
     return max(4, min(9, 4 + math.floor(min(decades, 15.0) / 3)))
 
 
-def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[Row]:
+def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[SteppedField]:
     rows = []
     for _, of_stage in itertools.groupby(case.fields, key=lambda record: record.stage):
         records = list(of_stage)
         for i, record in enumerate(records):
             at = {found.step: found for found in record.steps}
             cells = [at.get(step) for step in steps]
-            rows.append(Row(record, len(records) if i == 0 else 0, cells, record.field in drawn))
+            rows.append(SteppedField(record, len(records) if i == 0 else 0, cells, record.field in drawn))
     return rows
 
 
@@ -188,7 +168,3 @@ def _plotly() -> Path:
     if spec is None or not spec.submodule_search_locations:
         raise InputError("plotly", "must be installed: its script draws the plots of report.html")
     return Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js"
-
-
-def _script(path: Path) -> Markup:
-    return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

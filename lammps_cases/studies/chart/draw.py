@@ -2,39 +2,22 @@
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis
 from lammps_cases.studies.chart.points import DIGITS, LAMMPS, Map, Panel, Point, frontier
 from lammps_cases.studies.flows.converge import Convergence
 
-matplotlib.use("svg")
-RED, BLUE, GREY = "#c0392b", "#1f5fa8", "#8a8f98"
 # Told apart by colour and by shape; LAMMPS' own are always red stars.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
-STYLE: Any = {
-    "font.family": "sans-serif",
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e6e8eb",
-    "grid.linewidth": 0.7,
-    "axes.axisbelow": True,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "eos-ref",  # the same bits on every run
-}
 
 
 def panel_figure(panel: Panel) -> Figure:
@@ -90,15 +73,6 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
     plain_log_axis(axis.xaxis)
     axis.set_ylim(floor, top)
     axis.set_title(regime)
-
-
-def plain_log_axis(axis: Any) -> None:
-    """A logarithmic axis with few ticks, as plain numbers; its limits are set."""
-    low, high = axis.get_view_interval()
-    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
-    axis.set_major_locator(LogLocator(10.0, (1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=6))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
@@ -169,19 +143,3 @@ def map_figure(data: Map) -> Figure:
         axis.set(xlabel=f"log10 {data.x_name}" if logarithmic else data.x_name, ylabel=data.y_name, title=data.title)
         figure.colorbar(mesh, ax=axis, label="correct digits")
         return figure
-
-
-def svg(figure: Figure) -> str:
-    """The figure as an element that can stand in a page."""
-    file = io.StringIO()
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    text = file.getvalue()
-    return re.sub(r"^.*?(?=<svg)", "", text, count=1, flags=re.DOTALL)
-
-
-def save(figure: Figure, folder: Path, name: str) -> None:
-    """The figure as ``NAME.svg`` and ``NAME.png``."""
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(folder / f"{name}.svg", metadata={"Date": None, "Creator": None})
-        figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
+from lammps_cases.pages import frame
+from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import draw
 from lammps_cases.studies.chart.points import Panel, Point, frontier
@@ -20,15 +19,6 @@ from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
 
 ASSETS = Path(__file__).parent / "assets"
-SHARED = Path(__file__).parents[2] / "pages" / "assets"
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure in the page, and the name of its files."""
-
-    name: str
-    svg: Markup
 
 
 @dataclass(frozen=True)
@@ -47,42 +37,36 @@ class FlowView:
     runs: list[Convergence]
     agree: bool
     speedup: float
-    picture: Picture
+    picture: Markup
 
 
 def write(chart: Chart, folder: Path) -> None:
     """Write ``report.html`` and ``figures/*.svg|png``."""
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["error"] = lambda value: f"{value:.2g}" if math.isfinite(value) else "none right"
-    environment.filters["ns"] = lambda value: f"{value:.3g}"
-    html = environment.get_template("chart.html.j2").render(
+    html = frame.page(
+        ASSETS,
+        "chart",
+        "good",
         chart=chart,
-        css=Markup((SHARED / "page.css").read_text(encoding="utf-8")),
-        own_css=Markup((ASSETS / "chart.css").read_text(encoding="utf-8")),
-        pictures={panel.id: _picture(draw.panel_figure(panel), figures, panel.id) for panel in chart.panels},
-        maps={m.id: _picture(draw.map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
+        facts=_facts(chart),
+        pictures={panel.id: saved(draw.panel_figure(panel), figures, panel.id) for panel in chart.panels},
+        maps={m.id: saved(draw.map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
         flows={section.name: list(_flows(section, figures)) for section in chart.sections},
         rows=rows,
         sentence=sentence,
+        error=lambda value: f"{value:.2g}" if math.isfinite(value) else "none right",
     )
     write_atomically(folder / "report.html", html)
 
 
-def _picture(figure: Figure, folder: Path, name: str) -> Picture:
-    draw.save(figure, folder, name)
-    # Several pictures in one page must not share the names of their parts.
-    return Picture(name, Markup(with_own_names(draw.svg(figure), name)))
-
-
-def with_own_names(svg: str, name: str) -> str:
-    """A picture whose parts, and what refers to them, are named after it; links out of the picture stay."""
-    ids = set(re.findall(r'\bid="([^"]+)"', svg))
-    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
-    return re.sub(r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg)
+def _facts(chart: Chart) -> list[tuple[str, str]]:
+    machine = chart.machine
+    return [
+        ("LAMMPS", chart.engine.get("distribution") or chart.engine.get("version_string", "")),
+        ("processor", f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start"),
+        ("took", f"{chart.seconds:.0f} s" + (" (quick)" if chart.quick else "")),
+    ]
 
 
 def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
@@ -90,7 +74,7 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
         runs = [run for run in section.flows if run.flow == name]
         measure = next((m for run in runs for m in run.errors), "")
         flow = FLOWS[name]
-        picture = _picture(draw.convergence_figure(runs, measure), figures, f"flow-{name}")
+        picture = saved(draw.convergence_figure(runs, measure), figures, f"flow-{name}")
         yield FlowView(
             name,
             flow.about,

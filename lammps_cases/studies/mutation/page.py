@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import jinja2
-from markupsafe import Markup, escape
+import matplotlib
+from markupsafe import Markup
+from matplotlib.figure import Figure
 
+from lammps_cases.pages import frame
+from lammps_cases.pages.figures import DIFFERS, FAINT, INK, OF, PAPER, THEMED, plain_text, themed
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.mutation import source
 from lammps_cases.studies.mutation.fault import ABOUT, FAMILIES, KINDS
@@ -17,22 +19,17 @@ from lammps_cases.studies.mutation.record import FaultRecord, Power
 from lammps_cases.studies.mutation.resolution import Resolution
 
 ASSETS = Path(__file__).parent / "assets"
-SHARED = Path(__file__).parents[2] / "pages" / "assets"
 BUSIEST = 20  # cases listed
-LEFT, RIGHT, ROW = 230, 1180, 20  # of the drawing, in its units
-FINEST = -16  # power of ten at the left edge; the right one is 1
+FINEST = 1e-16  # the left edge of the drawing
 
 
 def write(power: Power, folder: Path) -> None:
     """Write ``power.html``, one file that opens offline."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["size"] = lambda value: f"{value:.1e}"
-    html = environment.get_template("power.html.j2").render(
+    html = frame.page(
+        ASSETS,
+        "power",
+        "bad" if power.complaints else "good",
         power=power,
-        css=Markup((SHARED / "page.css").read_text(encoding="utf-8")),
-        own_css=Markup((ASSETS / "power.css").read_text(encoding="utf-8")),
         verdict="WRONG" if power.complaints else "AS IT MUST BE",
         headline=_headline(power),
         facts=list(_facts(power)),
@@ -45,7 +42,7 @@ def write(power: Power, folder: Path) -> None:
         excluded=source.EXCLUDED,
         excluded_assignments=source.EXCLUDED_ASSIGNMENTS,
         only=source.ONLY,
-        drawing=Markup(_drawing(power.resolution)),
+        drawing=_drawing(power.resolution) if power.resolution else "",
     )
     write_atomically(folder / "power.html", html)
 
@@ -104,41 +101,26 @@ def _busiest(faults: Sequence[FaultRecord]) -> list[tuple[str, int, bool]]:
     return [(case, count, case in quick) for case, count in ranked]
 
 
-# --- drawing
-
-
-def _drawing(resolution: Sequence[Resolution]) -> str:
-    """Smallest visible changes along a logarithmic axis, a row per parameter, as SVG."""
-    height = ROW * (len(resolution) + 2)
-    parts = [f'<svg viewBox="0 0 {RIGHT + 60} {height}" role="img" aria-label="smallest visible relative changes">']
-    for power in range(FINEST, 1, 2):
-        x = _place(10.0**power)
-        parts.append(f'<line x1="{x:.1f}" y1="{ROW}" x2="{x:.1f}" y2="{height - ROW}"/>')
-        parts.append(f'<text class="tick" x="{x:.1f}" y="{height - 4}" text-anchor="middle">1e{power}</text>')
-    for row, one in enumerate(resolution):
-        parts += _row(one, ROW * (row + 1.5))
-    return "".join([*parts, "</svg>"])
-
-
-def _row(one: Resolution, y: float) -> Iterator[str]:
-    yield f'<text x="{LEFT - 12}" y="{y + 4:.1f}" text-anchor="end">{escape(one.parameter)}</text>'
-    if one.best is None:
-        yield f'<text class="never" x="{LEFT + 4}" y="{y + 4:.1f}">seen by no case</text>'
-        return
-    x = _place(one.best.relative_change)
-    if one.quick is not None:
-        quick = _place(one.quick.relative_change)
-        yield f'<line class="span" x1="{x:.1f}" y1="{y:.1f}" x2="{quick:.1f}" y2="{y:.1f}"/>'
-        yield _dot("fast", quick, y, one.quick.case, one.quick.relative_change)
-    yield _dot("best", x, y, one.best.case, one.best.relative_change)
-
-
-def _dot(kind: str, x: float, y: float, case: str, change: float) -> str:
-    radius = 4 if kind == "best" else 6
-    title = f"<title>{escape(case)}: {change:.2g}</title>"
-    return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{radius}">{title}</circle>'
-
-
-def _place(change: float) -> float:
-    power = math.log10(max(change, 10.0**FINEST))
-    return LEFT + (RIGHT - LEFT) * min((power - FINEST) / -FINEST, 1.0)
+def _drawing(resolution: Sequence[Resolution]) -> Markup:
+    """Smallest visible changes along a logarithmic axis, a row per parameter."""
+    marks = {}
+    with matplotlib.rc_context(THEMED):
+        figure = Figure(figsize=(12.0, 0.21 * (len(resolution) + 3)), layout="constrained")
+        axis = figure.subplots()
+        axis.set(xscale="log", xlim=(0.5 * FINEST, 2.0), ylim=(len(resolution) - 0.5, -0.5))
+        axis.set_yticks(range(len(resolution)), [plain_text(one.parameter) for one in resolution])
+        axis.tick_params(axis="y", length=0, labelcolor=INK)
+        axis.grid(False, axis="y")
+        for row, one in enumerate(resolution):
+            if one.best is None:
+                axis.text(FINEST, row, "seen by no case", color=DIFFERS, weight="bold", va="center")
+                continue
+            ends = [(kind, change) for kind, change in (("quick", one.quick), ("best", one.best)) if change]
+            drawn = [(kind, max(change.relative_change, FINEST), change) for kind, change in ends]
+            axis.plot([x for _, x, _ in drawn], [row] * len(drawn), color=FAINT, lw=1.5)
+            for kind, x, change in drawn:
+                face, size = (PAPER, 8) if kind == "quick" else (OF, 6)
+                axis.plot([x], [row], "o", ms=size, mfc=face, mec=OF, mew=1.5, gid=f"{kind}-{row}")
+                css = "v-explained" if kind == "quick" else "v-exact"
+                marks[f"{kind}-{row}"] = css, f"{change.case}: {change.relative_change:.2g}"
+    return themed(figure, "resolution", "smallest visible relative changes", marks)

@@ -20,8 +20,8 @@ from matplotlib.transforms import ScaledTranslation
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import BoolArray
+from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
-from lammps_cases.studies.chart.draw import BLUE, GREY, RED, STYLE, plain_log_axis
 from lammps_cases.studies.stability import names
 from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, Cell, Engine, Kind, Ran, Theory
 from lammps_cases.studies.stability.record import MapRecord
@@ -91,7 +91,7 @@ def map_figure(drawn: MapRecord, theory: Sequence[Theory] = (), link: Link = nam
             titles = ("LAMMPS", "reference", "where they differ")
             for axis, title in zip(row, titles, strict=True):
                 _draw_theory(axis, drawn, [t for t in theory if t.layer in (None, layer)], theory)
-                axis.set_title(_text(f"{title}: {layer}" if layer else title))
+                axis.set_title(plain_text(f"{title}: {layer}" if layer else title))
         for axis in axes.ravel():
             _scale(axis, drawn)
         figure.supxlabel(_label(drawn.x), fontsize=9)
@@ -101,11 +101,7 @@ def map_figure(drawn: MapRecord, theory: Sequence[Theory] = (), link: Link = nam
 
 
 def _label(axis: Axis) -> str:
-    return _text(f"{axis.name} (log)" if axis.log else axis.name)
-
-
-def _text(words: str) -> str:
-    return words.replace("$", r"\$")  # else matplotlib takes it for mathematics
+    return plain_text(f"{axis.name} (log)" if axis.log else axis.name)
 
 
 def _scale(axis: Any, drawn: MapRecord) -> None:
@@ -253,7 +249,7 @@ def _legend(theory: Sequence[Theory], ran: Sequence[Ran]) -> list[Line2D | Patch
             handles.append(Line2D([], [], marker=shape, ls="none", mfc=colour, mec=EDGE, mew=0.7, ms=size, label=kind))
     handles.append(Patch(color=GREY, alpha=0.4, lw=0, label="boundary, uncertainty"))
     for name, style in _styles(theory).items():
-        handles.append(Line2D([], [], label=_text(name), **{"lw": 1.2, **style}))
+        handles.append(Line2D([], [], label=plain_text(name), **{"lw": 1.2, **style}))
     handles.append(Line2D([], [], ls="none", label="where they differ:"))
     handles += [
         Patch(color=RED, alpha=0.4, lw=0, label="LAMMPS"),

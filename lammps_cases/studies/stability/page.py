@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from eos_ref import InputError
+from lammps_cases.pages import frame
+from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
-from lammps_cases.studies.chart import draw as chart_draw
-from lammps_cases.studies.chart.page import SHARED, Picture, with_own_names
 from lammps_cases.studies.stability import draw, expected, names
 from lammps_cases.studies.stability.deck import deck
 from lammps_cases.studies.stability.inputs import InputRow
@@ -42,7 +40,7 @@ WHO: dict[Engine, str] = {"lammps": "LAMMPS", "reference": "reference"}
 
 
 @dataclass(frozen=True)
-class Row:
+class CellView:
     """A cell as the page shows it."""
 
     cell: Cell
@@ -64,8 +62,8 @@ class MapView:
     """A map as the page shows it; ``kinds``: how many runs end so, on LAMMPS and on the reference."""
 
     record: MapRecord
-    picture: Picture
-    rows: list[Row]
+    picture: Markup
+    rows: list[CellView]
     kinds: dict[Kind, tuple[int, int]]
     agreement: str
 
@@ -95,22 +93,17 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: 
     """
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["short"] = lambda value: f"{value:.5g}"
-    html = environment.get_template("stability.html.j2").render(
+    html = frame.page(
+        ASSETS,
+        "stability",
+        "bad" if expected.unexplained(atlas.disagreements) else "good",
         atlas=atlas,
-        css=Markup((SHARED / "page.css").read_text(encoding="utf-8")),
-        own_css=Markup((ASSETS / "stability.css").read_text(encoding="utf-8")),
-        script=Markup((ASSETS / "stability.js").read_text(encoding="utf-8")),
         colours={kind: colour for kind, (colour, _) in draw.MARKS.items()},
         facts=list(_facts(atlas)),
         maps=[_map(record, maps.get(record.id), folder) for record in atlas.maps],
         disagreements=[
             _difference(line, record) for record in atlas.maps for line in record.agreement if line.verdict == "differs"
         ],
-        unexplained=len(expected.unexplained(atlas.disagreements)),
         inputs=inputs,
         reactions=Counter(row.reaction for row in inputs),
     )
@@ -125,21 +118,12 @@ def _facts(atlas: Atlas) -> Iterator[tuple[str, str]]:
 
 def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:
     figure = draw.map_figure(record, of.theory if of else (), lambda cell: "#" + names.anchor(cell))
-    picture = Picture(record.id, Markup(with_own_names(_save(figure, folder / "figures" / record.id), record.id)))
+    picture = saved(figure, folder / "figures", record.id)
     telling = told_apart(record)
     decks = {cell: path for cell in telling if of and (path := write_deck(of, cell, folder))}
     same = sum(line.verdict == "same" for line in record.agreement)
     agreement = f"{same} of {len(record.agreement)} lines" if record.agreement else "not compared"
     return MapView(record, picture, rows(record, folder, decks, telling), kinds(record.cells), agreement)
-
-
-def _save(figure: Figure, path: Path) -> str:
-    """Write a figure as SVG and PNG; the former as an element that can stand in a page."""
-    svg = chart_draw.svg(figure)
-    write_atomically(path.with_name(f"{path.name}.svg"), f'<?xml version="1.0" encoding="utf-8"?>\n{svg}')
-    figure.set_layout_engine("none")  # as it has been laid out; that takes half of the time
-    figure.savefig(path.with_name(f"{path.name}.png"), dpi=130, metadata={"Software": None})
-    return svg
 
 
 def told_apart(record: MapRecord) -> set[Cell]:
@@ -190,7 +174,7 @@ def along(ends: Sequence[Kind], boundaries: Sequence[Boundary], record: MapRecor
     return text
 
 
-def rows(record: MapRecord, folder: Path, decks: Mapping[Cell, str], shown: Container[Cell]) -> list[Row]:
+def rows(record: MapRecord, folder: Path, decks: Mapping[Cell, str], shown: Container[Cell]) -> list[CellView]:
     """Cells by layer, height and place; with pictures of the particles for those to be shown."""
     outcomes: dict[Cell, dict[Engine, Outcome]] = {}
     for r in record.cells:
@@ -199,7 +183,7 @@ def rows(record: MapRecord, folder: Path, decks: Mapping[Cell, str], shown: Cont
     for cell in sorted(outcomes, key=lambda c: (record.layers.index(c.layer), c.y, c.x)):
         states = {side: read_state(folder, cell, side) for side in WHO if cell in shown}
         made.append(
-            Row(
+            CellView(
                 cell,
                 names.anchor(cell),
                 outcomes[cell].get("lammps"),

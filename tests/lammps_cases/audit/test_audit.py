@@ -26,6 +26,7 @@ from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scr
 from lammps_cases.audit.options import Place, Task
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import CaseRecord
+from tests.support.progress import Steps
 
 DECKS = Path(__file__).parents[2] / "decks"
 HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
@@ -280,16 +281,6 @@ def test_error_inside_a_look_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _wrong_look)
     with pytest.raises(InputError, match="look: must not fail"):
         audit_deck(DECKS / "in.plain")
-
-
-class Steps(Progress):
-    """Keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.done: list[tuple[int, int | None, str]] = []
-
-    def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
-        self.done.append((done, total, label))
 
 
 def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from lammps_cases.claims.verdicts import own_words
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord
+from tests.support.progress import Steps
 
 NEW = "2025.7.22.4.0"
 BY_ID = {probe.id: probe for probe in probes.probes()}
@@ -44,11 +45,11 @@ def planted() -> list[Probe]:
 @pytest.fixture(scope="module")
 def records() -> dict[str, CaseRecord]:
     """All probes and their planted faults, on LAMMPS."""
-    seen: list[tuple[int, int]] = []
+    progress = Steps()
     chosen = [*probes.probes(), *planted()]
     with Workers(None, 2) as workers:
-        found = put(chosen, workers, NEW, lambda done, total: seen.append((done, total)))
-    assert seen == [(k + 1, len(chosen)) for k in range(len(chosen))]
+        found = put(chosen, workers, NEW, progress)
+    assert progress.done == [(k + 1, len(chosen), "probes") for k in range(len(chosen))]
     return {one.case.removeprefix(PROBE): one for one in found}
 
 

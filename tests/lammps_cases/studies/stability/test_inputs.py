@@ -33,6 +33,7 @@ from lammps_cases.studies.stability.inputs import (
 )
 from lammps_cases.studies.stability.refusals import BadInput, bad_inputs, not_for_lammps, parse, refusal
 from tests.lammps_cases.cli.test_bad_input import BAD
+from tests.support.progress import Steps
 
 BY_ID = {bad.id: bad for bad in bad_inputs()}
 
@@ -44,10 +45,10 @@ def our(bad: BadInput) -> str:
 @pytest.fixture(scope="module")
 def rows() -> dict[str, InputRow]:
     """The whole table, on LAMMPS."""
-    seen: list[tuple[int, int]] = []
+    progress = Steps()
     with Workers(None, 2) as workers:
-        table = inputs.table(workers, lambda done, of: seen.append((done, of)))
-    assert seen == [(k, len(table)) for k in range(1, len(table) + 1)]
+        table = inputs.table(workers, progress)
+    assert progress.done == [(k, len(table), "bad inputs") for k in range(1, len(table) + 1)]
     return {row.id: row for row in table}
 
 
@@ -335,5 +336,5 @@ def test_what_lammps_is_known_to_do(rows: dict[str, InputRow], id: str, wanted: 
 def test_an_input_that_hangs_costs_itself_alone() -> None:
     long = BadInput("long", "run", ("run",), (("run 2 pre", "run 100000000 pre"),), scene={"evolve": {"steps": -2}})
     with Workers(None, 1) as workers:
-        found = inputs.table(workers, None, (long, BY_ID["gamma-0"]), time_limit=1.0)
+        found = inputs.table(workers, inputs=(long, BY_ID["gamma-0"]), time_limit=1.0)
     assert [row.reaction for row in found] == ["hang", "silent NaN"]

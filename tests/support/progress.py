@@ -1,0 +1,15 @@
+"""A progress that keeps what it is told."""
+
+from __future__ import annotations
+
+from lammps_cases.records.progress import Progress
+
+
+class Steps(Progress):
+    """Every call, in order."""
+
+    def __init__(self) -> None:
+        self.done: list[tuple[int, int | None, str]] = []
+
+    def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
+        self.done.append((done, total, label))

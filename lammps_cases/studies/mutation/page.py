@@ -119,7 +119,7 @@ def _drawing(resolution: Sequence[Resolution]) -> Markup:
             drawn = [(kind, max(change.relative_change, FINEST), change) for kind, change in ends]
             axis.plot([x for _, x, _ in drawn], [row] * len(drawn), color=FAINT, lw=1.5)
             for kind, x, change in drawn:
-                face, size = (PAPER, 8) if kind == "quick" else (OF, 6)
+                face, size = (PAPER, 9) if kind == "quick" else (OF, 4)
                 axis.plot([x], [row], "o", ms=size, mfc=face, mec=OF, mew=1.5, gid=f"{kind}-{row}")
                 css = "v-explained" if kind == "quick" else "v-exact"
                 marks[f"{kind}-{row}"] = css, f"{change.case}: {change.relative_change:.2g}"

@@ -16,13 +16,13 @@ from eos_ref.compiled import loops
 from eos_ref.compiled.loops import Pairs
 from eos_ref.compiled.vectors import add_to, columns_times, graded, mirrored, monomials, put, roots, row, vector, zero
 from eos_ref.jit import cached, inline
-from eos_ref.model import kernels
+from eos_ref.kernels import reproducing
 
-_jit = cached(*loops.SOURCES, "compiled/corrections.py")
+_jit = cached(*loops.SOURCES, "compiled/corrections.py", "kernels/reproducing.py")
 
 
 class Basis:
-    """The basis of a reproducing kernel, read off `kernels.basis`: which monomials, and with which factors.
+    """The basis of a reproducing kernel, read off `reproducing.basis`: which monomials, and with which factors.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Basis:
     """
 
     def __init__(self, order: int, dimension: int) -> None:
-        functions = kernels.basis(order, [_Monomial(1.0, (a,)) for a in range(dimension)])
+        functions = reproducing.basis(order, [_Monomial(1.0, (a,)) for a in range(dimension)])
         place = {axes: k for k, axes in enumerate(graded(dimension, 2 * order))}
         self.factor_b = np.array([f.factor for f in functions])
         self.place_b = np.array([place[f.axes] for f in functions])

@@ -22,7 +22,6 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.stages import Stages
 from eos_ref.jit import announce_first_use
-from eos_ref.model import kernels
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms
 from eos_ref.numbers.columns import Axes, axes, joined
 
@@ -60,7 +59,7 @@ class Fast(Stages):
         threads: int = 1,
     ) -> None:
         super().__init__(model, box, type_n, solid_n)
-        announce_first_use(loops.geometry)
+        announce_first_use(loops.quintic_geometry)
         d = model.dimension
         self.like = (0.0,) * d
         self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if skin is None else skin)
@@ -140,11 +139,11 @@ class Fast(Stages):
             self._buffers.clear()
             near.build(x_nc)
         kept = self._buffer("j", dtype=np.uint32), self._buffer("x", d), self._buffer("w"), self._buffer("slope")
-        sigma = kernels.normalisation(d, model.cut)
+        sigma = model.kernel.normalisation(d, model.cut)
         self.parts = [loops.Pairs(start_n, *kept, None, None) for start_n in self._shares(near.start_n)]
         count_n = np.zeros(self.n, np.uint64)
         inputs = self._in(x_nc), near.j_p, near.image_pc, self.edge, self.reach, model.h, sigma
-        self._each(loops.geometry, self.parts, inputs, (count_n,))
+        self._each(loops.geometry(model.kernel), self.parts, inputs, (count_n,))
         self._count_n = count_n.view(np.int64)
         self.coordination_n = self._out(self._count_n)
         self.corrected_n = np.zeros(self.n, bool)

@@ -11,27 +11,32 @@ holds the sums of reproducing kernels, `eos_ref.compiled.forces` those of pair_s
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numba.extending import register_jitable
 
 import eos_ref.eos.compiled  # noqa: F401  for the compiled forms of `eos_ref.numbers.elementary`, which it registers
 from eos_ref.compiled.vectors import add_to, dot, outer, put, row, vector, zero
 from eos_ref.jit import cached, inline
-from eos_ref.model import interactions, kernels
+from eos_ref.kernels.kernel import Kernel
+from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.model import interactions
 
 BLOCK = 64  # rows whose pairs stay in the first-level cache between the two passes of `geometry`
 SOURCES = (
     "compiled/registers.py",
     "compiled/vectors.py",
     "compiled/loops.py",
-    "model/kernels.py",
+    "kernels/kernel.py",
+    "kernels/quintic.py",
     "model/interactions.py",
 )
 _jit = cached(*SOURCES)
 
-_quintic, _quintic_slope = inline(kernels.quintic), inline(kernels.quintic_slope)
 register_jitable(interactions.interface_distance)  # which the next one calls by its name
 _no_slip_ratio, _shift_weight = inline(interactions.no_slip_ratio), inline(interactions.shift_weight)
 
@@ -51,46 +56,72 @@ class Pairs(NamedTuple):
     gj_pc: Any
 
 
+def _values(kernel: Kernel) -> Any:
+    """The loop that turns squared distances into W, and ``slope_p`` into W'/r."""
+    shape, slope = inline(kernel.shape), inline(kernel.slope)
+
+    def values(w_p: Any, slope_p: Any, h: float, sigma: float) -> None:
+        for p in range(w_p.size):
+            r = math.sqrt(w_p[p])
+            q = r / h
+            w_p[p] = sigma * shape(q)
+            slope_p[p] = sigma / h * slope(q) / r
+
+    return inline(values)
+
+
+def _geometry(kernel: Kernel) -> Callable[..., None]:
+    values = _values(kernel)
+
+    def geometry(
+        near: Pairs, x_nc: Any, j_p: Any, image_pc: Any, edge: Any, reach: float, h: float, sigma: float, count_n: Any
+    ) -> None:
+        start_n = near.start_n
+        k = start_n[0]  # unsigned: a signed number might count from the end
+        for first in range(0, count_n.size, BLOCK):
+            begin = k
+            for i in range(first, min(first + BLOCK, count_n.size)):
+                first_of_row, first_listed, end = k, start_n[i], start_n[i + 1]
+                start_n[i] = k
+                x_i = row(x_nc, i, edge)
+                for p in range(first_listed, end):
+                    j = j_p[p]
+                    x = x_i - (row(x_nc, j, edge) + row(image_pc, p, edge) * vector(edge))
+                    rr = dot(x, x)
+                    # No branch: a pair that is too far is overwritten by the next.
+                    near.j_p[k] = j
+                    put(near.x_pc, k, x)
+                    near.w_p[k] = rr
+                    close = np.uint64(rr < reach)
+                    count_n[j] += close
+                    k += close
+                count_n[i] += k - first_of_row
+            values(near.w_p[begin:k], near.slope_p[begin:k], h, sigma)
+        start_n[count_n.size] = k
+
+    return geometry
+
+
+_geometry_of_quintic = inline(_geometry(QUINTIC))
+
+
 @_jit
-def geometry(
+def quintic_geometry(
     near: Pairs, x_nc: Any, j_p: Any, image_pc: Any, edge: Any, reach: float, h: float, sigma: float, count_n: Any
 ) -> None:
-    """Keep in ``near`` the pairs of a list with r*r < reach and their kernel values; add to the count of neighbours.
+    """The loop of the quintic spline; see `geometry`."""
+    _geometry_of_quintic(near, x_nc, j_p, image_pc, edge, reach, h, sigma, count_n)
 
-    ``near.start_n`` holds where the rows of the list begin, and afterwards those of the pairs kept.
+
+@cache
+def geometry(kernel: Kernel) -> Any:
+    """The loop that keeps in ``near`` the pairs of a list with r*r < reach, with their values of a kernel.
+
+    It adds to the count of neighbours as well. ``near.start_n`` holds where the rows of the list begin, and afterwards
+    those of the pairs kept. Each kernel has a loop of its own, in which it is inlined. That of the quintic spline is
+    kept on disk; another one is compiled once in a process.
     """
-    start_n = near.start_n
-    k = start_n[0]  # unsigned: a signed number might count from the end
-    for first in range(0, count_n.size, BLOCK):
-        begin = k
-        for i in range(first, min(first + BLOCK, count_n.size)):
-            first_of_row, first_listed, end = k, start_n[i], start_n[i + 1]
-            start_n[i] = k
-            x_i = row(x_nc, i, edge)
-            for p in range(first_listed, end):
-                j = j_p[p]
-                x = x_i - (row(x_nc, j, edge) + row(image_pc, p, edge) * vector(edge))
-                rr = dot(x, x)
-                # No branch: a pair that is too far is overwritten by the next.
-                near.j_p[k] = j
-                put(near.x_pc, k, x)
-                near.w_p[k] = rr
-                close = np.uint64(rr < reach)
-                count_n[j] += close
-                k += close
-            count_n[i] += k - first_of_row
-        _kernel(near.w_p[begin:k], near.slope_p[begin:k], h, sigma)
-    start_n[count_n.size] = k
-
-
-@inline
-def _kernel(w_p: Any, slope_p: Any, h: float, sigma: float) -> None:
-    """Turn squared distances into W; W'/r goes to ``slope_p``."""
-    for p in range(w_p.size):
-        r = math.sqrt(w_p[p])
-        q = r / h
-        w_p[p] = sigma * _quintic(q)
-        slope_p[p] = sigma / h * _quintic_slope(q) / r
+    return quintic_geometry if kernel is QUINTIC else numba.njit(error_model="numpy", nogil=True)(_geometry(kernel))
 
 
 @inline

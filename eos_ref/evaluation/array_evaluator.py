@@ -15,7 +15,8 @@ from eos_ref.eos import rounded_eos
 from eos_ref.errors import InputError
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.evaluation.stages import Stages
-from eos_ref.model import interactions, kernels
+from eos_ref.kernels.reproducing import basis
+from eos_ref.model import interactions
 from eos_ref.model.parameters import BoolArray, Gradients, PairTerms
 from eos_ref.numbers.columns import Axes, Number, axes, dot, joined, matrix
 from eos_ref.numbers.elementary import sqrt, where
@@ -30,7 +31,7 @@ class Plain(Stages):
 
     def move(self, x_nc: Number) -> None:
         """Find the pairs of new positions and evaluate the kernel once for all sums."""
-        model, cut = self.model, self.model.cut
+        model, cut, kernel = self.model, self.model.cut, self.model.kernel
         if not np.isfinite(value(x_nc).astype(float)).all():
             raise InputError("positions", "must be finite; the time step may be too long")
         self.i, self.j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut)
@@ -38,10 +39,10 @@ class Plain(Stages):
         self.x = [x_n[self.i] - (x_n[self.j] + shift_pc[:, a]) for a, x_n in enumerate(x)]
         self.rr = dot(self.x, self.x)
         self.r = sqrt(self.rr)
-        sigma = self.constant(kernels.normalisation(model.dimension, cut))
+        sigma = self.constant(kernel.normalisation(model.dimension, cut))
         q = self.r / model.h
-        self.w = sigma * kernels.quintic(q)
-        slope = sigma / model.h * kernels.quintic_slope(q)
+        self.w = sigma * kernel.shape(q)
+        slope = sigma / model.h * kernel.slope(q)
         self.gradw = [slope * x_p / self.r for x_p in self.x]
         self.g = self.gradw
         self.coordination_n = np.bincount(self.i, minlength=self.n)
@@ -95,7 +96,7 @@ class Plain(Stages):
     def moments(self, rho_n: Number) -> tuple[list[Number], list[list[Number]]]:
         """Basis of every pair, and by rows of its lower triangle the moment matrix of every particle; see `correct`."""
         volume_p = self.volume_of_wall(rho_n)[self.j]
-        h = kernels.basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
+        h = basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
         weight = volume_p * self.w
         return h, [[self.total(weight * h[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
 

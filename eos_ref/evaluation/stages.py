@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos import rounded_eos
-from eos_ref.model import interactions, kernels, per_atom
+from eos_ref.model import interactions, per_atom
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms, Surface
 from eos_ref.numbers.columns import Axes, Number, axes, dot, joined, matrix
 from eos_ref.numbers.elementary import maximum, sqrt, where
@@ -123,7 +123,7 @@ class Stages(ABC):
 
         Source: manual; self/mass as Hu & Adams, J. Comput. Phys. 213, 844 (2006).
         """
-        w0 = self.constant(kernels.self_value(self.model.dimension, self.model.cut))
+        w0 = self.constant(self.model.kernel.self_value(self.model.dimension, self.model.cut))
         if self.model.fix.self_mass:
             return self.mass_n * (w0 + self.kernel_sum())
         return self.mass_n * w0 + self.kernel_sum(self.mass_n)
@@ -184,7 +184,7 @@ class Stages(ABC):
     def raw_shift(self, v: Axes, rho_n: Number) -> Axes:
         """Shifting velocity before any scaling."""
         model = self.model
-        w_h = self.constant(kernels.normalisation(model.dimension, model.cut)) * float(kernels.quintic(1.0))
+        w_h = self.constant(model.kernel.normalisation(model.dimension, model.cut)) * float(model.kernel.shape(1.0))
         scale = -2 * model.h * sqrt(dot(v, v))
         moves = ~self.solid_n & self.of_type(model.shifted_t)
         return [where(moves, scale * sum_n, 0.0) for sum_n in self.shift_sums(self.volume_of_wall(rho_n), w_h)]

@@ -18,13 +18,13 @@ import numpy.typing as npt
 
 from eos_ref.eos.table import EOSTable, FloatArray
 from eos_ref.errors import InputError
-from eos_ref.model import kernels
+from eos_ref.kernels.kernel import Kernel
+from eos_ref.kernels.styles import KERNELS
 from eos_ref.syntax.fixes import FixRheo
 from eos_ref.syntax.ranges import type_range
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.integer[Any]]
-ORDER = {"quintic": -1, "RK0": 0, "RK1": 1, "RK2": 2}
 
 
 @dataclass(frozen=True)
@@ -180,8 +180,8 @@ class Model:
         for mass in self.mass_t:
             if not (math.isfinite(mass) and mass > 0):
                 raise InputError("mass", "must be positive", mass)
-        if self.fix.kernel not in ORDER:
-            raise InputError("kernel", f"must be one of {', '.join(ORDER)}", self.fix.kernel)
+        if self.fix.kernel not in KERNELS:
+            raise InputError("kernel", f"must be one of {', '.join(KERNELS)}", self.fix.kernel)
         if not (math.isfinite(self.fix.cut) and self.fix.cut > 0):
             raise InputError("cut", "must be positive", self.fix.cut)
         if self.pair.cut != self.fix.cut:
@@ -219,13 +219,18 @@ class Model:
 
     @property
     def h(self) -> float:
-        """Smoothing length, cut/3."""
-        return self.fix.cut / kernels.SUPPORT
+        """Smoothing length, cut/3 of the quintic spline."""
+        return self.fix.cut / self.kernel.support
+
+    @property
+    def kernel(self) -> Kernel:
+        """Kernel of all sums; a reproducing kernel corrects its gradients."""
+        return KERNELS[self.fix.kernel].kernel
 
     @property
     def order(self) -> int:
-        """Order of the reproducing kernel; -1 for the quintic spline."""
-        return ORDER[self.fix.kernel]
+        """Order of the reproducing kernel; -1 for a kernel without correction."""
+        return KERNELS[self.fix.kernel].order
 
     @property
     def corrects_gradients(self) -> bool:

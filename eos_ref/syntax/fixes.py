@@ -15,9 +15,9 @@ from typing import Literal, NoReturn, cast, get_args
 from eos_ref.eos.registry import PARAMETER, STYLES, Style
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.errors import InputError, nearest
+from eos_ref.kernels.styles import KernelStyle
 from eos_ref.syntax.ranges import type_range
 
-KernelStyle = Literal["quintic", "RK0", "RK1", "RK2"]
 SurfaceStyle = Literal["coordination", "divergence"]
 
 

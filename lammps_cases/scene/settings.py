@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
-from eos_ref.syntax.fixes import KernelStyle, SurfaceStyle
+from eos_ref.kernels.styles import KernelStyle
+from eos_ref.syntax.fixes import SurfaceStyle
 from lammps_cases.scene.values import RANGE_SCHEMA, Finite, Model, NonNegative, Positive, TypeRange
 
 SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,10 +50,28 @@ def inverse(m: list[Vector]) -> list[Vector]:
     return [row[n:] for row in rows]
 
 
+class ScalarKernel(NamedTuple):
+    """A kernel in longdoubles: cut/h, and of q the shape and its derivative; of dimension and h the normalisation."""
+
+    support: int
+    shape: Callable[[Any], Any]
+    slope: Callable[[Any], Any]
+    sigma: Callable[[int, Any], Any]
+
+
+QUINTIC = ScalarKernel(
+    3,
+    lambda q: sum(c * max(k - q, L(0)) ** 5 for k, c in ((3, 1), (2, -6), (1, 15))),
+    lambda q: -5 * sum(c * max(k - q, L(0)) ** 4 for k, c in ((3, 1), (2, -6), (1, 15))),
+    lambda d, h: L(7) / (478 * PI * h**2) if d == 2 else L(1) / (120 * PI * h**3),
+)
+
+
 class DoubleLoop:
     """A scene, its force evaluation and its time step."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, kernel: ScalarKernel = QUINTIC) -> None:
+        self.kernel = kernel
         self.model, self.box = scene.model, scene.box
         s = scene.state
         self.x = [[L(c) for c in row] for row in s.x_nc]
@@ -65,8 +84,8 @@ class DoubleLoop:
         self.N, self.D = range(self.n), range(self.d)
         fix = self.model.fix
         self.rc = L(fix.cut)
-        self.h = self.rc / 3
-        self.sigma = L(7) / (478 * PI * self.h**2) if self.d == 2 else L(1) / (120 * PI * self.h**3)
+        self.h = self.rc / kernel.support
+        self.sigma = kernel.sigma(self.d, self.h)
         self.m = [L(self.model.mass_t[t]) for t in self.t]
         self.rho0 = [L(fix.rho0[t]) for t in self.t]
         self.c_t = [L(c) for c in fix.cs]
@@ -76,12 +95,10 @@ class DoubleLoop:
     # kernel
 
     def W(self, r: Any) -> Any:
-        q = 3 * r / self.rc
-        return self.sigma * sum(c * max(k - q, L(0)) ** 5 for k, c in ((3, 1), (2, -6), (1, 15)))
+        return self.sigma * self.kernel.shape(r / self.h)
 
     def dW(self, r: Any) -> Any:
-        q = 3 * r / self.rc
-        return -5 * self.sigma / self.h * sum(c * max(k - q, L(0)) ** 4 for k, c in ((3, 1), (2, -6), (1, 15)))
+        return self.sigma / self.h * self.kernel.slope(r / self.h)
 
     def neighbours(self, i: int) -> list[Neighbour]:
         found = []
@@ -146,7 +163,7 @@ class DoubleLoop:
     def basis(self, x: Vector) -> Vector:
         u = [c / self.rc for c in x]
         h = [L(1), *u]
-        if self.model.fix.kernel == "RK2":
+        if self.model.order == 2:
             h += [c**2 / 2 for c in u]
             h += [u[a] * u[b] for a, b in itertools.combinations(self.D, 2)]
         return h
@@ -163,7 +180,7 @@ class DoubleLoop:
         return self.seen_density(i), self.seen_density(j)
 
     def correct(self) -> None:
-        if self.model.fix.kernel not in ("RK1", "RK2"):
+        if self.model.order < 1:
             return
         for i in self.N:
             if len(self.pairs[i]) < self.model.fix.zmin:
@@ -407,7 +424,7 @@ class DoubleLoop:
                         size = (self.chi[s] - L("0.9")) * (self.rc / 2 - r) * self.rho0[s] * c**2 * self.rc
                         f[i] = [a + size * b / r for a, b in zip(f[i], x, strict=True)]
                 if xi and not mixed:
-                    if model.fix.kernel in ("RK1", "RK2"):
+                    if model.order >= 1:
                         slope = [(a + b) / 2 for a, b in zip(self.grho[i], self.grho[j], strict=True)]
                         drho[i] -= 2 * xi * V_j * (self.rho[j] - self.rho[i] + dot(slope, x)) * dot(x, g) / r**2
                     else:

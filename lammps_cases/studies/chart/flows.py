@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
-from eos_ref.syntax.fixes import KernelStyle
+from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.studies.benchmarks.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, compared, point
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Convergence, Result, by_lammps, by_reference, converge
 from lammps_cases.studies.flows.flow import Flow, Options, Start
 
-KERNELS: tuple[KernelStyle, ...] = ("quintic", "RK1", "RK2")
+# RK0 has the gradients of the quintic spline.
+STYLES: tuple[KernelStyle, ...] = tuple(style for style in get_args(KernelStyle) if KERNELS[style].order != 0)
 CUTS = (2.5, 3.0, 4.0)
 RESOLUTION = 32
 SHOWN = ("taylor-green", "sound-wave-tait-water")
@@ -33,7 +34,7 @@ def flows(quick: bool) -> Iterator[Convergence]:
 def panels(quick: bool, lmp: Any) -> Iterator[Panel]:
     """Error of the headline against time per particle and step, for kernels and cutoffs."""
     for name in SHOWN[:1] if quick else SHOWN:
-        yield _panel(FLOWS[name], KERNELS[:2] if quick else KERNELS, CUTS[1:2] if quick else CUTS, quick, lmp)
+        yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, lmp)
 
 
 def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...], quick: bool, lmp: Any) -> Panel:

@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.syntax.fixes import KernelStyle
+from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, Panel, Point, compared, point
 from lammps_cases.studies.chart.prepared import STILL, Instances, Prepared, moving, prepared, rms, still_step, worst

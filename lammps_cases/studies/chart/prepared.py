@@ -13,7 +13,7 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.syntax.fixes import KernelStyle
+from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.engine import session
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, build

@@ -9,7 +9,7 @@ import numpy as np
 
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
-from eos_ref.model import kernels
+from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
@@ -35,12 +35,12 @@ def scene(dimension: int, cut: float, edge: int) -> tuple[Half, dict[str, FloatA
     pairs = Half(near.start_n, near.j_p)
     i_p = pairs.i_p
     x_pc = x_nc[i_p] - (x_nc[near.j_p] + near.image_pc * float(edge))
-    r_p, h = np.sqrt(np.square(x_pc).sum(axis=1)), cut / kernels.SUPPORT
-    sigma = kernels.normalisation(dimension, cut)
+    r_p, h = np.sqrt(np.square(x_pc).sum(axis=1)), cut / QUINTIC.support
+    sigma = QUINTIC.normalisation(dimension, cut)
     field_n = np.sin(2 * np.pi / WAVE * x_nc).sum(axis=1)
-    slope_p = sigma / h * kernels.quintic_slope(r_p / h) / r_p * x_pc[:, 0]
+    slope_p = sigma / h * QUINTIC.slope(r_p / h) / r_p * x_pc[:, 0]
     return pairs, {
-        "density": np.asarray(sigma * kernels.quintic(r_p / h)),
+        "density": np.asarray(sigma * QUINTIC.shape(r_p / h)),
         "gradient": (field_n[near.j_p] - field_n[i_p]) * slope_p,
     }
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
-from eos_ref.syntax.fixes import KernelStyle
+from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 

@@ -24,7 +24,8 @@ MODULES = {
     "eos.laws": 8,
     "eos.table": 5,
     "numbers.elementary": 5,
-    "model.kernels": 12,
+    "kernels.quintic": 10,
+    "kernels.reproducing": 2,
     "model.interactions": 16,
     "model.per_atom": 9,
     "evaluation.array_evaluator": 30,
@@ -41,6 +42,8 @@ MODULES = {
 }
 # A module's part of the ids of its faults, where that is not its name: ids draw the sample and are in stored results.
 IN_IDS = {
+    "kernels.quintic": "kernels",
+    "kernels.reproducing": "kernels",
     "eos.table": "eos",
     "evaluation.array_evaluator": "plain",
     "evaluation.time_step": "steps",
@@ -80,7 +83,7 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
     "changed as a whole by a named fault": ("evaluation.stages:Stages.sound_speed",),
     "other callers": (
         "eos.laws:cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
-        "model.kernels:basis_size",
+        "kernels.reproducing:basis_size",
         "evaluation.pairs:compacted",
         "evaluation.time_step:Simulation.run",
         "evaluation.time_step:Simulation._check_steps",

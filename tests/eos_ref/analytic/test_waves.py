@@ -11,7 +11,7 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.analytic import waves
-from eos_ref.model import kernels
+from eos_ref.kernels.quintic import QUINTIC
 
 Array = Any
 RADIUS, POINTS = (
@@ -103,7 +103,7 @@ def test_viscous_pair_force_is_the_laplacian_alone(dimension: int) -> None:
     nodes, weights = np.polynomial.legendre.leggauss(6)  # exact to degree 11; the integrand has degree 4 + 3 at most
     q_n = (np.arange(3)[:, None] + (nodes + 1) / 2).ravel()
     sphere = {2: 2 * math.pi, 3: 4 * math.pi}[dimension]
-    slope_n = kernels.normalisation(dimension, 3.0) * kernels.quintic_slope(q_n)
+    slope_n = QUINTIC.normalisation(dimension, 3.0) * QUINTIC.slope(q_n)
     trace = sphere * np.sum(np.tile(weights / 2, 3) * slope_n * q_n**dimension)
     assert trace / dimension == pytest.approx(-1.0, rel=100 * EPS)
 

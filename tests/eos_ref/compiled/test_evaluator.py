@@ -18,7 +18,7 @@ import pytest
 from eos_ref.compiled.evaluator import Fast
 from eos_ref.compiled.neighbours import WINDOW
 from eos_ref.errors import InputError
-from eos_ref.model import kernels
+from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import Box, Gradients
 from eos_ref.numbers import elementary
 from eos_ref.numbers.rounded import error
@@ -317,5 +317,5 @@ def test_pairs_at_the_cutoff_do_not_count() -> None:
             evaluator = Fast(built.model, box, np.ones(2, int), np.zeros(2, bool))
             evaluator.move(np.array([[0.0, 0.0], [0.0, r]]))
             assert evaluator.coordination_n.tolist() == [int(r < cut)] * 2
-            w0 = kernels.self_value(2, cut)
+            w0 = QUINTIC.self_value(2, cut)
             assert_close(evaluator.density_sum(), np.full(2, evaluator.mass_n[0] * w0))

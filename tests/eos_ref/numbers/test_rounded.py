@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eos_ref.evaluation.stages import is_class
-from eos_ref.model import interactions, kernels
+from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.model import interactions
 from eos_ref.numbers.elementary import maximum, minimum, sqrt, where
 from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, placed, value
 from eos_ref.syntax.fixes import SurfaceDetection
@@ -254,7 +255,7 @@ def test_numpy_leaves_products_to_us() -> None:
 @QUICK
 @given(st.floats(0, 3.5))
 def test_kernel_bounds(q: float) -> None:
-    found, slope = kernels.quintic(Rounded([q])), kernels.quintic_slope(Rounded([q]))
+    found, slope = QUINTIC.shape(Rounded([q])), QUINTIC.slope(Rounded([q]))
     parts = [(c, max(k - Fraction(q), Fraction(0))) for k, c in ((3, 1), (2, -6), (1, 15))]
     assert inside(found, sum(c * p**5 for c, p in parts))
     assert inside(slope, -5 * sum(c * p**4 for c, p in parts))

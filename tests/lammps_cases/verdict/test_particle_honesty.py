@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from eos_ref.evaluation import array_evaluator, time_step
-from eos_ref.model import interactions, kernels, per_atom
+from eos_ref.kernels.kernel import Kernel
+from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.model import interactions, per_atom
+from eos_ref.model.parameters import Model
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings.forces import ForcePerVolume
@@ -68,6 +71,10 @@ def _times(function: Callable[..., Any], factor: float) -> Callable[..., Any]:
     return lambda *arguments: function(*arguments) * factor
 
 
+def _kernel(**wrong: Any) -> property:
+    return property(lambda model: replace(QUINTIC, **wrong))
+
+
 def _no_floor(self: array_evaluator.Plain, rho_n: Any) -> Any:
     return rho_n
 
@@ -79,15 +86,15 @@ def _late_gradients(self: time_step.Simulation) -> Any:
 FORCES, WALLS = "forces.all.quintic.2d", "walls.reconstructed.plain"
 # what is wrong: (where, its name there, the wrong one, the case that must see it)
 FAULTS: dict[str, tuple[Any, str, Any, str]] = {
-    "kernel off by 1e-9": (kernels, "quintic", _times(kernels.quintic, 1 + 1e-9), "density.one.2d"),
-    "slope off by 1e-9": (kernels, "quintic_slope", _times(kernels.quintic_slope, 1 + 1e-9), FORCES),
+    "kernel off by 1e-9": (Model, "kernel", _kernel(shape=_times(QUINTIC.shape, 1 + 1e-9)), "density.one.2d"),
+    "slope off by 1e-9": (Model, "kernel", _kernel(slope=_times(QUINTIC.slope, 1 + 1e-9)), FORCES),
     "2D normalisation in 3D": (
-        kernels,
-        "normalisation",
-        lambda d, cut: 21 / (478 * np.pi * cut * cut),
+        Model,
+        "kernel",
+        _kernel(factor=lambda d, h: 7 / (478 * np.pi * h * h)),
         "density.one.3d",
     ),
-    "self term left out": (kernels, "self_value", lambda d, cut: 0.0, "density.one.2d"),
+    "self term left out": (Kernel, "self_value", lambda self, d, cut: 0.0, "density.one.2d"),
     "sign of the pressure force": (interactions, "pressure_term", lambda vi, vj, p: vi * vj * p, FORCES),
     "viscosity halved": (
         interactions,

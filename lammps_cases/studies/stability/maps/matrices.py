@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model import kernels
-from eos_ref.syntax.fixes import KernelStyle
+from eos_ref.kernels import reproducing
+from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.findings.kernels import STALE_GRADIENT_BELOW_ZMIN
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
@@ -115,7 +116,7 @@ def neighbours(cut: float) -> tuple[int, int, int]:
 
 def zmin_needed(kernel: KernelStyle, cut: float) -> float:
     """Least zmin that excludes every particle with fewer neighbours than the kernel has functions."""
-    size = kernels.basis_size({"quintic": 0, "RK0": 0, "RK1": 1, "RK2": 2}[kernel], 2)
+    size = reproducing.basis_size(max(KERNELS[kernel].order, 0), 2)
     return max((float(n + 1) for n in neighbours(cut) if n < size), default=0.0)
 
 
@@ -177,7 +178,7 @@ def _zigzag(cut: float) -> float:
     neighbours, the eigenvalues for :math:`u\to0` are those of the row itself and
     :math:`u^2W_oW_e/(W_o+W_e)`, the largest :math:`W_o+W_e`, or the moment along the row if that is larger.
     """
-    q = {k: kernels.quintic(kernels.SUPPORT * k / cut) for k in range(1, math.ceil(cut))}
+    q = {k: QUINTIC.shape(QUINTIC.support * k / cut) for k in range(1, math.ceil(cut))}
     odd, even = (2 * sum(float(w) for k, w in q.items() if k % 2 == rest) for rest in (1, 0))
     along = 2 * sum(float(w) * (k / cut) ** 2 for k, w in q.items())
     if not even:

@@ -24,7 +24,7 @@ from functools import cache
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model import kernels
+from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
@@ -91,10 +91,10 @@ def waves(cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     r_p = np.hypot(*x_pc.T)
     near = (r_p > 0) & (r_p < cut)
     x_pc, r_p = x_pc[near], r_p[near]
-    h, norm = cut / kernels.SUPPORT, kernels.normalisation(2, cut)
-    over_r_p = norm / h * kernels.quintic_slope(r_p / h) / r_p  # W'/r
+    h, norm = cut / QUINTIC.support, QUINTIC.normalisation(2, cut)
+    over_r_p = norm / h * QUINTIC.slope(r_p / h) / r_p  # W'/r
     step = 1e-4 * h
-    slopes = [kernels.quintic_slope((r_p + side) / h) for side in (-step, step)]
+    slopes = [QUINTIC.slope((r_p + side) / h) for side in (-step, step)]
     bend_p = norm / h * (slopes[1] - slopes[0]) / (2 * step)  # W''
     n_pc = x_pc / r_p[:, None]
     hessian_p = (bend_p - over_r_p)[:, None, None] * n_pc[:, :, None] * n_pc[:, None, :]

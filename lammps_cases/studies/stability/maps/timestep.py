@@ -26,7 +26,8 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model import interactions, kernels
+from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.model import interactions
 from eos_ref.model.parameters import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
@@ -118,8 +119,8 @@ def waves(cut: float) -> Waves:
     of_first = i == 0
     x_pc = x_nc[i[of_first]] - (x_nc[j[of_first]] + shift_pc[of_first])
     rr = np.square(x_pc).sum(axis=1)
-    r, h = np.sqrt(rr), cut / kernels.SUPPORT
-    slope = kernels.normalisation(2, cut) / h * np.asarray(kernels.quintic_slope(r / h))
+    r, h = np.sqrt(rr), cut / QUINTIC.support
+    slope = QUINTIC.normalisation(2, cut) / h * np.asarray(QUINTIC.slope(r / h))
     g_pc = slope[:, None] * x_pc / r[:, None]
     number = np.fft.fftfreq(EDGE, 1 / EDGE)
     k_kc = 2 * np.pi / EDGE * np.stack(np.meshgrid(number, number, indexing="ij"), axis=-1).reshape(-1, 2)[1:]

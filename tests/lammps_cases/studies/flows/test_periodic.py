@@ -10,7 +10,7 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model import kernels
+from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.engine import session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatAsTemperatureRate
@@ -100,7 +100,7 @@ def test_shear_wave_decays_as_its_lattice_does() -> None:
     r_p = np.hypot(x_p, y_p)
     near = (r_p > 0) & (r_p < options.cut)
     x_p, r_p = x_p[near], r_p[near]
-    slope_p = kernels.normalisation(2, options.cut) * kernels.quintic_slope(r_p)
+    slope_p = QUINTIC.normalisation(2, options.cut) * QUINTIC.slope(r_p)
     rate = -2 * nu * np.sum(slope_p / r_p * (1 - np.cos(k * x_p)))
     exact = -np.log(1 - rate * dt) / dt / (nu * k**2) - 1
     found = SHEAR.measures(n, options, by_reference(start).snapshots)["rate"]
@@ -159,7 +159,7 @@ def test_summed_density_keeps_the_error_of_its_sum() -> None:
     (found,) = converge(SOUND, options, ("reference",), QUICK)
     cells = np.arange(-3, 4)
     r_nn = np.hypot(cells[:, None], cells)
-    missed = np.sum(np.where(r_nn < 3, kernels.normalisation(2, 3.0) * kernels.quintic(r_nn), 0.0)) - 1
+    missed = np.sum(np.where(r_nn < 3, QUINTIC.normalisation(2, 3.0) * QUINTIC.shape(r_nn), 0.0)) - 1
     assert found.errors["mean"] == pytest.approx([abs(missed)] * len(QUICK), abs=COMPRESSED**2)
     assert found.fit("speed").order > PROMISED - 0.5
 

@@ -161,9 +161,9 @@ def test_changed_sources_are_others_each() -> None:
 
 
 def test_faults_keep_their_names_when_code_is_added() -> None:
-    text = edits.text_of("model.kernels")
-    before = source.names("model.kernels", ast.parse(text))
-    after = source.names("model.kernels", ast.parse(text + "\n\ndef more(a, b):\n    return a + b\n"))
+    text = edits.text_of("kernels.quintic")
+    before = source.names("kernels.quintic", ast.parse(text))
+    after = source.names("kernels.quintic", ast.parse(text + "\n\ndef more(a, b):\n    return a + b\n"))
     assert set(after) - set(before) == {"source.kernels.more.operator-1"}
     assert {name: after[name] for name in before} == before
 

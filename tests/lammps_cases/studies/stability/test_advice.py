@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from eos_ref.model.kernels import quintic
+from eos_ref.kernels.quintic import quintic
 from eos_ref.model.parameters import Box, Model, State
 from lammps_cases.audit.warn import Questions
 from lammps_cases.setup import reference_side

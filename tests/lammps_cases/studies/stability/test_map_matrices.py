@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from eos_ref.model import kernels
+from eos_ref.kernels import reproducing
+from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds, probe
@@ -32,8 +33,8 @@ def condition(start: Start, atom: int, order: int) -> float:
     r_nc = start.atoms.x_nc[atom - 1, :2] - start.atoms.x_nc[:, :2]
     r_n = np.hypot(*r_nc.T)
     near = (r_n > 0) & (r_n < cut)
-    h = np.stack([np.broadcast_to(b, near.sum()) for b in kernels.basis(order, list(r_nc[near].T / cut))])
-    w = kernels.normalisation(2, cut) * kernels.quintic(kernels.SUPPORT * r_n[near] / cut)
+    h = np.stack([np.broadcast_to(b, near.sum()) for b in reproducing.basis(order, list(r_nc[near].T / cut))])
+    w = QUINTIC.normalisation(2, cut) * QUINTIC.shape(QUINTIC.support * r_n[near] / cut)
     return float(np.linalg.cond((h * w) @ h.T))
 
 

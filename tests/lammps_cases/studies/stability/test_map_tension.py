@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eos_ref.model import kernels
+from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.studies.stability.maps import tension
 from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, Watch
 from lammps_cases.studies.stability.runs import open_run
@@ -101,8 +101,8 @@ def test_the_whole_sum_decides_where_single_neighbours_would_not() -> None:
     """With 6 spacings W'' < 0 at the nearest neighbours, but the lattice is unstable under tension alone."""
 
     def bend(cut: float) -> float:
-        h, step = cut / kernels.SUPPORT, 1e-4
-        slopes = [kernels.quintic_slope(tension.EDGE / h + side) for side in (-step, step)]
+        h, step = cut / QUINTIC.support, 1e-4
+        slopes = [QUINTIC.slope(tension.EDGE / h + side) for side in (-step, step)]
         return float(slopes[1] - slopes[0])
 
     assert bend(6.0) < 0 < bend(3.0)

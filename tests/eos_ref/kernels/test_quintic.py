@@ -8,7 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from eos_ref.model import kernels
+from eos_ref.kernels import reproducing
+from eos_ref.kernels.quintic import QUINTIC
 from tests.support.particle_scenes import EPS
 
 CUTS = [0.37, 1.0, 3.0, 41.7]
@@ -32,8 +33,8 @@ QS = [Fraction(k, 64) for k in range(0, 210, 3)]
 @pytest.mark.parametrize("q", QS, ids=float)
 def test_shape_and_slope_are_the_documented_polynomials(q: Fraction) -> None:
     """k - q is exact here; a power rounds 4 times, its factor and the sums 3 times: 7 u of the absolute terms."""
-    assert abs(Fraction(float(kernels.quintic(float(q)))) - exact(q, 5)) <= 4 * EPS * absolute(q, 5)
-    assert abs(Fraction(float(kernels.quintic_slope(float(q)))) + 5 * exact(q, 4)) <= 4 * EPS * 5 * absolute(q, 4)
+    assert abs(Fraction(float(QUINTIC.shape(float(q)))) - exact(q, 5)) <= 4 * EPS * absolute(q, 5)
+    assert abs(Fraction(float(QUINTIC.slope(float(q)))) + 5 * exact(q, 4)) <= 4 * EPS * 5 * absolute(q, 4)
 
 
 @pytest.mark.parametrize("q", [Fraction(k, 64) for k in range(1, 192, 7)], ids=float)
@@ -42,26 +43,26 @@ def test_slope_is_the_derivative(q: Fraction) -> None:
     step = Fraction(1, 2**24)
     difference = (exact(q + step, 5) - exact(q - step, 5)) / (2 * step)
     allowed = float(step**2) / 6 * 60 * (9 + 24 + 15) + 4 * EPS * 5 * absolute(q, 4)
-    assert abs(float(difference) - kernels.quintic_slope(float(q))) <= allowed
+    assert abs(float(difference) - QUINTIC.slope(float(q))) <= allowed
 
 
 def test_values_at_the_ends() -> None:
-    assert kernels.quintic(0.0) == 66
-    assert kernels.quintic_slope(0.0) == 0
+    assert QUINTIC.shape(0.0) == 66
+    assert QUINTIC.slope(0.0) == 0
     for q in (3.0, 3.0000001, 5.0):
-        assert kernels.quintic(q) == kernels.quintic_slope(q) == 0
+        assert QUINTIC.shape(q) == QUINTIC.slope(q) == 0
     inside = np.linspace(0, 3, 301)[1:-1]
-    assert (kernels.quintic(inside) > 0).all()
-    assert (kernels.quintic_slope(inside) < 0).all()
+    assert (QUINTIC.shape(inside) > 0).all()
+    assert (QUINTIC.slope(inside) < 0).all()
 
 
 @pytest.mark.parametrize("cut", CUTS)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_value_at_zero(dimension: int, cut: float) -> None:
     h = cut / 3
-    assert kernels.self_value(dimension, cut) == 66 * kernels.normalisation(dimension, cut)
+    assert QUINTIC.self_value(dimension, cut) == 66 * QUINTIC.normalisation(dimension, cut)
     known = {2: 66 * 7 / 478 / math.pi / h / h, 3: 66 / 120 / math.pi / h / h / h}[dimension]
-    assert abs(kernels.self_value(dimension, cut) - known) <= 9 * EPS * known  # 9 roundings each
+    assert abs(QUINTIC.self_value(dimension, cut) - known) <= 9 * EPS * known  # 9 roundings each
 
 
 def radial(dimension: int, cut: float, power: int, shape: str) -> float:
@@ -73,9 +74,9 @@ def radial(dimension: int, cut: float, power: int, shape: str) -> float:
     q = np.concatenate([(node + 1) / 2 + k for k in range(3)])
     weight = np.tile(weight / 2, 3)
     h, sphere = cut / 3, 2 * math.pi if dimension == 2 else 4 * math.pi
-    f = kernels.quintic(q) if shape == "value" else kernels.quintic_slope(q) / h
+    f = QUINTIC.shape(q) if shape == "value" else QUINTIC.slope(q) / h
     return float(np.sum(weight * f * q ** (dimension - 1 + power))) * (
-        sphere * kernels.normalisation(dimension, cut) * h ** (dimension + power)
+        sphere * QUINTIC.normalisation(dimension, cut) * h ** (dimension + power)
     )
 
 
@@ -100,7 +101,7 @@ def test_moments_on_the_plane_and_in_space(dimension: int) -> None:
     cut, m = 1.5, 64 if dimension == 2 else 32
     line = (np.arange(-m, m + 1) + 0.25) * cut / m  # no node at the origin, no symmetry used
     x = np.array(np.meshgrid(*[line] * dimension, indexing="ij")).reshape(dimension, -1)
-    w = kernels.normalisation(dimension, cut) * kernels.quintic(3 * np.sqrt((x**2).sum(axis=0)) / cut)
+    w = QUINTIC.normalisation(dimension, cut) * QUINTIC.shape(3 * np.sqrt((x**2).sum(axis=0)) / cut)
     w *= (cut / m) ** dimension
     second = radial(dimension, cut, 2, "value") / dimension
     assert abs(w.sum() - 1) < 1e-9
@@ -113,7 +114,7 @@ def test_moments_on_the_plane_and_in_space(dimension: int) -> None:
 )
 def test_bases(order: int, dimension: int, size: int) -> None:
     u = [np.array([3.0]), np.array([5.0]), np.array([7.0])][:dimension]
-    h = [float(b[0]) for b in kernels.basis(order, u)]
-    assert len(h) == size == kernels.basis_size(order, dimension)
+    h = [float(b[0]) for b in reproducing.basis(order, u)]
+    assert len(h) == size == reproducing.basis_size(order, dimension)
     whole = {2: [1, 3, 5, 4.5, 12.5, 15], 3: [1, 3, 5, 7, 4.5, 12.5, 24.5, 15, 21, 35]}[dimension]
     assert h == whole[:size]

@@ -23,12 +23,19 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run.campaign import Prepared, engine_record, prepare
+from lammps_cases.run.campaign import Prepared, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import machines
-from lammps_cases.studies.mutation.perturbed import Judge, PerturbedCase, Rows, first_difference, run_and_judge
+from lammps_cases.studies.mutation.perturbed import (
+    Judge,
+    PerturbedCase,
+    Rows,
+    first_difference,
+    judge_of,
+    run_and_judge,
+)
 
 Kind = Literal[
     "as given",
@@ -191,8 +198,7 @@ def measure(
     """
     found = []
     with Workers(engine.site, jobs) as workers:
-        who = workers.outcome(workers.identify())
-        judge = Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
+        judge = judge_of(engine, workers, store)
         pool = _Pool(workers, judge, progress)
         plain = dict(pool.records("as given", cases))
         for kind in dict.fromkeys(("as given", *kinds)):

@@ -13,12 +13,13 @@ from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, Run
-from lammps_cases.engine.workers import Failure, solve
+from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run.campaign import Prepared
+from lammps_cases.run.campaign import Prepared, engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.judgement import evaluate, evaluate_twin, first_step, particles_of, snapshot
@@ -61,6 +62,17 @@ class Judge:
         if ready.twin is not None:
             return evaluate_twin(ready.case, ready.twin, ordered, self.engine, self.predictor)[0]
         return evaluate(ready.case, ready.eos, ready.atoms, ordered[0], self.engine, self.predictor)[0]
+
+
+def judge_of(engine: Engine, workers: Workers, store: Store | None) -> Judge:
+    """Return the judge of what some workers' LAMMPS answers.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    who = workers.outcome(workers.identify())
+    return Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
 
 
 def run_and_judge(site: str | None, judge: Judge, case: PerturbedCase) -> CaseRecord:

@@ -16,9 +16,9 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.run.campaign import Prepared, engine_record, prepare
+from lammps_cases.run.campaign import Prepared, prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation.perturbed import Judge, RepeatedCase
+from lammps_cases.studies.mutation.perturbed import Judge, RepeatedCase, judge_of
 from lammps_cases.studies.mutation.scene_numbers import Number, numbers
 
 PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
@@ -218,8 +218,7 @@ def measure(
     """
     quick = {case.name for case in cases if QUICK in case.tags}
     with Workers(engine.site, jobs) as workers:
-        who = workers.outcome(workers.identify())
-        judge = Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
+        judge = judge_of(engine, workers, store)
         ready = {case.name: prepare(case) for case in cases if not (case.scene.expect or case.scene.twin)}
 
         def done(what: str, tasks: dict[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -18,11 +18,11 @@ from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import Progress
-from lammps_cases.run.campaign import Prepared, engine_record, prepare
+from lammps_cases.run.campaign import Prepared, prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import formula, source, substitute, tasks, unmutated
 from lammps_cases.studies.mutation.fault import Detection, Fault
-from lammps_cases.studies.mutation.perturbed import Judge
+from lammps_cases.studies.mutation.perturbed import judge_of
 from lammps_cases.studies.mutation.substitute import Mutation, Substitution
 from lammps_cases.studies.mutation.unmutated import Control
 
@@ -84,11 +84,10 @@ class MutationPool:
             max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
         )
         try:
-            who = self._workers.outcome(self._workers.identify())
+            self.judge = judge_of(engine, self._workers, store)
         except BaseException as error:  # there is no LAMMPS
             self.__exit__(type(error), error, None)
             raise
-        self.judge = Judge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
         self.jobs, self.every = jobs, every
         self.answered: list[str] = []
         self.played: list[str] = []

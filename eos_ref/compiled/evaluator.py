@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+import eos_ref.eos.compiled  # noqa: F401  teaches numba the elementary functions
 from eos_ref.compiled import corrections, forces, loops
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
@@ -190,12 +191,11 @@ class Fast(Stages):
         v_nc: Any = None,
         rho_n: Any = None,
         energy_n: Any = None,
-        viscosity_n: Any = None,
         want: Sequence[str] = ("v", "rho"),
     ) -> Gradients:
         """Gradients of the fields wanted, in one pass; see `Plain.gradients`."""
         found, d = Gradients(), self.model.dimension
-        scalars = {"rho": self.apparent_density(rho_n), "energy": energy_n, "viscosity": viscosity_n}
+        scalars = {"rho": self.apparent_density(rho_n), "energy": energy_n}
         names = [name for name in scalars if name in want]
         velocity = [v_nc[:, a] for a in range(d)] if "v" in want else []
         if not velocity and not names:

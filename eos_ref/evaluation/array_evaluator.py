@@ -160,7 +160,6 @@ class Plain(Stages):
         v_nc: Number = None,
         rho_n: Number = None,
         energy_n: Number = None,
-        viscosity_n: Number = None,
         want: Sequence[str] = ("v", "rho"),
     ) -> Gradients:
         r"""Gradients :math:`(\nabla f)_i=\sum_jV_j(f_j-f_i)\widetilde\nabla W_{ij}` of the fields wanted."""
@@ -174,8 +173,6 @@ class Plain(Stages):
             found.rho_nc = self._gradient(volume, rho_j - rho_i)
         if "energy" in want:
             found.energy_nc = self._gradient(volume, energy_n[self.j] - energy_n[self.i])
-        if "viscosity" in want:
-            found.viscosity_nc = self._gradient(volume, viscosity_n[self.j] - viscosity_n[self.i])
         return found
 
     def _gradient(self, volume_p: Number, difference_p: Number) -> Number:

@@ -27,13 +27,17 @@ class AtCutoff(Plain):
         x = value(x_nc)
         r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
         near_n = np.bincount(i[r > cut - width], minlength=self.n)
-        self.counted_n: Any = Rounded(self.coordination_n.astype(float), near_n.astype(float))
+        self.counted_n = Rounded(self.coordination_n.astype(float), near_n.astype(float))
         if near_n.any():
             certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
             # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
             # some of them are less and some are not.
             open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
             self.coordination_n = open_
+
+    def counted(self) -> Any:
+        """Number of neighbours, open by the pairs at the cutoff."""
+        return self.counted_n
 
 
 def at_cutoff(stages: type[Plain]) -> type[Plain]:

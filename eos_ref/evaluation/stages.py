@@ -68,6 +68,10 @@ class Stages(ABC):
         """A parameter's value, of the number type of the evaluation."""
         return factor
 
+    def counted(self) -> Any:
+        """Number of neighbours, as it is output."""
+        return self.coordination_n
+
     # --- sums over neighbours, left to the evaluators
 
     @abstractmethod

@@ -20,14 +20,13 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.model import per_atom, quantities
-from eos_ref.model.parameters import Box, Gradients, Model, State, check_state
+from eos_ref.model.parameters import Box, Gradients, Model, State, Surface, check_state
 from eos_ref.numbers.columns import axes, dot, joined, matrix
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, value
 
 Array = Any
 Evaluator = Callable[..., Any]
-_GRADIENT = {"v": "v_ncc", "rho": "rho_nc", "energy": "energy_nc"}
 LAYER, SURFACE, SPLASH, BULK = 8, 16, 32, 4  # bits of LAMMPS' status; 1 is solid
 
 
@@ -71,7 +70,7 @@ class Simulation:
         self.mass_n = model.mass[self.state.type_n - 1]
         self.other_nc: Array = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
         self.fields: dict[str, Array] = {}
-        self.gradient = Gradients()
+        self.gradient, self.surface = Gradients(), Surface()
         self.chi_n: Array = None
         self.pressure_force_nc: Array = None
         self.set_n = np.zeros(len(state.x_nc), bool)
@@ -87,16 +86,16 @@ class Simulation:
         self.gradient, self.pressure_force_nc = Gradients(), None
         if "pairs" in plan:
             e.move(s.x_nc)
-            self.fields["coordination"] = e.coordination_n
+            self.fields["coordination"] = e.counted()
         self._densities()
-        want = [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]
-        if want:
-            self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, None, want)
-            self.fields |= {f"grad/{name}": getattr(self.gradient, _GRADIENT[name]) for name in want}
+        if want := [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]:
+            self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
         self._surfaces()
         self._properties()
         if "f" in plan or "heatflow" in plan or "drho" in plan:
             self._forces()
+        records = quantities.QUANTITIES.values()
+        self.fields |= {q.name: q.result(self) for q in records if q.result and q.whole in plan}
         return self.fields
 
     def _densities(self) -> None:
@@ -115,14 +114,12 @@ class Simulation:
         self.fields["chi"] = self.chi_n
 
     def _surfaces(self) -> None:
-        s, e, found = self.state, self.evaluator, self.fields
+        s, e = self.state, self.evaluator
         shift_nc = e.shift(s.v_nc, s.rho_n) if "shift/v" in self.plan else None
         if "surface" in self.plan:
-            surface, shift_nc = e.surface(s.rho_n, shift_nc)
-            found["surface"], found["surface/r"] = surface.class_n, surface.r_n
-            found["surface/n"], found["surface/divr"] = surface.normal_nc, surface.divr_n
+            self.surface, shift_nc = e.surface(s.rho_n, shift_nc)
         if shift_nc is not None:
-            found["shift/v"] = shift_nc
+            self.fields["shift/v"] = shift_nc
 
     def _properties(self) -> None:
         s, e, found, plan = self.state, self.evaluator, self.fields, self.plan
@@ -264,7 +261,7 @@ class Simulation:
             want += ["energy"] if fix.thermal else []
         if not want:
             return Gradients()
-        found: Gradients = self.evaluator.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, None, want)
+        found: Gradients = self.evaluator.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
         return found
 
     def _continuity(self, dt: float, drho_n: Array, gradient: Gradients) -> None:
@@ -303,46 +300,26 @@ class Simulation:
         Raises
         ------
         InputError
-            A field that this simulation did not evaluate.
+            A field that there is not, that the model does not have, or that this simulation did not evaluate.
         """
-        s, e, found = self.state, self.evaluator, self.fields
-        match field:
-            case "x" | "v":
-                return s.x_nc if field == "x" else s.v_nc
-            case "energy" if s.energy_n is None:
-                raise InputError("field", "is not part of this model (see the keywords of fix rheo)", field)
-            case "rho" | "energy":
-                return s.rho_n if field == "rho" else s.energy_n
-            case "phase":
-                return s.solid_n.astype(float)
-            case "pressure":
-                return e.pressure(s.rho_n, s.energy_n)
-            case "conductivity" | "cv":
-                return self._thermal_property("conductivity" if field == "conductivity" else "specific_heat")
-            case "status":
-                return self._status()
-            case "stress/v" | "stress/t":
-                return self._stress(field == "stress/t")
-        if field not in found:
+        read = quantities.of_model(self.model, field).output
+        if read:
+            return read(self)
+        if field not in self.fields:
             raise InputError("field", "was not evaluated: name it in fields", field)
-        return found[field]
+        return self.fields[field]
 
-    def _thermal_property(self, name: str) -> FloatArray:
-        assert self.model.thermal is not None
-        values: FloatArray = np.array([getattr(p, name) for p in self.model.thermal])[self.state.type_n - 1]
-        return values
-
-    def _stress(self, total: bool) -> Array:
-        """Stress of the last gradients and viscosities, and of the pressure of the state."""
+    def stress(self, total: bool) -> Array:
+        """Viscous or total stress of the last gradients and viscosities, and of the pressure of the state."""
         viscosity_n, p_n = self.fields["viscosity"], self.output("pressure") if total else None
         return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))
 
-    def _status(self) -> FloatArray:
-        """Bits: 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
+    def status(self) -> FloatArray:
+        """Status word: 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
         s = self.state
         if "surface" not in self.fields:
             return s.solid_n.astype(float)
-        class_n, r_n = value(self.fields["surface"]), value(self.fields["surface/r"])
+        class_n, r_n = value(self.surface.class_n), value(self.surface.r_n)
         layer = ~s.solid_n & (class_n == 0) & (r_n < self.model.cut)
         bits = np.select([class_n == 2, class_n == 1, layer], [SPLASH, SURFACE, LAYER], BULK)
         return np.asarray(bits + s.solid_n, float)

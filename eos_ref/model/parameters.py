@@ -309,10 +309,10 @@ class PairTerms:
 class Surface:
     """Result of surface detection: 0 bulk, 1 surface, 2 splash; distance; normal; divergence of positions."""
 
-    class_n: Any
-    r_n: Any
-    normal_nc: Any
-    divr_n: Any
+    class_n: Any = None
+    r_n: Any = None
+    normal_nc: Any = None
+    divr_n: Any = None
 
 
 @dataclass
@@ -322,7 +322,6 @@ class Gradients:
     v_ncc: Any = None
     rho_nc: Any = None
     energy_nc: Any = None
-    viscosity_nc: Any = None
 
 
 def check_state(model: Model, box: Box, state: State, where: str = "") -> None:

@@ -1,90 +1,259 @@
-"""What depends on what: the quantities of a force evaluation as a graph, so that no more is computed than is asked for.
+"""The quantities of the particle model, one record each, and what a force evaluation of some of them needs.
 
 A quantity is named as LAMMPS' output of it is (``grad/v``), or in words where there is none (``kernel``). `required`
-orders what some fields need; `eos_ref.evaluation.time_step` evaluates just that, in that order.
+orders what some fields need; `eos_ref.evaluation.time_step` evaluates just that, in that order. A new quantity takes a
+record here, its formula, and the line of the evaluation that calls it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
 
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Model
+from eos_ref.model.parameters import Gradients, Model, State, Surface
 
-# In the order of a force evaluation.
-ORDER = (
-    "pairs",
-    "coordination",
-    "kernel",
-    "rho",
-    "correction",
-    "chi",
-    "grad/v",
-    "grad/rho",
-    "grad/energy",
-    "shift/v",
-    "surface",
-    "viscosity",
-    "pressure",
-    "temperature",
-    "heatflow",
-    "drho",
-    "f",
-    "stress/v",
-    "stress/t",
-)
-# Outputs that are a part of a quantity, or another name of it.
-PART_OF = {
-    "surface/r": "surface",
-    "surface/n": "surface",
-    "surface/divr": "surface",
-    "pressure_used": "pressure",
-    "status": "surface",
-}
-# What every step changes or has from the start: no quantity of an evaluation.
-STATE = ("x", "v", "energy", "phase", "conductivity", "cv")
-FIELDS = (*ORDER, *PART_OF, *STATE)
+Array = Any  # of every number type of an evaluation
+Keyword = Literal["interface/reconstruct", "shift", "surface/detection", "thermal"]
 
 
-def inputs(model: Model) -> dict[str, tuple[str, ...]]:
-    """What every quantity of a model is computed from."""
-    fix, pair = model.fix, model.pair
-    walls, corrected = fix.interface_reconstruct, model.corrects_gradients
-    gas = ("energy",) if model.eos.needs_energy else ()
-    density = ("rho", "chi") if walls else ("rho",)
-    gradient = ("correction" if corrected else "kernel", *density)
-    power = any(law.style == "power" for law in model.viscosity)
-    shift = ("kernel", *density, *(["surface"] if fix.surface_detection else []))
-    surface = ("pairs", "coordination", "kernel", *density) if fix.surface_detection else ()
+class Dimension(NamedTuple):
+    """Powers of length, mass and time, and of the volume of a particle: length^2 in 2D, length^3 in 3D.
+
+    Temperature has a unit of its own. Densities, pressures and stresses are per area in 2D.
+    """
+
+    length: int = 0
+    mass: int = 0
+    time: int = 0
+    volume: int = 0
+
+
+NUMBER, LENGTH, VELOCITY, RATE = Dimension(), Dimension(1), Dimension(1, 0, -1), Dimension(0, 0, -1)
+DENSITY, PRESSURE, VISCOSITY = Dimension(0, 1, 0, -1), Dimension(2, 1, -2, -1), Dimension(2, 1, -1, -1)
+FORCE, ENERGY, POWER = Dimension(1, 1, -2), Dimension(2, 1, -2), Dimension(2, 1, -3)
+# Power = 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2, with V a volume and x.grad W / r^2 of 1/(volume length^2).
+CONDUCTIVITY = Dimension(4, 1, -3, -1)
+
+
+class Evaluation(Protocol):
+    """What quantities are read from; see `eos_ref.evaluation.time_step.Simulation`."""
+
+    model: Model
+    state: State
+    evaluator: Any
+    gradient: Gradients
+    surface: Surface
+
+    def stress(self, total: bool) -> Array:
+        """Viscous or total stress of every particle."""
+
+    def status(self) -> Array:
+        """Status word of every particle."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that every particle has.
+
+    Attributes
+    ----------
+    name : as LAMMPS names it
+    about : what it is, in the plural
+    dimension : powers of the units
+    rank : 0 scalar, 1 vector, 2 tensor
+    inputs : quantities that it is computed from, of all models or of a given one; None: no stage of an evaluation
+    part_of : the quantity that it is evaluated with
+    keyword : of fix rheo, without which a model does not have it; parts have that of the whole
+    discrete : whether it is a count or a class
+    integrated : whether time steps change it
+    completed_by : another quantity, with which it is finished where the model has that: densities of walls with chi
+    result : where an evaluation leaves it, if not in its fields
+    output : how it follows from the state when it is read; by default it is that of the last evaluation
+    """
+
+    name: str
+    about: str
+    dimension: Dimension = NUMBER
+    rank: int = 0
+    inputs: tuple[str, ...] | Callable[[Model], tuple[str, ...]] | None = None
+    part_of: str = ""
+    keyword: Keyword | None = None
+    discrete: bool = False
+    integrated: bool = False
+    completed_by: str = ""
+    result: Callable[[Evaluation], Array] | None = None
+    output: Callable[[Evaluation], Array] | None = None
+
+    @property
+    def whole(self) -> str:
+        """The quantity of an evaluation that gives it."""
+        return self.part_of or self.name
+
+    def needs(self, model: Model) -> tuple[str, ...]:
+        """What it is computed from in a model."""
+        return self.inputs(model) if callable(self.inputs) else self.inputs or ()
+
+
+def _density(model: Model) -> tuple[str, ...]:
+    return ("rho", "chi") if model.fix.interface_reconstruct else ("rho",)
+
+
+def _gradient(model: Model) -> tuple[str, ...]:
+    return ("correction" if model.corrects_gradients else "kernel", *_density(model))
+
+
+def _surface(model: Model) -> tuple[str, ...]:
+    return ("pairs", "coordination", "kernel", *_density(model))
+
+
+def _shift(model: Model) -> tuple[str, ...]:
+    return ("kernel", *_density(model), *(["surface"] if model.fix.surface_detection else []))
+
+
+def _pressure(model: Model) -> tuple[str, ...]:
+    return (*_density(model), *(["energy"] if model.eos.needs_energy else []))
+
+
+def _pair_terms(model: Model) -> tuple[str, ...]:
     # One pass over the pairs gives force, density diffusion and heat flow; all terms of the model are in it.
-    pairwise = (
-        *gradient,
-        *(["grad/v"] if pair.artificial_viscosity else []),
-        *(["grad/rho"] if pair.rho_damp and corrected else []),
-        *(["temperature"] if fix.thermal else []),
+    return (
+        *_gradient(model),
+        *(["grad/v"] if model.pair.artificial_viscosity else []),
+        *(["grad/rho"] if model.pair.rho_damp and model.corrects_gradients else []),
+        *(["temperature"] if model.fix.thermal else []),
     )
+
+
+def _viscosity(model: Model) -> tuple[str, ...]:
+    return ("grad/v",) if any(law.style == "power" for law in model.viscosity) else ()
+
+
+def _thermal(name: str) -> Callable[[Evaluation], Array]:
+    """A parameter of rheo/thermal, of the type of every particle."""
+    return lambda e: np.array([getattr(p, name) for p in e.model.thermal or ()])[e.state.type_n - 1]
+
+
+# In the order of a force evaluation; then what a state holds.
+QUANTITIES: dict[str, Quantity] = {
+    q.name: q
+    for q in (
+        Quantity("pairs", "pairs", inputs=()),
+        Quantity("coordination", "coordination numbers", inputs=("pairs",), discrete=True),
+        Quantity("kernel", "kernel values", Dimension(volume=-1), inputs=("pairs",)),
+        Quantity(
+            "rho",
+            "densities",
+            DENSITY,
+            inputs=lambda model: ("kernel",) if model.fix.rho_sum else (),
+            completed_by="chi",
+            integrated=True,
+            output=lambda e: e.state.rho_n,
+        ),
+        Quantity("correction", "matrices of reproducing kernels", inputs=("kernel", "coordination", "rho")),
+        Quantity("chi", "same-phase fractions", inputs=("kernel", "rho"), keyword="interface/reconstruct"),
+        Quantity("grad/v", "velocity gradients", RATE, 2, _gradient, result=lambda e: e.gradient.v_ncc),
+        Quantity(
+            "grad/rho", "density gradients", Dimension(-1, 1, 0, -1), 1, _gradient, result=lambda e: e.gradient.rho_nc
+        ),
+        Quantity(
+            "grad/energy",
+            "energy gradients",
+            Dimension(1, 1, -2),
+            1,
+            _gradient,
+            keyword="thermal",
+            result=lambda e: e.gradient.energy_nc,
+        ),
+        Quantity(
+            "surface",
+            "surface classes",
+            inputs=_surface,
+            keyword="surface/detection",
+            discrete=True,
+            result=lambda e: e.surface.class_n,
+        ),
+        Quantity("surface/r", "distances to the surface", LENGTH, part_of="surface", result=lambda e: e.surface.r_n),
+        Quantity("surface/n", "normals", NUMBER, 1, part_of="surface", result=lambda e: e.surface.normal_nc),
+        Quantity("surface/divr", "divergences of positions", part_of="surface", result=lambda e: e.surface.divr_n),
+        Quantity("shift/v", "shifting velocities", VELOCITY, 1, _shift, keyword="shift"),
+        Quantity("viscosity", "viscosities", VISCOSITY, inputs=_viscosity),
+        Quantity(
+            "pressure",
+            "pressures",
+            PRESSURE,
+            inputs=_pressure,
+            output=lambda e: e.evaluator.pressure(e.state.rho_n, e.state.energy_n),
+        ),
+        Quantity("pressure_used", "pressures that forces use", PRESSURE, part_of="pressure"),
+        Quantity("conductivity", "conductivities", CONDUCTIVITY, keyword="thermal", output=_thermal("conductivity")),
+        Quantity("cv", "specific heats", Dimension(2, 0, -2), keyword="thermal", output=_thermal("specific_heat")),
+        Quantity("temperature", "temperatures", inputs=("energy",), keyword="thermal"),
+        Quantity("stress/v", "viscous stresses", PRESSURE, 2, ("grad/v", "viscosity"), output=lambda e: e.stress(False)),
+        Quantity("stress/t", "total stresses", PRESSURE, 2, ("stress/v", "pressure"), output=lambda e: e.stress(True)),
+        Quantity("heatflow", "heat flows", POWER, inputs=_pair_terms, keyword="thermal"),
+        Quantity("drho", "rates of density", Dimension(0, 1, -1, -1), inputs=_pair_terms),
+        Quantity("f", "forces", FORCE, 1, lambda model: (*_pair_terms(model), "pressure", "viscosity")),
+        Quantity("x", "positions", LENGTH, 1, integrated=True, output=lambda e: e.state.x_nc),
+        Quantity("v", "velocities", VELOCITY, 1, integrated=True, output=lambda e: e.state.v_nc),
+        Quantity("energy", "energies", ENERGY, keyword="thermal", integrated=True, output=lambda e: e.state.energy_n),
+        Quantity("phase", "phases", discrete=True, integrated=True, output=lambda e: e.state.solid_n.astype(float)),
+        Quantity("status", "status words", completed_by="surface", discrete=True, output=lambda e: e.status()),
+    )
+}
+
+
+def order() -> tuple[str, ...]:
+    """The quantities of a force evaluation, in its order."""
+    return tuple(q.name for q in QUANTITIES.values() if q.inputs is not None)
+
+
+def has(model: Model, keyword: Keyword | None) -> bool:
+    """Whether a model has a keyword of fix rheo; always without one."""
+    fix = model.fix
     return {
-        "pairs": (),
-        "coordination": ("pairs",),
-        "kernel": ("pairs",),
-        "rho": ("kernel",) if fix.rho_sum else (),
-        "correction": ("kernel", "coordination", "rho"),
-        "chi": ("kernel", "rho"),
-        "grad/v": gradient,
-        "grad/rho": gradient,
-        "grad/energy": gradient,
-        "shift/v": shift,
-        "surface": surface,
-        "viscosity": ("grad/v",) if power else (),
-        "pressure": (*density, *gas),
-        "temperature": ("energy",),
-        "heatflow": pairwise,
-        "drho": pairwise,
-        "f": (*pairwise, "pressure", "viscosity"),
-        "stress/v": ("grad/v", "viscosity"),
-        "stress/t": ("stress/v", "pressure"),
-        "energy": (),
-    }
+        None: True,
+        "interface/reconstruct": fix.interface_reconstruct,
+        "shift": fix.shift is not None,
+        "surface/detection": fix.surface_detection is not None,
+        "thermal": fix.thermal,
+    }[keyword]
+
+
+def keyword_of(name: str) -> Keyword | None:
+    """The keyword of fix rheo without which a model does not have a quantity."""
+    return QUANTITIES[QUANTITIES[name].whole].keyword
+
+
+def of_model(model: Model, name: str) -> Quantity:
+    """The record of a quantity that a model has.
+
+    Raises
+    ------
+    InputError
+        A name that there is not, or that this model has not.
+    """
+    if name not in QUANTITIES:
+        raise InputError("field", f"must be one of {', '.join(QUANTITIES)}", name)
+    if not has(model, keyword_of(name)):
+        raise InputError("field", "is not part of this model (see the keywords of fix rheo)", name)
+    return QUANTITIES[name]
+
+
+def evaluated_for(model: Model, name: str) -> tuple[str, ...]:
+    """The quantities of an evaluation that give a field of a model.
+
+    Raises
+    ------
+    InputError
+        See `of_model`.
+    """
+    field = of_model(model, name)
+    completed = field.completed_by and has(model, keyword_of(field.completed_by))
+    return (field.whole, field.completed_by) if completed else (field.whole,)
 
 
 def needed_to_step(model: Model) -> tuple[str, ...]:
@@ -111,35 +280,13 @@ def required(model: Model, wanted: Iterable[str]) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        A field that there is not, or that this model has not.
+        See `of_model`.
     """
-    graph = inputs(model)
-    absent = {
-        "shift/v": not model.fix.shift,
-        "surface": not model.fix.surface_detection,
-        "chi": not model.fix.interface_reconstruct,
-        "temperature": model.thermal is None,
-        "heatflow": model.thermal is None,
-        "energy": model.thermal is None,
-        "conductivity": model.thermal is None,
-        "cv": model.thermal is None,
-    }
+    ahead = [name for field in wanted for name in evaluated_for(model, field)]
     found: set[str] = set()
-    ahead = []
-    for field in wanted:
-        if field not in FIELDS:
-            raise InputError("field", f"must be one of {', '.join(FIELDS)}", field)
-        name = PART_OF.get(field, field)
-        if field == "status" and not model.fix.surface_detection:
-            continue
-        if absent.get(name):
-            raise InputError("field", "is not part of this model (see the keywords of fix rheo)", field)
-        ahead.append(name)
-        if field == "rho" and model.fix.interface_reconstruct:
-            ahead.append("chi")  # the density read is the one that the walls have got
     while ahead:
         name = ahead.pop()
         if name not in found:
             found.add(name)
-            ahead += graph.get(name, ())
-    return tuple(name for name in ORDER if name in found)
+            ahead += QUANTITIES[name].needs(model)
+    return tuple(name for name in order() if name in found)

@@ -17,7 +17,7 @@ from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
-from eos_ref.model.quantities import ORDER
+from eos_ref.model.quantities import order
 from eos_ref.numbers.rounded import error, value
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 
@@ -91,7 +91,7 @@ def everything(model: Model) -> tuple[str, ...]:
     absent |= set() if fix.surface_detection else {"surface"}
     absent |= set() if fix.interface_reconstruct else {"chi"}
     absent |= set() if fix.thermal else {"temperature", "heatflow", "grad/energy"}
-    return tuple(name for name in ORDER if name not in absent)
+    return tuple(name for name in order() if name not in absent)
 
 
 def lattice(cells: tuple[int, ...], disorder: float, seed: int) -> Any:

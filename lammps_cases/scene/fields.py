@@ -1,0 +1,133 @@
+"""The fields that a scene can compare: what LAMMPS shows of each quantity of the model, and how it is judged.
+
+What a field is - its rank and dimension, what it is computed from - says `eos_ref.model.quantities`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from eos_ref.model.quantities import QUANTITIES, Quantity
+
+Stage = Literal[
+    "integration",
+    "neighbours",
+    "walls",
+    "gradients",
+    "surfaces",
+    "shifting",
+    "viscosity",
+    "eos",
+    "thermal",
+    "pair",
+    "stress",
+    "density",
+]
+STATE = "it is the state that a look starts from"
+
+
+@dataclass(frozen=True)
+class Field:
+    """What LAMMPS shows of a quantity.
+
+    Attributes
+    ----------
+    name : of the quantity
+    stage : of a time step, which is blamed for a difference
+    column : of compute rheo/property/atom; empty if there is none
+    array : of the atom style, or of its properties; empty if there is none
+    unaudited : why no audit can check it; None if the audit has the same array under another name
+    """
+
+    name: str
+    stage: Stage
+    column: str = ""
+    array: str = ""
+    unaudited: str | None = ""
+
+    @property
+    def quantity(self) -> Quantity:
+        """Its record in the reference."""
+        return QUANTITIES[self.name]
+
+    @property
+    def key(self) -> str:
+        """The name of its array among those read after a job: of the compute ``q`` where that has it."""
+        return f"q.{self.name}" if self.column else self.array
+
+    def words(self) -> str:
+        """Its words in the command of the compute: LAMMPS expands ``NAME/*`` to components, those in the plane in 2D."""
+        return self.column + "/*" * (self.quantity.rank > 0)
+
+    def of(self, arrays: Mapping[str, Any], dimension: int) -> Any:
+        """Its values among the arrays of a job, vectors with as many axes as dimensions."""
+        return self.planar(arrays[self.key], dimension)
+
+    def planar(self, array: Any, dimension: int) -> Any:
+        """An array with as many axes as dimensions; LAMMPS' vectors of atoms have three."""
+        return array[:, :dimension] if self.quantity.rank == 1 else array
+
+    def placed(self, values: Any, array: Any) -> Any:
+        """Values in the shape of LAMMPS' array: the inverse of `planar`."""
+        full = np.zeros(array.shape)
+        full[..., : values.shape[-1]] = values
+        return full
+
+
+def _column(name: str, stage: Stage, array: str = "", unaudited: str = "") -> Field:
+    return Field(name, stage, name, array, unaudited)
+
+
+# In the order in which a step computes them, and a difference is blamed; after the first step the state comes out at
+# the end.
+FIELDS: dict[str, Field] = {
+    field.name: field
+    for field in (
+        Field("x", "integration", array="x", unaudited=STATE),
+        _column("coordination", "neighbours"),
+        _column("chi", "walls"),
+        _column("grad/v", "gradients"),
+        _column("surface", "surfaces"),
+        _column("surface/divr", "surfaces"),
+        _column("surface/n", "surfaces"),
+        _column("surface/r", "surfaces"),
+        _column("shift/v", "shifting"),
+        _column("viscosity", "viscosity", "viscosity"),
+        Field("pressure_used", "eos", array="pressure", unaudited=None),
+        _column("pressure", "eos", "pressure"),
+        _column("conductivity", "thermal", "conductivity"),
+        _column("cv", "thermal"),
+        _column("temperature", "thermal", "temperature"),
+        _column("heatflow", "pair", "heatflow"),
+        Field("drho", "pair", array="drho"),
+        Field("f", "pair", array="f"),
+        _column("stress/v", "stress"),
+        _column("stress/t", "stress"),
+        Field("v", "integration", array="v", unaudited=STATE),
+        _column("rho", "density", "rho"),
+        _column("energy", "integration", "esph", STATE),
+        _column("phase", "integration", unaudited=f"{STATE}; melting and freezing have a history"),
+        _column("status", "surfaces", unaudited="its bits are not documented; see surface and phase"),
+    )
+}
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Fields in the order of a step."""
+    return sorted(names, key=list(FIELDS).index)
+
+
+def _known(name: str) -> str:
+    if name not in FIELDS:
+        *most, last = map(repr, FIELDS)
+        raise PydanticCustomError("literal_error", f"Input should be {', '.join(most)} or {last}")
+    return name
+
+
+FieldName = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": list(FIELDS), "type": "string"})]

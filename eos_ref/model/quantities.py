@@ -192,7 +192,9 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("conductivity", "conductivities", CONDUCTIVITY, keyword="thermal", output=_thermal("conductivity")),
         Quantity("cv", "specific heats", Dimension(2, 0, -2), keyword="thermal", output=_thermal("specific_heat")),
         Quantity("temperature", "temperatures", inputs=("energy",), keyword="thermal"),
-        Quantity("stress/v", "viscous stresses", PRESSURE, 2, ("grad/v", "viscosity"), output=lambda e: e.stress(False)),
+        Quantity(
+            "stress/v", "viscous stresses", PRESSURE, 2, ("grad/v", "viscosity"), output=lambda e: e.stress(False)
+        ),
         Quantity("stress/t", "total stresses", PRESSURE, 2, ("stress/v", "pressure"), output=lambda e: e.stress(True)),
         Quantity("heatflow", "heat flows", POWER, inputs=_pair_terms, keyword="thermal"),
         Quantity("drho", "rates of density", Dimension(0, 1, -1, -1), inputs=_pair_terms),

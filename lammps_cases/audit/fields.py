@@ -11,52 +11,22 @@ from dataclasses import dataclass
 
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
+from eos_ref.model.quantities import QUANTITIES, has, keyword_of, required
 from lammps_cases.audit.deck import Deck
+from lammps_cases.scene.fields import FIELDS
 
-# Names of compute rheo/property/atom, with the rank of each, and of the arrays of atoms.
-COLUMNS = {
-    "coordination": 0,
-    "chi": 0,
-    "surface": 0,
-    "surface/r": 0,
-    "surface/divr": 0,
-    "surface/n": 1,
-    "shift/v": 1,
-    "grad/v": 2,
-    "stress/v": 2,
-    "stress/t": 2,
-    "cv": 0,
-}
-PROPERTIES = {
-    "rho": "rho",
-    "pressure": "pressure",
-    "viscosity": "viscosity",
-    "temperature": "temperature",
-    "conductivity": "conductivity",
-    "heatflow": "heatflow",
-    "drho": "drho",
-    "f": "f",
-}
-# In the order of a force evaluation, in which a difference is blamed; then what no look can check.
-CHECKED = (
-    *("coordination", "rho", "chi", "grad/v", "surface", "surface/r", "surface/n", "surface/divr"),
-    *("shift/v", "viscosity", "pressure", "conductivity", "cv", "temperature", "stress/v", "stress/t"),
-    *("heatflow", "drho", "f"),
-)
-NEVER = {
-    "x": "it is the state that a look starts from",
-    "v": "it is the state that a look starts from",
-    "energy": "it is the state that a look starts from",
-    "phase": "it is the state that a look starts from; melting and freezing have a history",
-    "status": "its bits are not documented; see surface and phase",
-}
-FIELDS = (*CHECKED, *NEVER)
-PAIRWISE = frozenset(CHECKED) - {"pressure", "conductivity", "cv", "temperature"}
-KEYWORDS = {"chi": "interface/reconstruct", "shift/v": "shift"}
-KEYWORDS |= dict.fromkeys(("surface", "surface/r", "surface/n", "surface/divr"), "surface/detection")
-KEYWORDS |= dict.fromkeys(("temperature", "conductivity", "cv", "heatflow"), "thermal")
 ALL = "all"
 DEFAULT = ("pressure",)
+
+
+def checked() -> tuple[str, ...]:
+    """Fields that an audit can check, in the order of a force evaluation, in which a difference is blamed."""
+    return tuple(name for name in QUANTITIES if name in FIELDS and FIELDS[name].unaudited == "")
+
+
+def offered() -> tuple[str, ...]:
+    """Fields that may be asked for: those that an audit can check, then what no look can."""
+    return (*checked(), *(name for name in QUANTITIES if name in FIELDS and FIELDS[name].unaudited))
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
@@ -69,11 +39,11 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
     """
     names = list(names)
     for name in names:
-        if name not in (*FIELDS, ALL):
-            raise InputError("field", f"must be one of {', '.join((ALL, *FIELDS))}", name, "option --fields")
+        if name not in (*offered(), ALL):
+            raise InputError("field", f"must be one of {', '.join((ALL, *offered()))}", name, "option --fields")
     if not names:
         raise InputError("fields", "must name at least one", where="option --fields")
-    return (ALL,) if ALL in names else tuple(name for name in FIELDS if name in names)
+    return (ALL,) if ALL in names else tuple(name for name in offered() if name in names)
 
 
 @dataclass(frozen=True)
@@ -103,7 +73,7 @@ def choose(asked: Sequence[str], model: Model | InputError, setting: Setting) ->
         A field named explicitly that cannot be.
     """
     fields, unchecked = [], {}
-    for name in FIELDS if ALL in asked else asked:
+    for name in offered() if ALL in asked else asked:
         reason = why_not(name, model, setting)
         if not reason:
             fields.append(name)
@@ -116,42 +86,32 @@ def choose(asked: Sequence[str], model: Model | InputError, setting: Setting) ->
 
 def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
     """Why a field cannot be checked; nothing if it can."""
-    if name in NEVER:
-        return NEVER[name]
+    if reason := FIELDS[name].unaudited:
+        return reason
     if name == "pressure":
         return ""
     if isinstance(model, InputError):
         return str(model)
-    keyword = KEYWORDS.get(name)
-    if keyword and not _has(model, keyword):
+    keyword = keyword_of(name)
+    if not has(model, keyword):
         return f"fix rheo has no {keyword} in this deck"
     if setting.between:
         return f"run executes commands in between that may change the model ({setting.between})"
-    if name not in PAIRWISE or (name == "viscosity" and not is_power(model)):
+    if name != "rho" and not needs(name, "pairs", model):
         return ""
     hidden = setting.deck.hides_pairs() or ("the box is not rectangular" if setting.triclinic else "")
     return hidden or _of_pairs(name, model, setting)
 
 
-def _has(model: Model, keyword: str) -> bool:
-    fix = model.fix
-    return {
-        "interface/reconstruct": fix.interface_reconstruct,
-        "shift": fix.shift is not None,
-        "surface/detection": fix.surface_detection is not None,
-        "thermal": fix.thermal,
-    }[keyword]
-
-
-def is_power(model: Model) -> bool:
-    """Whether a viscosity depends on the velocity gradient."""
-    return any(law.style == "power" for law in model.viscosity)
+def needs(name: str, quantity: str, model: Model) -> bool:
+    """Whether a field follows from a quantity of the evaluation."""
+    return quantity in required(model, (name,))
 
 
 def _of_pairs(name: str, model: Model, setting: Setting) -> str:
     if name == "rho" and not model.fix.rho_sum:
         return "it is integrated from step to step; only rho/sum makes it a function of the positions"
-    if name not in ("heatflow", "drho", "f"):
+    if FIELDS[name].stage != "pair":
         return ""
     if corrected_by_hidden_densities(model):
         return "the reproducing kernels saw densities of walls from before their reconstruction"

@@ -14,13 +14,15 @@ import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.model.parameters import Box, Model, State
+from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
-from lammps_cases.audit.fields import CHECKED, COLUMNS, PROPERTIES
+from lammps_cases.audit.fields import checked
 from lammps_cases.audit.seen import Explained, Seen, View, explain
 from lammps_cases.comparison.compare import Comparison, compare_field, excess
 from lammps_cases.findings import LEDGER
-from lammps_cases.verdict.particle_model import derived, stage
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.verdict.particle_model import derived
 
 Array = npt.NDArray[Any]
 COMPUTE = "eosref_fields"
@@ -56,20 +58,20 @@ class Reader:
         engine: str,
     ) -> None:
         self.lmp, self.model, self.mass_t = lmp, model, mass_t
-        self.fields = tuple(field for field in CHECKED if field in fields and field != "pressure")
+        self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
         self.actions = list(actions) if "f" in self.fields else []
         self.listed = [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
         self.last: Explained = {}
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}
         end = 1
-        for field, rank in COLUMNS.items():
-            if field in self.fields:
-                self.columns[field] = slice(end, end := end + model.dimension**rank)
+        for field in self.fields:
+            if not FIELDS[field].array:
+                self.columns[field] = slice(end, end := end + model.dimension ** QUANTITIES[field].rank)
         if self.columns:
             # One column more, as LAMMPS stores a single one as a vector; it must be the pressure: a compute that shows
             # stress/t without it ends in a segmentation fault (LAMMPS 22Jul2025).
-            names = ["pressure", *(name + "/*" * (COLUMNS[name] > 0) for name in self.columns)]
+            names = ["pressure", *(FIELDS[field].words() for field in self.columns)]
             lmp.command(f"compute {COMPUTE} all rheo/property/atom {' '.join(names)}")
         self.groups = {group: f"{MEMBERS}{k}" for k, group in enumerate(sorted({a.group for a in self.actions}))}
         for group, name in self.groups.items():
@@ -124,15 +126,13 @@ class Reader:
     def _shown(self, n: int) -> dict[str, Array]:
         d = self.model.dimension
         shown: dict[str, Array] = {}
-        for field, name in PROPERTIES.items():
-            if field in self.fields:
-                shown[field] = self.lmp.numpy.extract_atom(name)[:n].copy()
-        if "f" in shown:
-            shown["f"] = shown["f"][:, :d]
+        for field in map(FIELDS.__getitem__, self.fields):
+            if field.array:
+                shown[field.name] = field.planar(self.lmp.numpy.extract_atom(field.array)[:n].copy(), d)
         if self.columns:
             table = self.lmp.numpy.extract_compute(COMPUTE, 1, 2)[:n].copy()
-            for field, columns in self.columns.items():
-                shown[field] = table[:, columns].reshape(n, *(d,) * COLUMNS[field])
+            for name, columns in self.columns.items():
+                shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
         return shown
 
 
@@ -160,7 +160,7 @@ def drop(lmp: Any) -> None:
 def _compare(field: str, id_n: Array, lammps_n: Array, reference: Any, known_n: Array) -> Comparison:
     reference_n, bound_n = np.asarray(value(reference), float), error(reference)
     a, b, bound = (np.asarray(side, float)[known_n] for side in (lammps_n, reference_n, bound_n))
-    return compare_field(field, stage(field), id_n[known_n], a, b, bound, derivation=derived(0))
+    return compare_field(field, FIELDS[field].stage, id_n[known_n], a, b, bound, derivation=derived(0))
 
 
 def _inside(lammps_n: Array, reference: Any, known_n: Array, undefined: bool) -> bool:

@@ -21,14 +21,13 @@ from eos_ref.model.quantities import required
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.audit.deck import Action
-from lammps_cases.audit.fields import corrected_by_hidden_densities, is_power
+from lammps_cases.audit.fields import corrected_by_hidden_densities, needs
 from lammps_cases.comparison.trajectory import Particles
 from lammps_cases.findings import Entry
 from lammps_cases.findings.variants import combined
 
 Array = npt.NDArray[Any]
 EPS = 2.0**-52
-LOCAL = frozenset({"conductivity", "cv", "temperature"})  # follow from a particle's own type and energy
 
 
 @dataclass(frozen=True)
@@ -98,8 +97,6 @@ class Seen(Simulation):
 
     def output(self, field: str) -> Any:
         """A field of the evaluation; ``rho`` is the sum."""
-        if field == "coordination":
-            return self.evaluator.counted_n
         return self.summed_n if field == "rho" else super().output(field)
 
     def known(self, field: str) -> BoolArray:
@@ -113,12 +110,12 @@ class Seen(Simulation):
         everyone: BoolArray = np.ones(len(solid_n), bool)
         if field == "rho" and self.model.fix.interface_reconstruct:
             return ~solid_n & self._in_plane()
-        if field in LOCAL or (field == "viscosity" and not is_power(self.model)):
+        if not needs(field, "pairs", self.model):
             return everyone
         if view.summed and field != "chi" and field != "coordination":
             return ~everyone
         known_n = self._in_plane()
-        if field in ("grad/v", "viscosity", "stress/v", "stress/t") and corrected_by_hidden_densities(self.model):
+        if needs(field, "correction", self.model) and corrected_by_hidden_densities(self.model):
             known_n = known_n & ~self._beside(solid_n)
         if field in ("surface/r", "surface/n", "shift/v") and "surface" in self.plan:
             open_n = error(self.fields["surface"]) > 0

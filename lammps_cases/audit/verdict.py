@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lammps_cases.audit.fields import FIELDS
+from lammps_cases.audit.fields import offered
 from lammps_cases.audit.options import Ended, Facts, Identity, Look, Place, Row
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, Verdict, worst
 
@@ -67,7 +67,7 @@ class Findings:
         """A line per field and reason, with the runs if it was checked, or not for another reason, in others."""
         several = len({run for runs in self.unchecked.values() for run in runs} | {c.run for c in self.checks}) > 1
         seen = {name for name, _ in self.fields}
-        missed = [name for name in FIELDS if name in self.chosen - seen and self.checks]
+        missed = [name for name in offered() if name in self.chosen - seen and self.checks]
         return [
             f"{name}: {reason}" + (f" (run {', '.join(map(str, runs))})" if several else "")
             for (name, reason), runs in self.unchecked.items()
@@ -78,7 +78,7 @@ class Findings:
         if self.ended is not None:
             for t, record in self.ended.last.items():
                 self.fields["pressure", t].digits_lost = record.digits_lost
-        fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (FIELDS.index(key[0]), key[1]))]
+        fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (offered().index(key[0]), key[1]))]
         of_fields = worst([record.verdict for record in fields])
         facts = self.facts or NOTHING
         explained = [name for record in fields for name in (record.explained_by or "").split(", ") if name]

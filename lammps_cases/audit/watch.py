@@ -25,7 +25,8 @@ from lammps_cases.audit.options import Facts, Look, Row
 from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.comparison.compare import Comparison, State, compare_pressure
 from lammps_cases.records.run_record import FieldRecord, LawRecord
-from lammps_cases.verdict.particle_model import derived, stage
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.verdict.particle_model import derived
 
 Array = npt.NDArray[Any]
 FIX = "eosref_audit"
@@ -195,7 +196,7 @@ class Watch:
             [bounds.comparison_derivation(law) for law in self.table.laws] if self.table else [],
             self.runs,
             self.choice.unchecked if self.table else {},
-            {field: stage(field) for field in self.choice.fields},
+            {field: FIELDS[field].stage for field in self.choice.fields},
             derived(0),
         )
 
@@ -248,7 +249,7 @@ class Watch:
             if "pressure" in self.choice.fields:
                 rows["pressure", t] = _row(rho_n.size, comparison.record)
         rows |= {(field, 0): _row(len(found.bound_n), found.record) for field, found in others.items()}
-        order = {field: k for k, field in enumerate(fields.FIELDS)}
+        order = {field: k for k, field in enumerate(fields.offered())}
         rows = dict(sorted(rows.items(), key=lambda item: (order[item[0][0]], item[0][1])))
         self.send(Look(step, self.runs, self.done + step - self._first, rows))
 

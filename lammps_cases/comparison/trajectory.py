@@ -20,7 +20,7 @@ from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.stages import Stages
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, Gradients, Model, PairTerms, State
-from eos_ref.model.quantities import needed_to_step
+from eos_ref.model.quantities import QUANTITIES, needed_to_step
 from eos_ref.numbers.rounded import Rounded, error
 
 Fields = dict[str, Any]
@@ -28,7 +28,6 @@ MOVED_RUNS = 3
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
 COMPILED_ABOVE = int(0.456 / 7.92e-6)
-DISCRETE = ("coordination", "surface", "phase", "status")
 
 
 @dataclass(frozen=True)
@@ -116,22 +115,17 @@ def own_stages(scene: Particles) -> type[Stages]:
 
 
 def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -> Any:
-    if field in ("x", "v", "rho", "energy", "phase") and step > 0:
+    if QUANTITIES[field].integrated and step > 0:
         return np.zeros(np.shape(values))  # all of it is in the spread
-    if field == "coordination":
-        return error(twin.evaluator.counted_n)
     return error(twin.output(field))
 
 
 class Sizes(dict[str, FloatArray]):
-    """Largest rounding error of every quantity that steps build on, over the evaluations seen."""
+    """Largest rounding error of every quantity, over the evaluations seen."""
 
     def add(self, twin: Simulation) -> None:
         """Take in one evaluation."""
-        found = {name: twin.fields.get(name) for name in ("f", "drho", "heatflow", "shift/v", "chi")}
-        found["pressure force"], found["rho"] = twin.pressure_force_nc, twin.state.rho_n
-        for name in ("v", "rho", "energy"):
-            found[f"grad/{name}"] = getattr(twin.gradient, "v_ncc" if name == "v" else f"{name}_nc")
+        found = twin.fields | {"pressure force": twin.pressure_force_nc, "rho": twin.state.rho_n}
         for name, quantity in found.items():
             if isinstance(quantity, Rounded):
                 known = np.where(np.isnan(quantity.error), np.inf, quantity.error)
@@ -159,8 +153,8 @@ def moved(evaluator: type[Stages], sizes: Sizes, random: np.random.Generator) ->
 
         def gradients(self, *arguments: Any, **options: Any) -> Gradients:
             found: Gradients = super().gradients(*arguments, **options)
-            for name, field in (("v_ncc", "v"), ("rho_nc", "rho"), ("energy_nc", "energy")):
-                setattr(found, name, move(getattr(found, name), f"grad/{field}"))
+            for name, gradient in vars(found).items():
+                setattr(found, name, move(gradient, f"grad/{name.partition('_')[0]}"))
             return found
 
         def shift(self, v_nc: Any, rho_n: Any) -> Any:
@@ -229,6 +223,6 @@ def _spread(runs: Sequence[Simulation], scene: Particles, values: Sequence[Field
                 distance = np.abs(run.output(field) - values[at][field])
                 distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
                 # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.
-                far = distance if field in DISCRETE else distance.max(initial=0.0)
+                far = distance if QUANTITIES[field].discrete else distance.max(initial=0.0)
                 largest[at][field] = np.maximum(largest[at][field], far)
     return largest

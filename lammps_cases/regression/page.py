@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from eos_ref.model.quantities import PART_OF
 from lammps_cases.pages import frame
 from lammps_cases.pages.frame import Cell, Row
 from lammps_cases.records import wording
@@ -14,7 +13,7 @@ from lammps_cases.regression import pairs
 from lammps_cases.regression.groups import Group
 from lammps_cases.regression.kinds import ABOUT, KINDS, Change, Kind
 from lammps_cases.regression.pairs import Compared, Pair
-from lammps_cases.verdict.particle_model import ORDER
+from lammps_cases.scene.fields import place
 
 ASSETS = Path(__file__).parent / "assets"
 # One character for a cell: nothing to see, other bits, or which side is closer to the reference.
@@ -102,13 +101,11 @@ def _view(pair: Pair) -> View:
 def _columns(changes: Sequence[Change]) -> list[str]:
     """Cases as a whole first, then fields in the order of a step."""
 
-    def place(field: str) -> tuple[int, int, str]:
+    def rank(field: str) -> tuple[int, int, str]:
         given = field.endswith(" (given)") or field in ("type", "esph")
-        main = field if field in ORDER else PART_OF.get(field, field)
-        at = ORDER.index(main) if main in ORDER else len(ORDER)
-        return (0 if not field else 1 if given else 2, at, field)
+        return (0 if not field else 1 if given else 2, place(field), field)
 
-    return sorted({change.field for change in changes}, key=place)
+    return sorted({change.field for change in changes}, key=rank)
 
 
 def _row(

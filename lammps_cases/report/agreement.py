@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from eos_ref.model.quantities import PART_OF
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord, StepRecord, Verdict
-from lammps_cases.verdict.particle_model import STAGES, in_order, stage
+from lammps_cases.scene.fields import FIELDS, in_step_order
 
 
 @dataclass
@@ -102,21 +101,10 @@ def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
             for at in record.steps:
                 found.setdefault(record.field, {}).setdefault(at.step, Cell()).add(case.case, at)
     steps = sorted({step for of_field in found.values() for step in of_field})
-    rows = [Row(name, _stage(name), [found[name].get(step) for step in steps]) for name in ordered(found)]
+    rows = [Row(name, _stage(name), [found[name].get(step) for step in steps]) for name in in_step_order(found)]
     explained = dict.fromkeys(entry for case in cases for entry in wording.explained_by(case))
     return Matrix(title, bool(cases[0].twin), len(cases), steps, rows, sorted(explained))
 
 
-def ordered(fields: Iterable[str]) -> list[str]:
-    """Fields in the order of a step; those that this version does not know, last."""
-    names = list(fields)
-    known = [name for name in names if _known(name)]
-    return in_order(known) + sorted(name for name in names if not _known(name))
-
-
-def _known(name: str) -> bool:
-    return name in STAGES or PART_OF.get(name, name) in STAGES
-
-
 def _stage(name: str) -> str:
-    return stage(name) if _known(name) else ""
+    return FIELDS[name].stage if name in FIELDS else ""

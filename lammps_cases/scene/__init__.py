@@ -4,7 +4,7 @@ The models are the file format: `lammps_cases/scene/scene.schema.json` (for edit
 are in the scene's LAMMPS units; energies are per unit mass.
 """
 
-from lammps_cases.scene.case import AtomProperty, Column, Scene, check_name
+from lammps_cases.scene.case import Scene, check_name
 from lammps_cases.scene.materials import AtomType, PowerLaw
 from lammps_cases.scene.particles import FromFile, Lattice, Values
 from lammps_cases.scene.runs import TwinSettings
@@ -12,9 +12,7 @@ from lammps_cases.scene.settings import ForceSettings, RheoSettings
 from lammps_cases.scene.values import models
 
 __all__ = [
-    "AtomProperty",
     "AtomType",
-    "Column",
     "ForceSettings",
     "FromFile",
     "Lattice",

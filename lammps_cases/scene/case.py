@@ -11,7 +11,9 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.model.quantities import keyword_of
 from eos_ref.syntax.ranges import type_range
+from lammps_cases.scene.fields import FieldName
 from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, Law, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
@@ -20,31 +22,6 @@ from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, Rhe
 from lammps_cases.scene.values import Model
 
 Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
-# What a scene can compare, by LAMMPS' names: columns of compute rheo/property/atom, then properties of atoms.
-Column = Literal[
-    "pressure",
-    "rho",
-    "coordination",
-    "chi",
-    "grad/v",
-    "viscosity",
-    "surface",
-    "surface/r",
-    "surface/n",
-    "surface/divr",
-    "shift/v",
-    "temperature",
-    "heatflow",
-    "energy",
-    "conductivity",
-    "cv",
-    "stress/v",
-    "stress/t",
-    "phase",
-    "status",
-]
-AtomProperty = Literal["x", "v", "f", "drho", "pressure_used"]
-THERMAL_FIELDS = ("temperature", "heatflow", "energy", "conductivity", "cv")
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
 MAX_ATOMS = 10_000_000
 
@@ -67,7 +44,7 @@ class Scene(Model):
     pair: PairSettings = PairSettings()
     forces: tuple[ForceSettings, ...] = Field((), max_length=16)
     evolve: Evolve | None = None
-    compare: tuple[Literal[Column, AtomProperty], ...] = Field(
+    compare: tuple[FieldName, ...] = Field(
         ("pressure",), min_length=1, description="fields by LAMMPS' names; anything but pressure: the whole model"
     )
     engine: EngineSettings = EngineSettings()
@@ -177,18 +154,16 @@ class Scene(Model):
         if self.whole_model and self.units in ("real", "metal"):
             fit = "only in lj, si, cgs, micro and nano is force over mass an acceleration"
             raise ValueError(f"units {self.units} serve to compare the pressure alone: {fit}")
+        given = {
+            "interface/reconstruct": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),
+            "shift": ("rheo.shift", self.rheo.shift),
+            "surface/detection": ("rheo.surface_detection", self.rheo.surface_detection),
+            "thermal": ("energy", self.thermal),
+        }
         for field in self.compare:
-            needed = {
-                "chi": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),
-                "shift/v": ("rheo.shift", self.rheo.shift),
-                **dict.fromkeys(THERMAL_FIELDS, ("energy", self.thermal)),
-                **dict.fromkeys(
-                    ("surface", "surface/r", "surface/n", "surface/divr"),
-                    ("rheo.surface_detection", self.rheo.surface_detection),
-                ),
-            }.get(field)
-            if needed and not needed[1]:
-                raise ValueError(f"compare: {field} needs {needed[0]}")
+            keyword = keyword_of(field)
+            if keyword and not given[keyword][1]:
+                raise ValueError(f"compare: {field} needs {given[keyword][0]}")
 
     @property
     def rho0(self) -> tuple[float, ...] | None:

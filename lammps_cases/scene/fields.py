@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, WithJsonSchema
-from pydantic_core import PydanticCustomError
 
 from eos_ref.model.quantities import QUANTITIES, Quantity
 
@@ -62,7 +60,7 @@ class Field:
         return f"q.{self.name}" if self.column else self.array
 
     def words(self) -> str:
-        """Its words in the command of the compute: LAMMPS expands ``NAME/*`` to components, those in the plane in 2D."""
+        """Its words in the command of the compute; ``NAME/*`` expands to components, those in the plane in 2D."""
         return self.column + "/*" * (self.quantity.rank > 0)
 
     def of(self, arrays: Mapping[str, Any], dimension: int) -> Any:
@@ -118,16 +116,17 @@ FIELDS: dict[str, Field] = {
 }
 
 
-def in_order(names: Iterable[str]) -> list[str]:
-    """Fields in the order of a step."""
-    return sorted(names, key=list(FIELDS).index)
+def place(name: str) -> int:
+    """The place of a field in the order of a step; beyond the last for other names."""
+    return list(FIELDS).index(name) if name in FIELDS else len(FIELDS)
 
 
-def _known(name: str) -> str:
-    if name not in FIELDS:
-        *most, last = map(repr, FIELDS)
-        raise PydanticCustomError("literal_error", f"Input should be {', '.join(most)} or {last}")
-    return name
+def in_step_order(names: Iterable[str]) -> list[str]:
+    """Fields in the order of a step, other names behind them."""
+    return sorted(names, key=lambda name: (place(name), name))
 
 
-FieldName = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": list(FIELDS), "type": "string"})]
+if TYPE_CHECKING:
+    FieldName = str
+else:
+    FieldName = Literal[tuple(FIELDS)]  # what a scene may name

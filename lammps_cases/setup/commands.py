@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import get_args
 
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.engine.session import Job, Run
-from lammps_cases.scene import AtomProperty, Column, ForceSettings, PowerLaw, Scene
+from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
+from lammps_cases.scene.fields import FIELDS, Field
 from lammps_cases.setup.plan import Plan
 
-# Fields of more than one number: LAMMPS expands NAME/* to its components, those in the plane in 2D.
-_RANK = {"surface/n": 1, "shift/v": 1, "grad/v": 2, "stress/v": 2, "stress/t": 2}
+ALWAYS_READ = ("type", "x", "rho", "pressure")  # arrays of atoms
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -40,7 +39,6 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
         per_atom["esph"] = atoms.energy_n
     if scene.violate == "atom-style-atomic":
         per_atom = {}
-    columns = [field for field in scene.compare if field in get_args(Column)]
     return Job(
         setup=tuple(_setup(scene, atoms, plan)),
         commands=tuple(_physics(scene, atoms, plan)),
@@ -50,16 +48,22 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
         x_nc=atoms.x_nc,
         v_nc=atoms.v_nc,
         per_atom=per_atom,
-        outputs={field: (scene.dimension,) * _RANK.get(field, 0) for field in columns},
-        atom_arrays=("type", "x", "rho", "pressure", *_more_arrays(scene), *(["esph"] if "esph" in per_atom else [])),
+        outputs={field.name: (scene.dimension,) * field.quantity.rank for field in _columns(scene)},
+        atom_arrays=(*ALWAYS_READ, *_more_arrays(scene), *(["esph"] if "esph" in per_atom else [])),
         ranks=scene.engine.ranks,
         lists=lists,
     )
 
 
+def _columns(scene: Scene) -> list[Field]:
+    """Fields compared that the compute has."""
+    return [FIELDS[name] for name in scene.compare if FIELDS[name].column]
+
+
 def _more_arrays(scene: Scene) -> Iterable[str]:
-    """Properties of atoms that are compared, without those always read."""
-    return (field for field in get_args(AtomProperty) if field in scene.compare and field not in ("x", "pressure_used"))
+    """Arrays of atoms that are compared, without those always read."""
+    fields = (FIELDS[name] for name in scene.compare)
+    return (field.array for field in fields if not field.column and field.array not in ALWAYS_READ)
 
 
 def _runs(scene: Scene, every_step: bool) -> Iterable[Run]:
@@ -119,8 +123,8 @@ def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     if scene.evolve:
         yield f"timestep {scene.evolve.timestep!r}"
     yield from _fixes(scene, cut, plan)
-    if scene.violate != "no-fix-pressure" and (columns := [f for f in scene.compare if f in get_args(Column)]):
-        yield f"compute q all rheo/property/atom {' '.join(f + '/*' * (f in _RANK) for f in columns)}"
+    if scene.violate != "no-fix-pressure" and (columns := _columns(scene)):
+        yield f"compute q all rheo/property/atom {' '.join(field.words() for field in columns)}"
 
 
 def _pair_arguments(scene: Scene) -> str:

@@ -55,13 +55,12 @@ def plan(scene: Scene) -> Plan:
 def _model_items(scene: Scene) -> Iterable[Item]:
     """Quantities of the particle model: compared, needed by another one, needed to step, or left out."""
     model = reference_side.with_cut(scene, scene.rheo.cut or 1.0)
-    graph = quantities.inputs(model)
     words = _WORDS | {"rho": "density, summed" if scene.rho_sum else "density, given"}
-    compared = {quantities.PART_OF.get(field, field) for field in scene.compare}
+    compared = {name for field in scene.compare for name in quantities.evaluated_for(model, field)}
     stepping = quantities.needed_to_step(model) if scene.evolve else ()
     needed = quantities.required(model, (*scene.compare, *stepping))
-    for name in quantities.ORDER:
-        users = [words.get(user, user) for user in needed if name in graph[user]]
+    for name in quantities.order():
+        users = [words.get(user, user) for user in needed if name in quantities.QUANTITIES[user].needs(model)]
         reasons = ["compared"] * (name in compared) + ["steps need it"] * (name in stepping)
         reasons += [f"for {', '.join(users)}"] * bool(users)
         yield Item(words.get(name, name), name in needed, "; ".join(reasons) or "nothing compared depends on it")

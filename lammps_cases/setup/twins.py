@@ -16,6 +16,7 @@ import numpy as np
 
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
+from eos_ref.model.quantities import QUANTITIES, Dimension
 from lammps_cases.scene import AtomType, ForceSettings, Lattice, PowerLaw, RheoSettings, Scene, TwinSettings
 from lammps_cases.scene.atoms import Atoms, IntArray, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
@@ -38,49 +39,18 @@ WHY = {
 }
 
 
-def dimensions(d: int) -> dict[str, tuple[int, int, int]]:
-    """Powers of length, mass and time in every quantity of a d-dimensional scene; temperature has a unit of its own.
+# Of the input, beside the quantities of the model.
+INPUTS = {
+    "mass": Dimension(mass=1),
+    "time": Dimension(time=1),
+    "acceleration": Dimension(1, 0, -2),
+    "diffusivity": Dimension(2, 0, -1),
+}
 
-    Densities, pressures and stresses are per area in 2D. `heatflow` is a power, `energy` that of the particle.
-    """
-    number, length, velocity, rate = (0, 0, 0), (1, 0, 0), (1, 0, -1), (0, 0, -1)
-    density, pressure, viscosity = (-d, 1, 0), (2 - d, 1, -2), (2 - d, 1, -1)
-    force, energy, power = (1, 1, -2), (2, 1, -2), (2, 1, -3)
-    # Power = 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2, with V of length^d and x.grad W / r^2 of length^(-d-2).
-    conductivity = (4 - d, 1, -3)
-    return {
-        "x": length,
-        "v": velocity,
-        "f": force,
-        "drho": (-d, 1, -1),
-        "rho": density,
-        "pressure": pressure,
-        "pressure_used": pressure,
-        "coordination": number,
-        "chi": number,
-        "grad/v": rate,
-        "viscosity": viscosity,
-        "surface": number,
-        "surface/r": length,
-        "surface/n": number,
-        "surface/divr": number,
-        "shift/v": velocity,
-        "temperature": number,
-        "heatflow": power,
-        "energy": energy,
-        "conductivity": conductivity,
-        "cv": (2, 0, -2),
-        "stress/v": pressure,
-        "stress/t": pressure,
-        "phase": number,
-        "status": number,
-        # of the input
-        "mass": (0, 1, 0),
-        "time": (0, 0, 1),
-        "acceleration": (1, 0, -2),
-        "diffusivity": (2, 0, -1),
-        "kernel": (-d, 0, 0),
-    }
+
+def dimension(name: str) -> Dimension:
+    """The dimension of a quantity of the model or of the input."""
+    return INPUTS[name] if name in INPUTS else QUANTITIES[name].dimension
 
 
 @dataclass(frozen=True)
@@ -92,8 +62,8 @@ class Scale:
 
     def of(self, quantity: str) -> float:
         """What a quantity is multiplied by."""
-        length, mass, time = dimensions(self.d)[quantity]
-        return float(self.factor ** (length + self.d * mass + time))
+        length, mass, time, volume = dimension(quantity)
+        return float(self.factor ** (length + self.d * (mass + volume) + time))
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord, LawRecord,
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.twins import Twin
 from lammps_cases.verdict import particle_model
@@ -199,15 +200,7 @@ def particles_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...])
 
 def snapshot(scene: Scene, arrays: Arrays) -> Snapshot:
     """LAMMPS' fields of one step by the names of the scene, vectors with as many axes as dimensions."""
-    found: Snapshot = {}
-    for field in scene.compare:
-        if field in ("x", "v", "f"):
-            found[field] = arrays[field][:, : scene.dimension]
-        elif field in ("drho", "pressure_used"):
-            found[field] = arrays["pressure" if field == "pressure_used" else field]
-        else:
-            found[field] = arrays[f"q.{field}"]
-    return found
+    return {name: FIELDS[name].of(arrays, scene.dimension) for name in scene.compare}
 
 
 def _snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> list[Snapshot]:
@@ -279,9 +272,7 @@ def _judge_twin(
     if first:
         record.message = f"LAMMPS against itself (twin: {twin.kind}): {first.message}"
         _explain_twin(record, twin, one, other, table, engine, predictor)
-    comparisons = [
-        particle_model.over_steps(table[field], steps) for field in particle_model.in_order(one.scene.fields)
-    ]
+    comparisons = [particle_model.over_steps(table[field], steps) for field in in_step_order(one.scene.fields)]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     return _arrays(twin.atoms, answers[0].arrays, comparisons)

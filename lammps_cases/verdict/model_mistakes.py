@@ -14,7 +14,6 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.quantities import PART_OF
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.trajectory import Particles, Prediction, wanted
@@ -116,8 +115,7 @@ def _shown(scene: Particles) -> Iterator[str]:
     """Quantities that a scene compares in a way that a mistake in them could show."""
     model, state = scene.model, scene.state
     several = len(set(state.type_n[~state.solid_n].tolist())) > 1
-    for field in scene.fields:
-        name = PART_OF.get(field, field)
+    for name in scene.fields:
         if name == "rho" and not model.fix.rho_sum:
             continue
         if name == "drho" and (not model.pair.rho_damp or model.corrects_gradients or not several):

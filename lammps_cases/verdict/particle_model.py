@@ -16,7 +16,6 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.quantities import PART_OF
 from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Fields, Particles, Prediction
@@ -24,49 +23,8 @@ from lammps_cases.findings import Entry, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
 from lammps_cases.records.run_record import StepRecord, Verdict, digest, worst
 from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.verdict.model_mistakes import unseen_in_model
-
-# In the order in which a step computes them; after the first step the state comes out at the end.
-STAGES = {
-    "x": "integration",
-    "coordination": "neighbours",
-    "chi": "walls",
-    "grad/v": "gradients",
-    "surface": "surfaces",
-    "shift/v": "shifting",
-    "viscosity": "viscosity",
-    "pressure_used": "eos",
-    "pressure": "eos",
-    "conductivity": "thermal",
-    "cv": "thermal",
-    "temperature": "thermal",
-    "heatflow": "pair",
-    "drho": "pair",
-    "f": "pair",
-    "stress/v": "stress",
-    "stress/t": "stress",
-    "v": "integration",
-    "rho": "density",
-    "energy": "integration",
-    "phase": "integration",
-    "status": "surfaces",
-}
-ORDER = tuple(STAGES)
-
-
-def stage(field: str) -> str:
-    """The stage of a step that a field comes from."""
-    return STAGES[_main(field)]
-
-
-def _main(field: str) -> str:
-    part = PART_OF.get(field, field)
-    return field if field in STAGES else part
-
-
-def in_order(fields: Sequence[str]) -> list[str]:
-    """Fields in the order of a step."""
-    return sorted(fields, key=lambda field: (ORDER.index(_main(field)), field))
 
 
 @dataclass(frozen=True)
@@ -105,7 +63,7 @@ def judge(
             comparison.record.explained_by = ", ".join(entry.id for entry in entries)
     others = [entry for entry in listed if entry not in entries] if entries or not first else []
     unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, predictor)]
-    comparisons = [over_steps(table[field], scene.steps) for field in in_order(scene.fields)]
+    comparisons = [over_steps(table[field], scene.steps) for field in in_step_order(scene.fields)]
     if scene.steps[0] == 0:
         _add_digits_lost(predictor.precise(scene), table, comparisons)
     lint = _unseen(scene, random, predictor) if scene.steps[0] == 0 else []
@@ -167,7 +125,7 @@ def compare_all(
     for at, step in enumerate(scene.steps):
         for field in scene.fields:
             sides = _sides(scene, field, snapshots[at], prediction, at)
-            table[field].append(compare_field(field, stage(field), id_n, *sides, None, derived(step)))
+            table[field].append(compare_field(field, FIELDS[field].stage, id_n, *sides, None, derived(step)))
     return table
 
 
@@ -229,7 +187,7 @@ def first_outside(
 ) -> Blame | None:
     """The first step, then the first field in the order of a step, then the first atom outside the bound."""
     for at, step in enumerate(scene.steps):
-        for field in in_order(scene.fields):
+        for field in in_step_order(scene.fields):
             comparison = table[field][at]
             record = comparison.record
             if record.verdict != "differs" or record.first_id is None:

@@ -9,44 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.model.quantities import order
 from lammps_cases.engine.session import Answer
+from lammps_cases.scene.fields import FIELDS
 from lammps_cases.studies.mutation.fault import Fault, Kind
 
 Arrays = dict[str, Any]
 ArraysChange = Callable[[tuple[Arrays, ...]], list[Arrays]]
 
-# Arrays as the engine names them; those of whole numbers apart.
-REAL = {
-    "x": "positions",
-    "v": "velocities",
-    "f": "forces",
-    "rho": "densities",
-    "drho": "rates of density",
-    "pressure": "pressures that forces use",
+# Arrays as the engine names them: numbers that vary from atom to atom, counts and classes, and parameters of a type.
+_FIELDS = [(field.key, field.quantity) for field in FIELDS.values()]
+REAL = {key: q.about for key, q in _FIELDS if not q.discrete and (q.integrated or q.whole in order())} | {
+    "rho": "densities (atom property)",
     "esph": "energies (atom property)",
-    "q.pressure": "pressures (output)",
-    "q.rho": "densities (output)",
-    "q.chi": "same-phase fractions",
-    "q.grad/v": "velocity gradients",
-    "q.viscosity": "viscosities",
-    "q.surface/r": "distances to the surface",
-    "q.surface/n": "normals",
-    "q.surface/divr": "divergences of positions",
-    "q.shift/v": "shifting velocities",
-    "q.temperature": "temperatures",
-    "q.heatflow": "heat flows",
-    "q.energy": "energies (output)",
-    "q.stress/v": "viscous stresses",
-    "q.stress/t": "total stresses",
 }
-WHOLE = {
-    "q.coordination": "coordination numbers",
-    "q.surface": "surface classes",
-    "q.phase": "phases",
-    "q.status": "status words",
-    "type": "types",
-}
-PER_TYPE = {"q.conductivity": "conductivities", "q.cv": "specific heats"}
+WHOLE = {key: q.about for key, q in _FIELDS if q.discrete} | {"type": "types"}
+PER_TYPE = {key: q.about for key, q in _FIELDS if key not in REAL and key not in WHOLE}
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.campaign import Prepared, engine_record
 from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.judgement import evaluate, evaluate_twin, first_step, particles_of, snapshot
 
@@ -161,7 +162,7 @@ class RepeatedCase:
         of, prediction = self.fitting
         sides = zip(self._snapshots(answer), prediction.fields, prediction.bounds, strict=True)
         for got, fields, bounds in sides:
-            for name in particle_model.in_order(of.fields):
+            for name in in_step_order(of.fields):
                 ratios[name] = max(ratios.get(name, 0.0), _ratio(of, name, got[name], fields[name], bounds[name]))
         return ratios
 

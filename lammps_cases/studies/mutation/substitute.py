@@ -232,13 +232,8 @@ def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: s
 
 def in_place_of(snapshot: dict[str, Any], fields: dict[str, Any]) -> dict[str, Any]:
     """Return LAMMPS' arrays of one step with the reference's fields in place of its own."""
-    found = dict(snapshot)
-    for field, values in fields.items():
-        if field in ("x", "v", "f"):
-            found[field] = np.zeros(found[field].shape)
-            found[field][:, : values.shape[1]] = values
-        elif field in ("drho", "pressure_used"):
-            found["pressure" if field == "pressure_used" else field] = values
-        else:
-            found[f"q.{field}"] = values.reshape(found[f"q.{field}"].shape)
-    return found
+    from lammps_cases.scene.fields import FIELDS
+
+    return snapshot | {
+        FIELDS[name].key: FIELDS[name].placed(values, snapshot[FIELDS[name].key]) for name, values in fields.items()
+    }

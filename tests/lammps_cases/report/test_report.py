@@ -34,6 +34,7 @@ from lammps_cases.records.run_record import (
 )
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.report.arrays import read_arrays
+from lammps_cases.scene.fields import in_step_order
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
 NAME = HOSTILE.replace("/", "")  # of a case, which is that of a file
@@ -575,7 +576,7 @@ def test_agreement(run: RunRecord, html: str, folder: Path) -> None:
     assert "| grad/v | 2 (0.5) | 2 explained (7e3) |" in text
     assert "| high | `pairs` | title of pairs | 3 |  |" in text and "| 1 |" in text
     assert "> **Note:** this engine no longer shows gone" in text
-    assert agreement.ordered(["zz", "f", "x", "aa"]) == ["x", "f", "aa", "zz"]  # unknown fields do no harm
+    assert in_step_order(["zz", "f", "x", "aa"]) == ["x", "f", "aa", "zz"]  # unknown fields do no harm
 
 
 def test_a_run_without_the_model(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
+from eos_ref.model.quantities import Dimension
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
@@ -175,13 +176,12 @@ INPUT = ["x", "mass", "time", "viscosity", "grad/v", "diffusivity", "conductivit
 
 @pytest.mark.parametrize("quantity", INPUT)
 def test_a_wrong_exponent_is_seen(quantity: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = twins.dimensions
+    right = twins.dimension
 
-    def wrong(d: int) -> dict[str, tuple[int, int, int]]:
-        length, mass, time = right(d)[quantity]
-        return right(d) | {quantity: (length + 1, mass, time)}
+    def wrong(name: str) -> Dimension:
+        return right(name)._replace(length=right(name).length + (name == quantity))
 
-    monkeypatch.setattr(twins, "dimensions", wrong)
+    monkeypatch.setattr(twins, "dimension", wrong)
     everything = HEAT | ACROSS | {"compare": [*HEAT["compare"], "shift/v"]}
     record = judged(workers, make("rescale", **everything))
     assert record.verdict == "differs"

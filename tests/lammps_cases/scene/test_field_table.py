@@ -1,0 +1,189 @@
+"""The table of fields: every field is known everywhere, and a new one needs its records, a formula and a line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Model
+from eos_ref.model.quantities import PRESSURE, QUANTITIES, Quantity, evaluated_for, order, required
+from lammps_cases.audit import fields as audit
+from lammps_cases.audit.deck import Deck
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Workers
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import Scene, casefile
+from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.fields import FIELDS, Field, in_step_order
+from lammps_cases.setup import commands, twins
+from lammps_cases.setup.plan import plan
+from lammps_cases.studies.mutation import output_faults
+from lammps_cases.studies.mutation.substitute import in_place_of
+from lammps_cases.verdict.judgement import particles_of, snapshot
+
+ENGINE = EngineRecord(name="env", distribution=version("lammps"))
+RICH: dict[str, Any] = {
+    "types": [{"mass": 0.9, "rho0": 1.1, "cs": 9.0, "conductivity": 0.7, "specific_heat": 1.5}],
+    "positions": {"lattice": "sq", "spacing": 1.0, "cells": [8, 9], "disorder": 0.1},
+    "pressure": [{"types": "*", "style": "linear"}],
+    "rho": {"ratio": [0.98, 1.03]},
+    "energy": {"range": [0.8, 1.3]},
+    "velocity": {"random": 0.1},
+    "rheo": {
+        "interface_reconstruct": True,
+        "surface_detection": {"style": "divergence", "limit": 1.6, "splash": 10},
+        "shift": True,
+    },
+    "compare": list(FIELDS),
+}
+Make = Callable[..., Case]
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with Workers(None, 1) as pool:
+        yield pool
+
+
+@pytest.fixture
+def make(case_file: Callable[..., Path]) -> Make:
+    def case(**changes: Any) -> Case:
+        (made,) = casefile.load_file(case_file(**{**RICH, **changes}))
+        return made
+
+    return case
+
+
+def model_of(case: Case) -> Model:
+    return particles_of(case.scene, campaign.prepare(case).atoms, case.where, (0,)).model
+
+
+def answered(workers: Workers, case: Case) -> tuple[campaign.Prepared, Answer]:
+    ready = campaign.prepare(case)
+    answer = workers.outcome(workers.submit(ready.jobs[0], 60.0))
+    assert isinstance(answer, Answer), answer
+    return ready, answer
+
+
+def judged(ready: campaign.Prepared, answer: Answer) -> CaseRecord:
+    return campaign.judge(None, ready, [answer], ENGINE)[0]
+
+
+# --- every field
+
+
+def test_every_field_is_known_everywhere(make: Make) -> None:
+    """Each table that is derived has an answer for each field."""
+    case = make()
+    model, atoms = model_of(case), campaign.prepare(case).atoms
+    job = commands.job(case.scene, atoms, plan(case.scene))
+    written = next(line for line in job.commands if line.startswith("compute q ")).split()
+    setting = audit.Setting(Deck(), "lj")
+    for name, field in FIELDS.items():
+        quantity = QUANTITIES[name]
+        assert (field.name, field.quantity) == (name, quantity)
+        assert set(evaluated_for(model, name)) <= set(QUANTITIES) and set(required(model, [name])) <= set(order())
+        assert field.column or field.array
+        assert (field.words() in written) == bool(field.column)
+        assert name in job.outputs if field.column else field.array in job.atom_arrays
+        assert field.key in output_faults.REAL | output_faults.WHOLE | output_faults.PER_TYPE
+        assert twins.dimension(name) == quantity.dimension
+        assert (name in audit.offered()) == (field.unaudited is not None)
+        assert audit.why_not(name, model, setting) or name in audit.checked() or name not in audit.offered()
+    assert in_step_order(reversed(FIELDS)) == list(FIELDS)
+    assert Scene.model_json_schema()["properties"]["compare"]["items"]["enum"] == list(FIELDS)
+
+
+def test_every_field_is_shown_by_both_sides(make: Make, workers: Workers) -> None:
+    """LAMMPS and the reference give arrays of one shape, that of the rank; and LAMMPS' have a way back."""
+    case = make()
+    ready, answer = answered(workers, case)
+    shown = snapshot(case.scene, answer.arrays)
+    problem = particles_of(case.scene, ready.atoms, case.where, (0,))
+    sim = Simulation(problem.model, problem.box, problem.state, problem.fields)
+    sim.setup()
+    for name in FIELDS:
+        shape = (len(ready.atoms), *(2,) * QUANTITIES[name].rank)
+        assert np.shape(shown[name]) == np.shape(sim.output(name)) == shape, name
+    back = in_place_of(answer.arrays, {name: np.array(values, float) for name, values in shown.items()})
+    assert back.keys() == answer.arrays.keys()
+    assert all(np.array_equal(back[name], answer.arrays[name]) for name in back)
+
+
+def test_a_field_without_its_keyword_is_refused(make: Make) -> None:
+    bare = make(rheo={}, energy=None, types=[{"mass": 0.9}], compare=["f"])
+    for name, quantity in QUANTITIES.items():
+        has = name in FIELDS and not QUANTITIES[quantity.whole].keyword
+        if name in FIELDS and not has:
+            with pytest.raises(Exception, match=f"{name} needs "):
+                make(rheo={}, energy=None, types=[{"mass": 0.9}], compare=[name])
+            with pytest.raises(Exception, match="is not part of this model"):
+                required(model_of(bare), [name])
+
+
+# --- a new one
+
+NEW = "compression"  # of a linear law it is the pressure, which real LAMMPS shows
+
+
+def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[Plain, Any], Any]) -> None:
+    """What a new field takes: two records, a formula, and the line of the evaluation that calls it."""
+    monkeypatch.setitem(QUANTITIES, NEW, Quantity(NEW, "compressions", PRESSURE, inputs=("rho",)))
+    monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure"))
+    monkeypatch.setattr(Plain, NEW, formula, raising=False)
+    evaluate = Simulation._properties
+
+    def properties(self: Simulation) -> None:
+        evaluate(self)
+        if NEW in self.plan:
+            self.fields[NEW] = self.evaluator.compression(self.state.rho_n)
+
+    monkeypatch.setattr(Simulation, "_properties", properties)
+
+
+def _right(stages: Plain, rho_n: Any) -> Any:
+    return stages.cs_n**2 * (rho_n - stages.rho0_n)
+
+
+def _wrong(stages: Plain, rho_n: Any) -> Any:
+    return _right(stages, rho_n) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(("formula", "verdict"), [(_right, "exact"), (_wrong, "differs")])
+def test_a_new_field_needs_records_a_formula_and_a_line(
+    formula: Callable[[Plain, Any], Any], verdict: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the plan through real LAMMPS to the verdict and the blame."""
+    case = make(compare=["f", "coordination"], rheo={})
+    _add(monkeypatch, formula)
+    case = replace(case, scene=case.scene.model_copy(update={"compare": (NEW, "coordination")}))
+
+    items = {item.name: item for item in plan(case.scene).reference}
+    assert items[NEW].needed and items[NEW].why == "compared" and items["density, given"].why == f"for {NEW}"
+    assert not items["pressure"].needed
+    ready, answer = answered(workers, case)
+    assert "compute q all rheo/property/atom pressure coordination" in ready.jobs[0].commands
+    law = EOS("linear", rho0=1.1, cs=9.0)
+    assert np.allclose(snapshot(case.scene, answer.arrays)[NEW], law.pressure(answer.arrays["rho"]))
+
+    record = judged(ready, answer)
+    found = {field.field: field for field in record.fields}
+    assert (found[NEW].verdict, found[NEW].stage) == (verdict, "eos")
+    assert record.message.startswith(f"{NEW} (stage eos) leaves its bound at step 0 at ") == (verdict == "differs")
+
+    scale = twins.Scale(4.0, 2)
+    assert scale.of(NEW) == scale.of("pressure")
+    assert NEW in audit.checked() and audit.chosen([NEW]) == (NEW,)
+    assert audit.why_not(NEW, model_of(case), audit.Setting(Deck(), "lj")) == ""
+    monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure", unaudited="nobody looks"))
+    assert NEW not in audit.checked() and audit.why_not(NEW, model_of(case), audit.Setting(Deck(), "lj"))

@@ -26,6 +26,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 from lammps_cases.run import campaign
+from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import casefile
 
 SUFFIXES = (".yaml", ".yml")
@@ -97,7 +98,7 @@ class SessionPlugin:
             self._folder = Path(self._told["eos_ref_folder"]) if self._told["eos_ref_folder"] else None
         elif option.eos_ref_out and not option.collectonly:
             try:
-                self._folder = self._output.enter_context(campaign.output_folder(Path(option.eos_ref_out)))
+                self._folder = self._output.enter_context(output_folder(Path(option.eos_ref_out)))
             except InputError as error:
                 raise pytest.UsageError(f"eos-ref: {error}") from None
         self._judge.folder = self._folder

@@ -55,10 +55,11 @@ def audit_command(
     from lammps_cases.engine import installations
     from lammps_cases.records.files import write_arrays
     from lammps_cases.run import campaign
+    from lammps_cases.run.output_folder import output_folder
 
     chosen = installations.resolve(engine)
     directory = out or Path("reports") / f"audit-{deck.name}"
-    with Bar(quiet=as_json) as bar, campaign.output_folder(directory) as folder:
+    with Bar(quiet=as_json) as bar, output_folder(directory) as folder:
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
         options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, bar, fields=names)
         result = audit_deck(deck, options)

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from lammps_cases.history.store import History
     from lammps_cases.history.views import CaseView, RunLine
 
-SCHEMA = "eos-ref/history/1"
 SHOWN = 20  # runs listed unless told otherwise
 Only = Literal["verdicts", "times", "errors"]
 
@@ -155,7 +154,10 @@ def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | 
     """Everything as one document; numbers that JSON has not are text, as in run.json."""
     from dataclasses import asdict
 
-    document: dict[str, Any] = {"schema": SCHEMA, "file": str(path), "runs": [plain(asdict(line)) for line in lines]}
+    from lammps_cases.records.documents import SCHEMAS
+
+    document: dict[str, Any] = {"schema": SCHEMAS["history"], "file": str(path)}
+    document["runs"] = [plain(asdict(line)) for line in lines]
     if found is not None:
         document["cases"] = [plain(asdict(view)) for view in found]
     return document

@@ -65,7 +65,7 @@ def power_command(
     )
     page_folder(out)
     if fresh:
-        record.forget(out)
+        record.planted(out).forget()
     with Bar(quiet=as_json) as bar:
         found = collect.collect(
             sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar

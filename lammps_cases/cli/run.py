@@ -66,12 +66,13 @@ def run_command(
     from lammps_cases.engine import installations
     from lammps_cases.regression import baseline as accepted
     from lammps_cases.run import campaign
+    from lammps_cases.run.merge import part_of
     from lammps_cases.scene import casefile
 
     every = casefile.load(paths)
     chosen = casefile.select(every, names, tag)
     if shard:
-        chosen = campaign.shard(chosen, shard)
+        chosen = part_of(chosen, shard)
     if baseline is not None:
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     with Bar(quiet=as_json, complaints=True) as bar:
@@ -134,6 +135,6 @@ def merge_command(runs: tuple[Path, ...], out: Path, as_json: bool) -> int:
     \b
     Example:  eos-ref merge reports/shard-1 reports/shard-2 --out reports/latest
     """
-    from lammps_cases.run.campaign import merge
+    from lammps_cases.run.merge import merge
 
     return finish(merge(runs, out), out, as_json)

@@ -62,7 +62,7 @@ def stability_command(
     chosen = select.maps(maps(), names, tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
     if fresh:
-        record.forget(out)
+        record.cells(out).forget()
     with Bar(quiet=as_json) as bar:
         found = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
         inputs = tables.inputs(out, site, jobs, bar) if not names and tag is None else tables.read(out)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from eos_ref.cache import cache_folder
 from eos_ref.errors import InputError
+from lammps_cases.records import folders
 from lammps_cases.records.files import write_atomically
 
 
@@ -53,9 +52,7 @@ def _install(version: str) -> Path:
     prefix = cache_folder("engines") / f"lammps-{version}-py{sys.version_info.major}.{sys.version_info.minor}"
     site = prefix / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
     done = prefix / "complete"
-    prefix.parent.mkdir(parents=True, exist_ok=True)
-    with (prefix.parent / f".{prefix.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # two runs that want the same engine install it once
+    with folders.exclusive(prefix, "engine"):  # two runs that want the same engine install it once
         if done.exists():
             return site
         shutil.rmtree(prefix, ignore_errors=True)
@@ -117,14 +114,11 @@ def _shim(library: Path) -> Path:
         name: target.resolve() for name, target in links.items()
     }:
         return site  # never rebuilt under the feet of another run's workers
-    with tempfile.TemporaryDirectory(dir=site.parent) as folder:
-        made = Path(folder) / "lammps"
-        made.mkdir()
+    with folders.exclusive(site, "engine"), folders.replacement(site) as made:
+        (made / package.name).mkdir()
         for name, target in links.items():
-            (made / name).symlink_to(target.resolve())
-        shutil.rmtree(package, ignore_errors=True)
-        site.mkdir(exist_ok=True)
-        made.rename(package)
+            (made / package.name / name).symlink_to(target.resolve())
+        folders.swap(made, site)
     return site
 
 

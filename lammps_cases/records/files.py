@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,18 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         raise
 
 
-def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
     """Write per-atom arrays as an npz file, atomically and with the same bytes on every run."""
     import numpy as np
 
     buffer = io.BytesIO()
     named: dict[str, Any] = {name: np.asarray(arrays[name]) for name in sorted(arrays)}
-    np.savez(buffer, **named)
+    (np.savez_compressed if compressed else np.savez)(buffer, **named)
     write_atomically(path, buffer.getvalue())
+
+
+def csv_text(rows: Iterable[Iterable[object]], delimiter: str = ",") -> str:
+    """Rows as the lines of a CSV file."""
+    text = io.StringIO()
+    csv.writer(text, delimiter=delimiter, lineterminator="\n").writerows(rows)
+    return text.getvalue()

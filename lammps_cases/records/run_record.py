@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from eos_ref import EOS, InputError
-
-SCHEMA = "eos-ref/run/1"
+from eos_ref import EOS
+from lammps_cases.records.documents import SCHEMAS, Document
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -169,7 +168,7 @@ class EngineRecord(_Record):
 class RunRecord(_Record):
     """A whole run."""
 
-    schema_: str = Field(SCHEMA, alias="schema")
+    schema_: str = Field(SCHEMAS["run"], alias="schema")
     engine: EngineRecord
     reference: dict[str, str] = Field(description="versions of eos-ref, python, numpy, numba, python-flint")
     machine: dict[str, str] = {}
@@ -206,6 +205,9 @@ class RunRecord(_Record):
         return self.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
+_DOCUMENT = Document("run", RunRecord)
+
+
 def worst(verdicts: list[Verdict]) -> Verdict:
     """The worst of some verdicts; `skipped` if there is none."""
     return max(verdicts, key=_SEVERITY.index, default="skipped")
@@ -227,17 +229,4 @@ def read_run(directory: Path) -> RunRecord:
     InputError
         No run.json there, or not one of this schema.
     """
-    from pydantic import ValidationError
-
-    path = directory / "run.json"
-    try:
-        run = RunRecord.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise InputError("run", f"cannot be read: {error.strerror}", where=str(path)) from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "document"
-        raise InputError(key, first["msg"], where=str(path)) from None
-    if run.schema_ != SCHEMA:
-        raise InputError("schema", f"must be {SCHEMA}", run.schema_, str(path))
-    return run
+    return _DOCUMENT.read(directory / "run.json")

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import fcntl
-import io
 import json
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records import folders
+from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.regression import baseline, seen
 from lammps_cases.regression.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Baseline, Identity
@@ -26,6 +20,7 @@ from lammps_cases.regression.kinds import Policy
 from lammps_cases.regression.seen import CaseSeen, Side
 
 QUICK = "quick"  # cases with this tag keep their arrays
+BUSY = "is being replaced by another program"
 
 
 @dataclass(frozen=True)
@@ -64,7 +59,7 @@ def accept(
     _acceptable(run, folder, with_failures)
     side = seen.of_run(run, folder)
     target = baselines / baseline.engine_name(run.engine)
-    with _replacing(target) as partial:
+    with folders.exclusive(target, "baseline", BUSY), folders.replacement(target) as partial:
         old = baseline.read(target) if (target / IDENTITY).exists() else None
         kept = {} if old is None or prune else {n: c for n, c in old.cases.items() if n not in side.cases}
         if old is not None and kept:
@@ -77,7 +72,7 @@ def accept(
         written = old is None or not _same(partial, target)
         if written:
             _reason(partial, target, " ".join(reason.split()), run, command, changes, dropped)
-            _swap(target, partial)
+            folders.swap(partial, target)
     return Accepted(target, changes, len(cases), dropped, written)
 
 
@@ -119,8 +114,7 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseSeen]) -> None:
         fields=sum(len(case.fields) for case in cases.values()),
     )
     # What the engine was called, and where it lay, is not the baseline's.
-    told = identity.model_dump_json(by_alias=True, indent=1, exclude={"engine": {"name", "library"}})
-    write_atomically(folder / IDENTITY, told + "\n")
+    baseline.DOCUMENT.write(folder / IDENTITY, identity, {"engine": {"name", "library"}})
     write_atomically(folder / VERDICT_LINES, baseline.lines(cases))
 
 
@@ -137,18 +131,10 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Baseline | None, kept
                 arrays[f"{found.field}.bound"] = bound_n
                 arrays[f"{found.field}.step"] = np.array(-1 if sample.step is None else sample.step)
         if arrays:
-            write_atomically(folder / ARRAYS / f"{record.case}.npz", _packed(arrays))
+            write_arrays(folder / ARRAYS / f"{record.case}.npz", arrays, compressed=True)
     for path in sorted((old.folder / ARRAYS).glob("*.npz")) if old else ():
         if path.stem in kept:
             write_atomically(folder / ARRAYS / path.name, path.read_bytes())
-
-
-def _packed(arrays: dict[str, Any]) -> bytes:
-    """An npz file, compressed; its members bear the same date always."""
-    buffer = io.BytesIO()
-    named: dict[str, Any] = {name: arrays[name] for name in sorted(arrays)}
-    np.savez_compressed(buffer, **named)
-    return buffer.getvalue()
 
 
 def _reason(
@@ -173,52 +159,6 @@ def _reason(
         "dropped": list(dropped),
     }
     write_atomically(partial / REASONS, earlier + json.dumps(entry, ensure_ascii=False) + "\n")
-
-
-# --- one folder for another
-
-
-@contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """A hidden folder beside a baseline, made to become it; one program at a time.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written, or another program is about to replace it.
-    """
-    partial, old, lock = (target.with_name(f".{target.name}.{part}") for part in ("partial", "old", "lock"))
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle = lock.open("w")
-    except OSError as error:
-        raise InputError("baselines", f"cannot be written: {error.strerror}", str(target.parent)) from None
-    with handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if not os.path.samestat(os.fstat(handle.fileno()), lock.stat()):
-                raise BlockingIOError  # the program before removed this file between our opening and locking it
-        except OSError:
-            raise InputError("baseline", "is being replaced by another program", str(target)) from None
-        try:
-            if old.exists() and not target.exists():  # killed between the two renames of `_swap`
-                old.rename(target)
-            for leftover in (partial, old):
-                shutil.rmtree(leftover, ignore_errors=True)
-            partial.mkdir()
-            yield partial
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
-            lock.unlink(missing_ok=True)
-
-
-def _swap(target: Path, partial: Path) -> None:
-    """Between the renames the old baseline lies aside, where `baseline.read` finds it."""
-    old = target.with_name(f".{target.name}.old")
-    if target.exists():
-        target.rename(old)
-    partial.rename(target)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _same(partial: Path, target: Path) -> bool:

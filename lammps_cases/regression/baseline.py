@@ -7,17 +7,19 @@ holds LAMMPS' arrays of the quick cases at their worst steps, ``reasons.jsonl`` 
 from __future__ import annotations
 
 import csv
-import io
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import InputError
 from lammps_cases.comparison import prediction_keys
+from lammps_cases.records import folders
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import csv_text
 from lammps_cases.records.run_record import VERDICTS, EngineRecord, RunRecord, Verdict
 from lammps_cases.records.wording import folder_name
 from lammps_cases.regression import seen
@@ -26,7 +28,6 @@ from lammps_cases.regression.kinds import Policy
 from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Samples, Side
 from lammps_cases.scene import casefile
 
-SCHEMA = "eos-ref/baseline/1"
 IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
 NOTHING = "-"
 CASE = "(case)"  # in the column of fields: the line of the case itself
@@ -43,7 +44,7 @@ class Identity(BaseModel):
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
 
-    schema_: str = Field(SCHEMA, alias="schema")
+    schema_: str = Field(SCHEMAS["baseline"], alias="schema")
     engine: EngineRecord
     machine: str = Field(
         description="what decides how LAMMPS rounds: the processor, as far as it does, and the C library"
@@ -51,6 +52,9 @@ class Identity(BaseModel):
     reference: dict[str, str] = Field(description="versions of what judged last")
     cases: int
     fields: int
+
+
+DOCUMENT = Document("baseline", Identity)
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ def find(engine: EngineRecord, baselines: Path) -> Path:
     if (baselines / IDENTITY).exists():
         return baselines
     folder = baselines / engine_name(engine)
-    if _whole(folder) is None:
+    if not (folders.present(folder) / IDENTITY).exists():
         there = ", ".join(sorted(path.parent.name for path in baselines.glob(f"[!.]*/{IDENTITY}"))) or "none"
         rule = f"none is accepted for this engine (eos-ref accept RUN --reason TEXT; accepted are: {there})"
         raise InputError("baseline", rule, where=str(folder))
@@ -119,12 +123,6 @@ def readable(baselines: Path) -> None:
         raise InputError("baseline", "must be a folder of accepted baselines, or one of them", str(baselines))
 
 
-def _whole(folder: Path) -> Path | None:
-    """Where a baseline lies: beside its place, if it was about to be replaced when the program was killed."""
-    aside = folder.with_name(f".{folder.name}.old")
-    return next((path for path in (folder, aside) if (path / IDENTITY).exists()), None)
-
-
 def read(folder: Path) -> Baseline:
     """Read a baseline.
 
@@ -133,20 +131,10 @@ def read(folder: Path) -> Baseline:
     InputError
         None there, one of another schema, or a damaged one: file, line and rule.
     """
-    whole = _whole(folder)
-    if whole is None:
+    whole = folders.present(folder)
+    if not (whole / IDENTITY).exists():
         raise InputError("baseline", f"must be a folder with {IDENTITY}", str(folder))
-    path = whole / IDENTITY
-    try:
-        identity = Identity.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise InputError("baseline", f"cannot be read: {error.strerror}", where=str(path)) from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "document"
-        raise InputError(key, first["msg"], where=str(path)) from None
-    if identity.schema_ != SCHEMA:
-        raise InputError("schema", f"must be {SCHEMA}", identity.schema_, str(path))
+    identity = DOCUMENT.read(whole / IDENTITY)
     cases = _cases(whole / VERDICT_LINES)
     counted = (len(cases), sum(len(case.fields) for case in cases.values()))
     if counted != (identity.cases, identity.fields):
@@ -160,20 +148,17 @@ def read(folder: Path) -> Baseline:
 
 def lines(cases: Mapping[str, CaseSeen]) -> str:
     """The content of ``verdicts.tsv``."""
-    text = io.StringIO()
-    text.writelines(f"{line}\n" for line in HEAD)
-    table = csv.writer(text, delimiter="\t", lineterminator="\n")
-    table.writerow(COLUMNS)
+    rows: list[Iterable[str]] = [COLUMNS]
     for name in sorted(cases):
         case = cases[name]
         known = ", ".join(case.findings)
-        table.writerow(_filled(name, CASE, case.ended, case.verdict, known, "", "", case.expects))
+        rows.append(_filled(name, CASE, case.ended, case.verdict, known, "", "", case.expects))
         for found in sorted(case.fields.values(), key=lambda f: f.field):
             detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in found.steps)
             ratio = "" if found.over_bound is None else f"{found.over_bound:.3g}"
             known = ", ".join(found.findings)
-            table.writerow(_filled(name, found.field, found.stage, found.verdict, known, ratio, found.digest, detail))
-    return text.getvalue()
+            rows.append(_filled(name, found.field, found.stage, found.verdict, known, ratio, found.digest, detail))
+    return "".join(f"{line}\n" for line in HEAD) + csv_text(rows, "\t")
 
 
 def _filled(*cells: str) -> Iterator[str]:

@@ -8,13 +8,13 @@ from typing import Any
 
 from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
+from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.regression import pairs
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import groups
 from lammps_cases.regression.kinds import Policy
 from lammps_cases.regression.seen import Side
 
-SCHEMA = "eos-ref/bisect/1"
 Ask = Callable[[int], Side]
 
 
@@ -97,7 +97,7 @@ def only(changes: Changes, fields: Sequence[str]) -> Changes:
 def document(found: Found, names: Sequence[str], command: str = "") -> dict[str, Any]:
     """What bisect.json holds."""
     return {
-        "schema": SCHEMA,
+        "schema": SCHEMAS["bisect"],
         "command": command,
         "engines": list(names),
         "ran": [names[at] for at in found.ran],

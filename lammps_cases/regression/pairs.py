@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.wording import counted, plain
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import Group, groups
@@ -16,7 +17,6 @@ from lammps_cases.regression.sources import LABELS
 from lammps_cases.regression.timing import Speed, Turns, of_saved
 from lammps_cases.report import markdown
 
-SCHEMA = "eos-ref/compare/1"
 LISTED = 100  # rows of the table of changed fields in the summary
 SAID = 10  # faults listed on a terminal
 STAMPS = {0: "PASS", 1: "CHANGED", 3: "FAIL"}  # a comparison in one word, by its exit code
@@ -94,7 +94,7 @@ def document(found: Compared) -> dict[str, Any]:
     """
     alone = found.alone
     return {
-        "schema": SCHEMA,
+        "schema": SCHEMAS["compare"],
         "command": found.command,
         "sides": [
             {"label": label, "name": side.name, "engine": side.engine.model_dump(exclude={"library"})}

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import importlib
-import itertools
 import os
 import platform
-import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
-from eos_ref import EOSTable, InputError
+from eos_ref import EOSTable
 from lammps_cases import history
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.store import Store
@@ -27,7 +23,8 @@ from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, read_run
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
@@ -279,147 +276,6 @@ def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = 
 
     write_atomically(folder / "run.json", run.to_json())
     write_report(run, folder, known=known, history=past)
-
-
-@contextmanager
-def output_folder(directory: Path) -> Iterator[Path]:
-    """A hidden folder beside ``directory`` that replaces it on success; a kill at any moment leaves a whole report.
-
-    Raises
-    ------
-    InputError
-        It cannot be written, holds something else than a report, or another run is writing into it.
-    """
-    directory = directory.resolve()
-    if directory in (Path.cwd(), *Path.cwd().parents):
-        raise InputError("output folder", "must not be the current folder or above it", str(directory))
-    partial = directory.with_name(f".{directory.name}.partial")
-    old = directory.with_name(f".{directory.name}.old")
-    with _locked(directory):
-        if old.exists() and not directory.exists():  # killed between the two renames below
-            old.rename(directory)
-        if directory.exists() and (not directory.is_dir() or _foreign(directory)):
-            raise InputError(
-                "output folder", "must be empty or hold an earlier report and nothing else", str(directory)
-            )
-        for leftover in (partial, old):
-            shutil.rmtree(leftover, ignore_errors=True)
-        partial.mkdir()
-        try:
-            yield partial
-            _replace(directory, partial, old)
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
-            shutil.rmtree(old, ignore_errors=True)
-
-
-def _replace(directory: Path, partial: Path, old: Path) -> None:
-    try:
-        if directory.exists():
-            directory.rename(old)
-        partial.rename(directory)
-    except OSError:  # a mount point, say of a container, cannot be renamed: replace what is in it
-        for path in directory.iterdir():
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-        shutil.copytree(partial, directory, dirs_exist_ok=True)
-
-
-REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
-
-
-def _foreign(directory: Path) -> bool:
-    """Whether a folder holds anything that is not an earlier report, which would be lost with it."""
-    names = {path.name for path in directory.iterdir()}
-    if not names:
-        return False
-    try:
-        ours = '"schema": "eos-ref/run/' in (directory / "run.json").read_text(errors="replace")[:200]
-    except OSError:
-        return True
-    fields = directory / "fields"
-    return not ours or bool(names - REPORT) or (fields.exists() and any(p.suffix != ".npz" for p in fields.iterdir()))
-
-
-@contextmanager
-def _locked(directory: Path) -> Iterator[IO[str]]:
-    lock = directory.with_name(f".{directory.name}.lock")
-    try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-        if directory.exists() and not os.access(directory, os.W_OK):
-            raise PermissionError(13, "Permission denied")
-        handle = lock.open("w")
-    except OSError as error:
-        raise InputError("output folder", f"cannot be written: {error.strerror}", str(directory)) from None
-    with handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if not os.path.samestat(os.fstat(handle.fileno()), lock.stat()):
-                raise BlockingIOError  # the run before removed this file between our opening and locking it
-        except OSError:
-            raise InputError("output folder", "another run is writing into it", str(directory)) from None
-        try:
-            yield handle
-        finally:
-            lock.unlink(missing_ok=True)
-
-
-def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
-    """Join runs of different cases on the same engine and write one report.
-
-    Raises
-    ------
-    InputError
-        A folder without a run, different engines, or a case that occurs twice.
-    """
-    runs = [read_run(folder) for folder in directories]
-    merged = runs[0]
-    for run, folder in zip(runs[1:], directories[1:], strict=True):
-        one, other = run.engine, merged.engine
-        if (one.distribution, one.library_sha256) != (other.distribution, other.library_sha256):
-            rule = f"must be {other.distribution} with the library of the first run"
-            raise InputError("engine", rule, one.distribution, str(folder))
-        merged.cases += run.cases
-        merged.seconds += run.seconds
-        merged.strict |= run.strict
-    _check_shards([run.shard for run in runs])
-    merged.shard = ""
-    merged.notes = gone(merged.cases)
-    merged.cases.sort(key=lambda record: record.case)
-    for case, following in itertools.pairwise(merged.cases):
-        if case.case == following.case:
-            raise InputError("case", "occurs in two of the runs", case.case)
-    merged.command = command_line()
-    with output_folder(directory) as folder:
-        for source in directories:
-            for file in sorted((source / "fields").glob("*.npz")):
-                write_atomically(folder / "fields" / file.name, file.read_bytes())
-        write_run(merged.counted(), folder, past=history.past(merged))
-    history.collect(merged, directory)
-    return merged
-
-
-def _check_shards(shards: Sequence[str]) -> None:
-    """Parts of a run must be all of its parts; runs that are not parts may be joined freely."""
-    for count in sorted({part.partition("/")[2] for part in shards if part}):
-        missing = {f"{k}/{count}" for k in range(1, int(count) + 1)} - set(shards)
-        if missing:
-            raise InputError("shards", "must be complete to be merged; missing " + ", ".join(sorted(missing)))
-
-
-def shard(cases: Sequence[Case], text: str) -> list[Case]:
-    """Every n-th case, beginning with the i-th, for ``i/n``.
-
-    Raises
-    ------
-    InputError
-    """
-    first, _, count = text.partition("/")
-    if not (first.isdigit() and count.isdigit() and 1 <= int(first) <= int(count)):
-        raise InputError("shard", "must be i/n with 1 <= i <= n", text)
-    chosen = list(cases[int(first) - 1 :: int(count)])
-    if not chosen:
-        raise InputError("shard", f"is empty: there are {len(cases)} cases", text)
-    return chosen
 
 
 def command_line() -> str:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from eos_ref.errors import InputError
+from lammps_cases.records.journal import Journal
 from lammps_cases.studies.benchmarks.bench import Ratio
 from lammps_cases.studies.benchmarks.measure import Answer, Interval, machine, verdict
 
@@ -38,19 +35,10 @@ class Change:
     answer: Answer
 
 
-_ADAPTER = TypeAdapter(Entry)
-
-
 def append(path: Path, label: str, ratios: Sequence[Ratio]) -> Entry:
-    """Add an entry to a history; a line is written in one piece, so that a kill leaves whole lines."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Add an entry to a history."""
     entry = Entry(datetime.now(UTC).isoformat(timespec="seconds"), machine(), label, tuple(ratios))
-    line = json.dumps(asdict(entry), separators=(",", ":")) + "\n"
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    try:
-        os.write(descriptor, line.encode())
-    finally:
-        os.close(descriptor)
+    Journal(path, Entry).append(entry)
     return entry
 
 
@@ -62,16 +50,14 @@ def read(path: Path) -> list[Entry]:
     InputError
         No such file, or a line that is no entry.
     """
+    entries = []
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        for number, entry in enumerate(Journal(path, Entry).lines(), 1):
+            if entry is None:
+                raise InputError("history", "is not a measurement of eos-ref bench", where=f"{path}, line {number}")
+            entries.append(entry)
     except OSError as error:
         raise InputError("history", f"cannot be read: {error.strerror}", where=str(path)) from None
-    entries = []
-    for k, line in enumerate(lines, 1):
-        try:
-            entries.append(_ADAPTER.validate_json(line))
-        except ValidationError:
-            raise InputError("history", "is not a measurement of eos-ref bench", where=f"{path}, line {k}") from None
     return entries
 
 

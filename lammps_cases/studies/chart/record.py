@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict
 
-from eos_ref import InputError
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.studies.chart.points import Map, Panel
 from lammps_cases.studies.flows.converge import Convergence
-
-SCHEMA = "eos-ref/chart/1"
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ class Chart:
     quick: bool
     seconds: float
     sections: tuple[Section, ...]
-    schema: str = SCHEMA
+    schema: str = SCHEMAS["chart"]
 
     @property
     def panels(self) -> list[Panel]:
@@ -52,15 +48,14 @@ class Chart:
         return [panel for section in self.sections for panel in section.panels]
 
 
-_ADAPTER = TypeAdapter(Chart)
+_DOCUMENT = Document("chart", Chart)
 
 
 def write(chart: Chart, folder: Path) -> None:
     """Write ``chart.json`` and the tables."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(folder / "points.csv", _csv(_point_rows(chart)))
-    write_atomically(folder / "convergence.csv", _csv(_convergence_rows(chart)))
-    write_atomically(folder / "chart.json", _ADAPTER.dump_json(chart, indent=1) + b"\n")
+    write_atomically(folder / "points.csv", csv_text(_point_rows(chart)))
+    write_atomically(folder / "convergence.csv", csv_text(_convergence_rows(chart)))
+    _DOCUMENT.write(folder / "chart.json", chart)
 
 
 def read(folder: Path) -> Chart:
@@ -71,15 +66,7 @@ def read(folder: Path) -> Chart:
     InputError
         No chart there, or one of another version.
     """
-    file = folder / "chart.json"
-    try:
-        return _ADAPTER.validate_json(file.read_bytes())
-    except OSError as error:
-        raise InputError("chart", f"cannot be read: {error.strerror}", where=str(file)) from None
-    except ValidationError as error:
-        raise InputError(
-            "chart", f"is not of the schema {SCHEMA}: {error.errors()[0]['msg']}", where=str(file)
-        ) from None
+    return _DOCUMENT.read(folder / "chart.json")
 
 
 def points_document(chart: Chart) -> dict[str, list[dict[str, Any]]]:
@@ -126,9 +113,3 @@ def _convergence_rows(chart: Chart) -> Iterable[Sequence[Any]]:
                     *(run.flow, run.engine, measure, n, error, fit.order, fit.standard_error),
                     *(run.seconds[k], run.particles[k], run.steps[k]),
                 )
-
-
-def _csv(rows: Iterable[Sequence[Any]]) -> str:
-    file = io.StringIO()
-    csv.writer(file, lineterminator="\n").writerows(rows)
-    return file.getvalue()

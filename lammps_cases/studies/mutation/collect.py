@@ -111,7 +111,7 @@ def _faults(
     def done(planted: PlantedFault) -> None:
         one = record.fault_record(planted, pool.quick)
         known[one.id] = one
-        record.keep(folder, Kept(key, one))
+        record.planted(folder).append(Kept(key, one))
         progress.advance(sum(fault.id in known for fault in chosen), len(chosen), one.id)
 
     pool.plant(ahead, done)

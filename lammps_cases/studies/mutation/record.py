@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.journal import Journal
 from lammps_cases.studies.mutation.alarms import AlarmRun
 from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family
 from lammps_cases.studies.mutation.resolution import Resolution
 from lammps_cases.studies.mutation.schedule import PlantedFault
 from lammps_cases.studies.mutation.unmutated import Control
 
-SCHEMA = "eos-ref/power/1"
 ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
 SHOWN = ("argued.yaml", "page.py", "cli.py")  # what decides only what is said of it
 ARGUED = Path(__file__).with_name("argued.yaml")
@@ -89,7 +87,7 @@ class Power:
     faults: tuple[FaultRecord, ...]
     resolution: tuple[Resolution, ...] = ()
     alarms: tuple[AlarmRun, ...] = ()
-    schema: str = SCHEMA
+    schema: str = SCHEMAS["power"]
 
     @property
     def caught(self) -> int:
@@ -122,7 +120,7 @@ class Power:
         return found + [f"false alarm, {alarm.kind}: {alarm.case}: {alarm.message}" for alarm in alarms]
 
 
-_POWER = TypeAdapter(Power)
+_DOCUMENT = Document("power", Power)
 
 
 def arguments() -> dict[tuple[str, str], str]:
@@ -163,12 +161,12 @@ def controls(found: Sequence[Control]) -> tuple[ControlRecord, ...]:
 
 def write(power: Power, folder: Path) -> None:
     """Write ``power.json``."""
-    write_atomically(folder / "power.json", _POWER.dump_json(power, indent=1) + b"\n")
+    _DOCUMENT.write(folder / "power.json", power)
 
 
 def document(power: Power) -> dict[str, Any]:
     """What ``--json`` prints."""
-    whole = json.loads(_POWER.dump_json(power))
+    whole = _DOCUMENT.plain(power)
     rates = {"faults": len(power.faults), "caught": power.caught, "caught_by_quick": power.quick}
     parts = {name: whole[name] for name in ("faults", "resolution", "alarms", "controls")}
     return parts | {"rates": rates, "complaints": power.complaints}
@@ -185,9 +183,6 @@ class Kept:
     record: FaultRecord
 
 
-_KEPT = TypeAdapter(Kept)
-
-
 def sources() -> str:
     """SHA-256 of everything that decides what is planted and what is seen: sources and cases."""
     digest = hashlib.sha256()
@@ -199,31 +194,11 @@ def sources() -> str:
     return digest.hexdigest()
 
 
-def keep(folder: Path, kept: Kept) -> None:
-    """Append a fault: a kill loses at most the line that is being written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "planted.jsonl"
-    with file.open("ab+") as lines:
-        size = lines.seek(0, io.SEEK_END)
-        lines.seek(max(size - 1, 0))
-        begin = b"" if size == 0 or lines.read(1) == b"\n" else b"\n"  # after a kill in the middle of a line
-        lines.write(begin + _KEPT.dump_json(kept) + b"\n")
+def planted(folder: Path) -> Journal[Kept]:
+    """``planted.jsonl``: faults as they are done."""
+    return Journal(folder / "planted.jsonl", Kept)
 
 
 def kept(folder: Path, key: str) -> dict[str, FaultRecord]:
-    """Faults done under a key, by id; lines that a kill cut short are left out."""
-    file = folder / "planted.jsonl"
-    found: dict[str, FaultRecord] = {}
-    for line in file.read_bytes().splitlines() if file.exists() else ():
-        try:
-            one = _KEPT.validate_json(line)
-        except ValidationError:
-            continue
-        if one.key == key:
-            found[one.record.id] = one.record
-    return found
-
-
-def forget(folder: Path) -> None:
-    """Take away the faults that a folder keeps, so that all are planted again."""
-    (folder / "planted.jsonl").unlink(missing_ok=True)
+    """Faults done under a key, by id."""
+    return {one.record.id: one.record for one in planted(folder).entries() if one.key == key}

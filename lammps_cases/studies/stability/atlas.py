@@ -159,7 +159,7 @@ class Survey:
         self, maps: dict[str, StabilityMap], lines: Sequence[Line], source: Source, out: Path, progress: Progress
     ) -> None:
         self.maps, self.lines, self.source, self.out, self.progress = maps, lines, source, out, progress
-        self.kept = record.kept(out)
+        self.kept = {one.key: one.ran for one in record.cells(out).entries()}
         self.found: dict[Line, dict[float, Ran]] = {}
 
     def run(self, at_once: int) -> dict[Line, dict[float, Ran]]:
@@ -208,7 +208,7 @@ class Survey:
         cell = Cell(line.map, x, line.y, line.layer)
         ran = Ran(cell, line.engine, examined.outcome)
         record.write_state(self.out, cell, line.engine, examined.before)
-        record.keep(self.out, Kept(key, ran))
+        record.cells(self.out).append(Kept(key, ran))
         self._report(line)
         return ran
 

@@ -10,17 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Model, State
-from lammps_cases.records.files import write_atomically
+from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability.model import Boundary, Cell, Engine, Kind, StabilityMap
 
-SCHEMA = "eos-ref/stability-limits/1"
 FILE = Path(__file__).parent / "atlas-limits.json"
 
 
@@ -137,10 +134,10 @@ class Limits:
     engine: str
     curves: tuple[Curve, ...]
     tensions: tuple[Tension, ...] = ()
-    schema: str = SCHEMA
+    schema: str = SCHEMAS["stability-limits"]
 
 
-_ADAPTER = TypeAdapter(Limits)
+_DOCUMENT = Document("stability-limits", Limits)
 
 
 def measured(boundaries: Iterable[Boundary], maps: Mapping[str, StabilityMap], engine: str) -> Limits:
@@ -223,7 +220,7 @@ def _same(a: Start, b: Start) -> bool:
 
 def save(limits: Limits, file: Path = FILE) -> None:
     """Write the limits."""
-    write_atomically(file, _ADAPTER.dump_json(limits, indent=1) + b"\n")
+    _DOCUMENT.write(file, limits)
 
 
 def read(file: Path = FILE) -> Limits:
@@ -234,11 +231,4 @@ def read(file: Path = FILE) -> Limits:
     InputError
         A file of another version.
     """
-    try:
-        return _ADAPTER.validate_json(file.read_bytes())
-    except FileNotFoundError:
-        return Limits("", ())
-    except ValidationError as error:
-        raise InputError(
-            "stability limits", f"are not of the schema {SCHEMA}: {error.errors()[0]['msg']}", where=str(file)
-        ) from None
+    return _DOCUMENT.read(file) if file.exists() else Limits("", ())

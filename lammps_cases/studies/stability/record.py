@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict
 
-from eos_ref import InputError
-from lammps_cases.records.files import write_arrays, write_atomically
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import csv_text, write_arrays, write_atomically
+from lammps_cases.records.journal import Journal
 from lammps_cases.studies.stability import names
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.model import Axis, Boundary, Cell, Engine, Ran
 from lammps_cases.studies.stability.probe import Before
 
-SCHEMA = "eos-ref/stability/1"
 _INFINITE = ConfigDict(ser_json_inf_nan="strings")
 
 
@@ -53,7 +50,7 @@ class Atlas:
     quick: bool
     seconds: float
     maps: tuple[MapRecord, ...]
-    schema: str = SCHEMA
+    schema: str = SCHEMAS["stability"]
 
     @property
     def disagreements(self) -> list[Agreement]:
@@ -71,14 +68,13 @@ class Kept:
     ran: Ran
 
 
-_ATLAS = TypeAdapter(Atlas)
-_KEPT = TypeAdapter(Kept)
+_DOCUMENT = Document("stability", Atlas)
 
 
 def write(atlas: Atlas, folder: Path) -> None:
     """Write ``atlas.json`` and ``cells.csv``."""
-    write_atomically(folder / "cells.csv", _csv(_rows(atlas)))
-    write_atomically(folder / "atlas.json", _ATLAS.dump_json(atlas, indent=1) + b"\n")
+    write_atomically(folder / "cells.csv", csv_text(_rows(atlas)))
+    _DOCUMENT.write(folder / "atlas.json", atlas)
 
 
 def read(folder: Path) -> Atlas:
@@ -89,22 +85,12 @@ def read(folder: Path) -> Atlas:
     InputError
         No atlas there, or one of another version.
     """
-    file = folder / "atlas.json"
-    try:
-        atlas = _ATLAS.validate_json(file.read_bytes())
-    except OSError as error:
-        raise InputError("atlas", f"cannot be read: {error.strerror}", where=str(file)) from None
-    except ValidationError as error:
-        rule = f"is not of the schema {SCHEMA}: {error.errors()[0]['msg']}"
-        raise InputError("atlas", rule, where=str(file)) from None
-    if atlas.schema != SCHEMA:
-        raise InputError("atlas", f"must be of the schema {SCHEMA}", atlas.schema, str(file))
-    return atlas
+    return _DOCUMENT.read(folder / "atlas.json")
 
 
 def document(atlas: Atlas) -> dict[str, Any]:
     """What ``--json`` prints."""
-    whole = json.loads(_ATLAS.dump_json(atlas))
+    whole = _DOCUMENT.plain(atlas)
     return {
         "maps": [
             {
@@ -118,41 +104,9 @@ def document(atlas: Atlas) -> dict[str, Any]:
     }
 
 
-# --- cells as they come
-
-
-def keep(folder: Path, kept: Kept) -> None:
-    """Append a cell to ``cells.jsonl``: a kill loses at most the line that is being written."""
-    with (folder / "cells.jsonl").open("ab") as file:
-        # After a kill in the middle of a line, the next one begins anew.
-        file.write((b"" if _whole(folder) else b"\n") + _KEPT.dump_json(kept) + b"\n")
-
-
-def _whole(folder: Path) -> bool:
-    with (folder / "cells.jsonl").open("rb") as file:
-        file.seek(0, io.SEEK_END)
-        if file.tell() == 0:
-            return True
-        file.seek(-1, io.SEEK_END)
-        return file.read(1) == b"\n"
-
-
-def kept(folder: Path) -> dict[str, Ran]:
-    """Cells by key, the last of each; lines that a kill cut short are left out."""
-    file = folder / "cells.jsonl"
-    found: dict[str, Ran] = {}
-    for line in file.read_bytes().splitlines() if file.exists() else ():
-        try:
-            one = _KEPT.validate_json(line)
-        except ValidationError:
-            continue
-        found[one.key] = one.ran
-    return found
-
-
-def forget(folder: Path) -> None:
-    """Take away the cells that a folder keeps, so that all are run again."""
-    (folder / "cells.jsonl").unlink(missing_ok=True)
+def cells(folder: Path) -> Journal[Kept]:
+    """``cells.jsonl``: cells as they come; of those of one key the last counts."""
+    return Journal(folder / "cells.jsonl", Kept)
 
 
 # --- particles before a failure
@@ -193,9 +147,3 @@ def _rows(atlas: Atlas) -> Iterable[Sequence[Any]]:
             *("" if item is None else item for item in (o.step, o.atom, o.value)),
             *(o.steps, round(o.seconds, 4), o.message),
         )
-
-
-def _csv(rows: Iterable[Sequence[Any]]) -> str:
-    file = io.StringIO()
-    csv.writer(file, lineterminator="\n").writerows(rows)
-    return file.getvalue()

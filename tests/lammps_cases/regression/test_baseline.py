@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.records import files
+from lammps_cases.records import files, folders
+from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.regression import acceptance, baseline, pairs
 from lammps_cases.regression.acceptance import Accepted
@@ -69,7 +70,7 @@ def test_files_say_what_they_hold(small_run: Path, accepted: Path) -> None:
     assert {p.name for p in folder.iterdir()} == {"baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"}
     assert [p.name for p in accepted.iterdir()] == [folder.name], "nothing hidden is left behind"
     identity = json.loads((folder / "baseline.json").read_text())
-    assert identity["schema"] == baseline.SCHEMA
+    assert identity["schema"] == SCHEMAS["baseline"]
     assert identity["engine"]["library_sha256"] == run.engine.library_sha256
     assert "library" not in identity["engine"], "no path of a machine"
     rows = [r.split("\t") for r in (folder / "verdicts.tsv").read_text().splitlines() if not r.startswith("#")]
@@ -335,10 +336,10 @@ def _killed(moment: int, task: Callable[[], object]) -> bool:
 
             return call
 
-        acceptance.write_atomically = dying(files.write_atomically)  # type: ignore[attr-defined]
+        acceptance.write_atomically = files.write_atomically = dying(files.write_atomically)  # type: ignore[attr-defined]
         Path.rename = dying(Path.rename)  # type: ignore[method-assign]
         Path.replace = dying(Path.replace)  # type: ignore[method-assign]
-        acceptance.shutil.rmtree = dying(shutil.rmtree)  # type: ignore[attr-defined]
+        shutil.rmtree = dying(shutil.rmtree)  # type: ignore[assignment]
         try:
             task()
         finally:
@@ -348,7 +349,7 @@ def _killed(moment: int, task: Callable[[], object]) -> bool:
 
 
 def test_two_programs_do_not_replace_one_baseline(small_run: Path, changed_run: Change, accepted: Path) -> None:
-    with acceptance._replacing(_folder(accepted)), pytest.raises(InputError, match="by another program"):
+    with folders.exclusive(_folder(accepted), "baseline", "no"), pytest.raises(InputError, match="by another program"):
         accept(changed_run(of_field("pressure", digest=OTHER)), accepted)
 
 

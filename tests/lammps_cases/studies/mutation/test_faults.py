@@ -267,13 +267,13 @@ def test_a_red_control_is_of_the_families_that_use_it() -> None:
 
 def test_faults_done_are_found_again_after_a_kill(tmp_path: Path) -> None:
     one, other = _fault("a", "x"), _fault("b")
-    record.keep(tmp_path, Kept("key", one))
+    record.planted(tmp_path).append(Kept("key", one))
     with (tmp_path / "planted.jsonl").open("ab") as file:
         file.write(b'{"key": "key", "rec')  # killed here
-    record.keep(tmp_path, Kept("key", other))
+    record.planted(tmp_path).append(Kept("key", other))
     assert record.kept(tmp_path, "key") == {one.id: one, other.id: other}
     assert record.kept(tmp_path, "other sources") == {}
-    record.forget(tmp_path)
+    record.planted(tmp_path).forget()
     assert record.kept(tmp_path, "key") == {}
 
 

@@ -1,0 +1,96 @@
+"""JSON documents that name their schema: one registry of the schemas, one reader, one writer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Generic, Literal, TypeVar
+
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+from eos_ref.errors import InputError
+from lammps_cases.records.files import write_atomically
+
+Kind = Literal["run", "history", "baseline", "compare", "bisect", "chart", "stability", "stability-limits", "power"]
+_VERSIONS: Mapping[Kind, int] = {
+    "run": 1,
+    "history": 1,
+    "baseline": 1,
+    "compare": 1,
+    "bisect": 1,
+    "chart": 1,
+    "stability": 1,
+    "stability-limits": 1,
+    "power": 1,
+}
+SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
+
+T = TypeVar("T")
+
+
+class _Header(BaseModel):
+    """What every document begins with."""
+
+    schema_: str | None = Field(None, alias="schema")
+
+
+@dataclass(frozen=True)
+class Document(Generic[T]):
+    """A kind of document, as files hold it.
+
+    Attributes
+    ----------
+    kind : its name in `SCHEMAS` and in complaints
+    model : the class of its content, a pydantic model or a dataclass with the field ``schema``
+    """
+
+    kind: Kind
+    model: type[T]
+
+    @cached_property
+    def _adapter(self) -> TypeAdapter[T]:
+        return TypeAdapter(self.model)
+
+    def text(self, content: T, exclude: Mapping[str, Any] | None = None) -> bytes:
+        """The bytes of a document's file, without the fields to exclude."""
+        left_out = None if exclude is None else dict(exclude)
+        return self._adapter.dump_json(content, by_alias=True, indent=1, exclude=left_out) + b"\n"
+
+    def plain(self, content: T) -> dict[str, Any]:
+        """The document as JSON has it, for ``--json``."""
+        found: dict[str, Any] = json.loads(self.text(content))
+        return found
+
+    def write(self, path: Path, content: T, exclude: Mapping[str, Any] | None = None) -> None:
+        """Write a document, atomically."""
+        write_atomically(path, self.text(content, exclude))
+
+    def read(self, path: Path) -> T:
+        """Read a document.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, is of another schema, or breaks a rule of this one: key and rule.
+        """
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise InputError(self.kind, f"cannot be read: {error.strerror}", where=str(path)) from None
+        return self.parsed(content, str(path))
+
+    def parsed(self, content: bytes, where: str) -> T:
+        """The document of a file's bytes; raises as `read`."""
+        try:
+            schema = _Header.model_validate_json(content).schema_
+            if schema != SCHEMAS[self.kind]:
+                raise InputError("schema", f"must be {SCHEMAS[self.kind]}", schema, where)
+            return self._adapter.validate_json(content)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"])) or "document"
+            raise InputError(key, first["msg"], where=where) from None

@@ -1,0 +1,74 @@
+"""Parts of a run: its shards, and runs joined into one."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+
+from eos_ref import InputError
+from lammps_cases import history
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import RunRecord, read_run
+from lammps_cases.run.campaign import command_line, gone, write_run
+from lammps_cases.run.output_folder import output_folder
+from lammps_cases.scene.casefile import Case
+
+
+def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
+    """Join runs of different cases on the same engine and write one report.
+
+    Raises
+    ------
+    InputError
+        A folder without a run, different engines, or a case that occurs twice.
+    """
+    runs = [read_run(folder) for folder in directories]
+    merged = runs[0]
+    for run, folder in zip(runs[1:], directories[1:], strict=True):
+        one, other = run.engine, merged.engine
+        if (one.distribution, one.library_sha256) != (other.distribution, other.library_sha256):
+            rule = f"must be {other.distribution} with the library of the first run"
+            raise InputError("engine", rule, one.distribution, str(folder))
+        merged.cases += run.cases
+        merged.seconds += run.seconds
+        merged.strict |= run.strict
+    _check_shards([run.shard for run in runs])
+    merged.shard = ""
+    merged.notes = gone(merged.cases)
+    merged.cases.sort(key=lambda record: record.case)
+    for case, following in itertools.pairwise(merged.cases):
+        if case.case == following.case:
+            raise InputError("case", "occurs in two of the runs", case.case)
+    merged.command = command_line()
+    with output_folder(directory) as folder:
+        for source in directories:
+            for file in sorted((source / "fields").glob("*.npz")):
+                write_atomically(folder / "fields" / file.name, file.read_bytes())
+        write_run(merged.counted(), folder, past=history.past(merged))
+    history.collect(merged, directory)
+    return merged
+
+
+def _check_shards(shards: Sequence[str]) -> None:
+    """Parts of a run must be all of its parts; runs that are not parts may be joined freely."""
+    for count in sorted({part.partition("/")[2] for part in shards if part}):
+        missing = {f"{k}/{count}" for k in range(1, int(count) + 1)} - set(shards)
+        if missing:
+            raise InputError("shards", "must be complete to be merged; missing " + ", ".join(sorted(missing)))
+
+
+def part_of(cases: Sequence[Case], text: str) -> list[Case]:
+    """Every n-th case, beginning with the i-th, for ``i/n``.
+
+    Raises
+    ------
+    InputError
+    """
+    first, _, count = text.partition("/")
+    if not (first.isdigit() and count.isdigit() and 1 <= int(first) <= int(count)):
+        raise InputError("shard", "must be i/n with 1 <= i <= n", text)
+    chosen = list(cases[int(first) - 1 :: int(count)])
+    if not chosen:
+        raise InputError("shard", f"is empty: there are {len(cases)} cases", text)
+    return chosen

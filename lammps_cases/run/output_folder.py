@@ -1,0 +1,48 @@
+"""The folder of a report, which holds the earlier report until the new one is complete."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from eos_ref import InputError
+from lammps_cases.records import folders
+
+WHAT = "output folder"
+REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
+
+
+@contextmanager
+def output_folder(directory: Path) -> Iterator[Path]:
+    """A hidden folder beside ``directory`` that replaces it on success; a kill at any moment leaves a whole report.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, holds something else than a report, or another run is writing into it.
+    """
+    directory = directory.resolve()
+    if directory in (Path.cwd(), *Path.cwd().parents):
+        raise InputError(WHAT, "must not be the current folder or above it", str(directory))
+    with (
+        folders.exclusive(directory, WHAT, "another run is writing into it"),
+        folders.replacement(directory) as partial,
+    ):
+        if directory.exists() and (not directory.is_dir() or _foreign(directory)):
+            raise InputError(WHAT, "must be empty or hold an earlier report and nothing else", str(directory))
+        yield partial
+        folders.swap(partial, directory)
+
+
+def _foreign(directory: Path) -> bool:
+    """Whether a folder holds anything that is not an earlier report, which would be lost with it."""
+    names = {path.name for path in directory.iterdir()}
+    if not names:
+        return False
+    try:
+        ours = '"schema": "eos-ref/run/' in (directory / "run.json").read_text(errors="replace")[:200]
+    except OSError:
+        return True
+    fields = directory / "fields"
+    return not ours or bool(names - REPORT) or (fields.exists() and any(p.suffix != ".npz" for p in fields.iterdir()))

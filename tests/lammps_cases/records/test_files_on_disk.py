@@ -1,0 +1,182 @@
+"""Documents, journals and folders on disk, with what damage and kills do to them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+
+from eos_ref import InputError
+from lammps_cases.records import folders
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import csv_text
+from lammps_cases.records.journal import Journal
+
+
+@dataclass(frozen=True)
+class Entry:
+    name: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Content:
+    entries: tuple[Entry, ...]
+    schema: str = SCHEMAS["chart"]
+
+
+CONTENT = Document("chart", Content)
+
+
+# --- documents
+
+
+@pytest.mark.parametrize(
+    ("damage", "complaint"),
+    [
+        (lambda text: text[:30], "document: Invalid JSON"),
+        (lambda text: "[]", "document: Input should be an object"),
+        (lambda text: text.replace("chart/1", "chart/9"), "schema: must be eos-ref/chart/1, found 'eos-ref/chart/9'"),
+        (lambda text: text.replace('"schema"', '"scheme"'), "schema: must be eos-ref/chart/1"),
+        (lambda text: text.replace("2.5", '"much"'), r"entries.0.value: Input should be a valid number"),
+    ],
+)
+def test_a_damaged_document_is_refused_in_one_line(
+    tmp_path: Path, damage: Callable[[str], str], complaint: str
+) -> None:
+    path = tmp_path / "deep" / "chart.json"
+    CONTENT.write(path, Content((Entry("a", 2.5),)))
+    assert CONTENT.read(path) == Content((Entry("a", 2.5),))
+    before = path.read_text()
+    path.write_text(damage(before))
+    assert path.read_text() != before
+    with pytest.raises(InputError, match=f"^{complaint}.*chart.json") as raised:
+        CONTENT.read(path)
+    assert "\n" not in str(raised.value)
+    path.unlink()
+    with pytest.raises(InputError, match=r"^chart: cannot be read: No such file.*chart.json"):
+        CONTENT.read(path)
+
+
+# --- journals
+
+
+def test_a_journal_outlives_a_kill_in_the_middle_of_a_line(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "deep" / "journal.jsonl", Entry)
+    assert journal.entries() == []
+    one, two, three = (Entry(name, value) for name, value in (("one", 1.0), ("two", 0.1), ("drei", -3.0)))
+    journal.append(one)
+    with journal.file.open("ab") as file:
+        file.write(b'{"name": "cut", "val')
+    journal.append(two)
+    journal.append(three)
+    assert journal.entries() == [one, two, three]
+    assert list(journal.lines()) == [one, None, two, three]
+    journal.forget()
+    journal.forget()
+    assert journal.entries() == []
+
+
+# --- folders
+
+
+def _folder(path: Path, content: str) -> Path:
+    path.mkdir(parents=True)
+    (path / "file").write_text(content)
+    return path
+
+
+def test_a_folder_is_replaced_only_by_a_swap(tmp_path: Path) -> None:
+    target = _folder(tmp_path / "target", "old")
+    with folders.replacement(target) as partial:
+        (partial / "file").write_text("never")
+    assert (target / "file").read_text() == "old"
+    with folders.replacement(target) as partial:
+        (partial / "file").write_text("new")
+        folders.swap(partial, target)
+    assert (target / "file").read_text() == "new"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_replacement_that_fails_between_the_renames_brings_the_old_folder_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, rename, calls = _folder(tmp_path / "target", "old"), Path.rename, list[Path]()
+
+    def failing(path: Path, to: Path) -> Path:
+        calls.append(path)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return rename(path, to)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises(KeyboardInterrupt), folders.replacement(target) as partial:
+        folders.swap(partial, target)
+    assert (target / "file").read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_what_a_kill_left_aside_is_found_and_brought_back(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    aside = _folder(tmp_path / ".target.old", "old")
+    assert folders.present(target) == aside
+    with folders.replacement(target):
+        assert folders.present(target) == target
+        assert (target / "file").read_text() == "old"
+
+
+def test_a_folder_that_cannot_be_renamed_gets_the_new_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = _folder(tmp_path / "mount", "old")
+    _folder(target / "inner", "old")
+
+    def busy(path: Path, to: Path) -> Path:
+        raise OSError("Device or resource busy")
+
+    monkeypatch.setattr(Path, "rename", busy)
+    with folders.replacement(target) as partial:
+        (partial / "other").write_text("new")
+        folders.swap(partial, target)
+    assert [path.name for path in target.iterdir()] == ["other"]
+
+
+def test_one_program_at_a_time(tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "target"
+    with (
+        folders.exclusive(target, "folder", "is busy"),
+        pytest.raises(InputError, match=r"^folder: is busy.*target"),
+        folders.exclusive(target, "folder", "is busy"),
+    ):
+        pass
+    with folders.exclusive(target, "folder", "is busy"):
+        pass
+    assert list(target.parent.iterdir()) == []
+
+
+def test_who_waits_for_a_lock_gets_it_when_its_file_is_removed(tmp_path: Path) -> None:
+    """The first holder removes the file of the lock that the second one waits for."""
+    target = tmp_path / "target"
+    with folders.exclusive(target, "folder"):
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            with folders.exclusive(target, "folder"):
+                (tmp_path / "waited").touch()
+                held = FileLock(tmp_path / ".target.lock").lock_file
+                os._exit(0 if Path(held).exists() else 1)
+        time.sleep(0.3)
+        assert not (tmp_path / "waited").exists()
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+# --- tables
+
+
+def test_csv_quotes_what_must_be() -> None:
+    assert csv_text([("a", 1.5), ('x,"y"', None)]) == 'a,1.5\n"x,""y""",\n'
+    assert csv_text([("a,b", "c\td")], "\t") == 'a,b\t"c\td"\n'

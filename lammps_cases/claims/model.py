@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_
 
 from eos_ref import InputError
 from eos_ref.errors import nearest
-from lammps_cases.scene import casefile
+from lammps_cases.records.yaml_files import read_yaml
 
 PROBE = "probes."  # the names of probes begin so, and those of no case
 FOLDER = Path(__file__).parent
@@ -110,7 +110,7 @@ def without_claim() -> dict[str, str]:
 
 
 def _read(name: str, kind: Any) -> Any:
-    return _checked(casefile.read_yaml(FOLDER / name), kind, name)
+    return _checked(read_yaml(FOLDER / name), kind, name)
 
 
 def _checked(data: Any, kind: Any, name: str) -> Any:

@@ -25,7 +25,7 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import explain_outcome
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, Verdict
-from lammps_cases.scene import casefile
+from lammps_cases.records.yaml_files import read_yaml
 
 TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
 FILE = Path(__file__).with_name("probes.yaml")
@@ -95,7 +95,7 @@ class Ran:
 
 @functools.cache
 def _data() -> dict[str, Any]:
-    data: dict[str, Any] = casefile.read_yaml(FILE)
+    data: dict[str, Any] = read_yaml(FILE)
     return data
 
 

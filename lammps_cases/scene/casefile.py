@@ -9,23 +9,21 @@ from __future__ import annotations
 import fnmatch
 import itertools
 import math
-import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
 from eos_ref.errors import nearest
+from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import Scene, check_name, models
 
 MAX_CASES = 10_000  # of one file
 SHIPPED = Path(__file__).parents[1] / "cases"
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True)
@@ -61,55 +59,6 @@ class CaseFile(BaseModel):
     tags: list[str] = []
     matrix: dict[str, dict[str, dict[str, Any]]] = Field({}, description="axis: {label: patch of the scene}")
     scene: dict[str, Any]
-
-
-class _UniqueKeys(_Loader):  # type: ignore[misc]
-    """YAML's safe loader, which a repeated key does not pass unnoticed."""
-
-
-def _mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
-    seen: dict[Any, Any] = {}
-    for key_node, value_node in node.value:
-        key = loader.construct_object(key_node, deep=True)
-        try:
-            repeated = key in seen
-        except TypeError:
-            raise yaml.constructor.ConstructorError(
-                None, None, "a key must be a plain word", key_node.start_mark
-            ) from None
-        if repeated:
-            raise yaml.constructor.ConstructorError(None, None, f"repeated key {key!r}", key_node.start_mark)
-        seen[key] = loader.construct_object(value_node, deep=True)
-    return seen
-
-
-# YAML 1.2 numbers: PyYAML takes 1e-12 for text, as it has neither a point nor a signed exponent.
-_UniqueKeys.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+"), list("-+.0123456789")
-)
-_UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
-
-
-def read_yaml(path: Path) -> Any:
-    """The data of a YAML file.
-
-    Raises
-    ------
-    InputError
-        Unreadable, not UTF-8, not YAML, or a repeated key.
-    """
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), _UniqueKeys)
-    except OSError as error:
-        raise InputError("case file", f"cannot be read: {error.strerror}", where=str(path)) from None
-    except UnicodeDecodeError:
-        raise InputError("case file", "must be UTF-8 text", where=str(path)) from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f"{path}, line {mark.line + 1}" if mark else str(path)
-        raise InputError("case file", f"is not valid YAML: {error.problem}", where=line) from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError("case file", f"is not valid YAML: {error}", where=str(path)) from None
 
 
 def merge(base: Any, patch: Any) -> Any:

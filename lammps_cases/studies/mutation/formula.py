@@ -11,10 +11,10 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from eos_ref.evaluation.array_evaluator import Plain
+from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.edits import edited, split_name, text_of
 from lammps_cases.studies.mutation.fault import Fault, Kind
 from lammps_cases.studies.mutation.source import SourceFault
@@ -78,7 +78,7 @@ def faults() -> dict[str, SourceFault | LintFault]:
         for name in names:
             fault = f"formula.lint-{_slug(name)}"
             found.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
-    for edit in TypeAdapter(list[Edit]).validate_python(yaml.safe_load(EDITS.read_text(encoding="utf-8"))):
+    for edit in TypeAdapter(list[Edit]).validate_python(read_yaml(EDITS, "faults")):
         module, name = split_name(edit.function)
         text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
         found.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, module, text))

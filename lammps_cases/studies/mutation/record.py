@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.journal import Journal
+from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.alarms import AlarmRun
 from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family
 from lammps_cases.studies.mutation.resolution import Resolution
@@ -125,8 +125,7 @@ _DOCUMENT = Document("power", Power)
 
 def arguments() -> dict[tuple[str, str], str]:
     """Reasons why faults go unseen, by id and what they change."""
-    read = yaml.safe_load(ARGUED.read_text(encoding="utf-8"))
-    found = TypeAdapter(list[Argument]).validate_python(read)
+    found = TypeAdapter(list[Argument]).validate_python(read_yaml(ARGUED, "arguments"))
     return {(argument.id, argument.what): argument.reason for argument in found}
 
 

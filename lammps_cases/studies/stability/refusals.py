@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity, check_state
+from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import atoms, casefile
 from lammps_cases.setup import reference_side
 
@@ -53,7 +54,7 @@ class BadInput:
 
 @functools.cache
 def _data() -> dict[str, Any]:
-    data: dict[str, Any] = yaml.safe_load(_FILE.read_text(encoding="utf-8"))
+    data: dict[str, Any] = read_yaml(_FILE, "bad inputs")
     return data
 
 

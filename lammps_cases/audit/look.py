@@ -111,7 +111,7 @@ class Reader:
         self.last = self.last | explained
         for field, entries in explained.items():
             found[field].record.verdict = "explained"
-            found[field].record.explained_by = ", ".join(entry.id for entry in entries)
+            found[field].record.explained_by = [entry.id for entry in entries]
 
     def _view(self, n: int, x_nc: Array, setup: bool) -> View:
         atoms, model = self.lmp.numpy, self.model

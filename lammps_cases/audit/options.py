@@ -124,7 +124,7 @@ class Row(NamedTuple):
     worst_id: int
     outside: int
     first_id: int | None
-    explained_by: str | None = None
+    explained_by: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from lammps_cases.audit.guard import check_script
 from lammps_cases.audit.options import AuditOptions, AuditResult, Look, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Verdict
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
 PATIENCE = 0.5  # seconds between two looks at the clock
 
@@ -70,9 +71,9 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     except OSError as error:
         raise InputError("deck", f"cannot be read: {error.strerror}", where=str(deck)) from None
     begin = time.perf_counter()
-    findings, verdict, message = _run(deck, options)
+    findings, failure = _run(deck, options)
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", deck.name).lstrip(".-") or "deck"
-    case = findings.case(name, verdict, message)
+    case = findings.case(name, failure)
     case.source = str(deck)
     case.reproduce = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
     _require_something(findings, case, deck)
@@ -90,7 +91,7 @@ def _require_something(findings: Findings, case: CaseRecord, deck: Path) -> None
     raise InputError("deck", "must define fix rheo and fix rheo/pressure before a run", where=str(deck))
 
 
-def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Verdict, str]:
+def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Failure | None]:
     findings = Findings()
     with contextlib.ExitStack() as stack:
         folder = options.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
@@ -113,7 +114,7 @@ def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Verdict, str]:
         process.start()
         sender.close()  # the child holds the only other end: its death ends the messages
         try:
-            return findings, *_listen(receiver, findings, options, process.join, lambda: process.exitcode, output)
+            return findings, _listen(receiver, findings, options, process.join, lambda: process.exitcode, output)
         finally:
             process.kill()
             process.join()
@@ -144,7 +145,7 @@ def _listen(
     join: Callable[[float], None],
     exit_code: Callable[[], int | None],
     output: Path,
-) -> tuple[Verdict, str]:
+) -> Failure | None:
     deadline = None if options.timeout is None else time.monotonic() + options.timeout
     try:
         for message in _messages(receiver, deadline):
@@ -154,11 +155,11 @@ def _listen(
             if isinstance(message, Look):
                 options.progress.advance(message.done, options.steps, "steps")
     except TimeoutError:
-        return "timeout", f"stopped after {options.timeout:g} s, {_at(findings)}"
+        return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
     if findings.ended is not None:
-        return ("refused", findings.ended.refused) if findings.ended.refused else ("skipped", "")
+        return Failure("refused", findings.ended.refused) if findings.ended.refused else None
     join(5.0)
-    return "crashed", f"LAMMPS {_death(exit_code())}, {_at(findings)}{_tail(output)}"
+    return Failure("crashed", f"LAMMPS {_death(exit_code())}, {_at(findings)}{_tail(output)}")
 
 
 def _at(findings: Findings) -> str:

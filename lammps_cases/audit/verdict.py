@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 
 from lammps_cases.audit.fields import offered
 from lammps_cases.audit.options import Ended, Facts, Identity, Look, Place, Row
-from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, Verdict, worst
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
 
 @dataclass
@@ -21,7 +23,7 @@ class Findings:
     fields: dict[tuple[str, int], FieldRecord] = field(default_factory=dict)
     unchecked: dict[tuple[str, str], list[int]] = field(default_factory=dict)  # runs by field and reason
     chosen: set[str] = field(default_factory=set)
-    blame: str = ""
+    blame: Blame | None = None
     ended: Ended | None = None
 
     def take(self, message: object) -> None:
@@ -48,7 +50,7 @@ class Findings:
             self.checks.append(_check(look, key, row))
             record = self._field(look, key, row)
             self.fields[key] = _joined(self.fields[key], record) if key in self.fields else record
-            if row.verdict == "differs" and not self.blame:
+            if row.verdict == "differs" and self.blame is None:
                 self.blame = _blame(look, key, row)
 
     def _field(self, look: Look, key: tuple[str, int], row: Row) -> FieldRecord:
@@ -73,34 +75,38 @@ class Findings:
             for (name, reason), runs in self.unchecked.items()
         ] + [f"{name}: {UNTOLD}" for name in missed]
 
-    def case(self, name: str, verdict: Verdict = "skipped", message: str = "") -> CaseRecord:
-        """The record; ``verdict`` and ``message`` say how LAMMPS ended, if not well."""
+    def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
+        """Make the record; ``failure`` says how LAMMPS ended, if not well."""
         if self.ended is not None:
             for t, record in self.ended.last.items():
                 self.fields["pressure", t].digits_lost = record.digits_lost
         fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (offered().index(key[0]), key[1]))]
         of_fields = worst([record.verdict for record in fields])
         facts = self.facts or NOTHING
-        explained = [name for record in fields for name in (record.explained_by or "").split(", ") if name]
-        return CaseRecord(
+        explained = [name for record in fields for name in record.explained_by]
+        case = CaseRecord(
             case=name,
             tags=["audit"],
             about="an input deck of the user, unchanged",
-            verdict=worst([of_fields, verdict]),
+            verdict=worst([of_fields, failure.verdict]) if failure else of_fields,
+            ended=failure.verdict if failure else "answered",
+            engine_error=failure.message if failure else "",
+            blame=self.blame,
             natoms=sum(self._natoms().values()) or facts.natoms,
             steps=self.done,
             dimension=facts.dimension or None,
             units=facts.units or None,
             fields=fields,
-            message="; ".join(filter(None, (self.blame, message))),
             laws=facts.laws,
             warnings=self.ended.warnings if self.ended else [],
             stability=self.ended.stability if self.ended else [],
             checks=self.checks,
             not_checked=self._unchecked(),
-            explained_by=", ".join(dict.fromkeys(explained)) or None,
+            explained_by=list(dict.fromkeys(explained)),
             **({"seconds": self.ended.seconds} if self.ended else {}),
         )
+        case.message = wording.message(case)
+        return case
 
     def _natoms(self) -> dict[int, int]:
         """Atoms of the last look, by type; of all types together (0), if no field was looked at by type."""
@@ -138,16 +144,22 @@ def _joined(a: FieldRecord, b: FieldRecord) -> FieldRecord:
     """The earlier look with the worst ratio, with the worst verdict and difference of both."""
     record = b if (b.max_over_bound or 0) > (a.max_over_bound or 0) else a
     verdict, max_abs = worst([a.verdict, b.verdict]), max(a.max_abs or 0.0, b.max_abs or 0.0)
-    entries = [name for one in (a, b) for name in (one.explained_by or "").split(", ") if name]
-    explained = ", ".join(dict.fromkeys(entries)) if verdict == "explained" else None
+    explained = list(dict.fromkeys([*a.explained_by, *b.explained_by])) if verdict == "explained" else []
     return record.model_copy(update={"verdict": verdict, "max_abs": max_abs, "explained_by": explained})
 
 
-def _blame(look: Look, key: tuple[str, int], row: Row) -> str:
+def _blame(look: Look, key: tuple[str, int], row: Row) -> Blame:
     name, t = key
-    where = f"type {t}, atom {row.first_id}" if t else f"atom {row.first_id}"
-    return (
-        f"{name} leaves its bound first at step {look.step} (run {look.run}), {where}: "
-        f"{row.outside} of {row.natoms} atoms outside, |LAMMPS - reference| up to {row.max_abs:.3g} = "
-        f"{row.max_over_bound:.3g} x bound (atom {row.worst_id})"
+    assert row.first_id is not None
+    return Blame(
+        field=name,
+        step=look.step,
+        run=look.run,
+        type=t or None,
+        atom=row.first_id,
+        outside=row.outside,
+        of=row.natoms,
+        max_abs=row.max_abs,
+        max_over_bound=row.max_over_bound,
+        worst_id=row.worst_id,
     )

@@ -299,7 +299,7 @@ def _row(natoms: int, record: FieldRecord) -> Row:
         record.worst_id or 0,
         record.outside,
         record.first_id,
-        record.explained_by,
+        tuple(record.explained_by),
     )
 
 

@@ -20,7 +20,7 @@ from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -90,7 +90,7 @@ class Judge:
             from lammps_cases.verdict.judgement import blank_record
 
             lost = blank_record(case, ready.eos, ready.atoms, self.engine)
-            return lost.model_copy(update={"verdict": "error", "message": f"judging failed: {found.message}"})
+            return campaign.faulty(lost, HarnessError(text=found.message))
         record, arrays = found
         if arrays and self.folder:
             write_arrays(self.folder / "fields" / f"{record.case}.npz", arrays)
@@ -208,6 +208,6 @@ def failure_lines(record: CaseRecord) -> list[str]:
         if field.verdict in ("differs", "explained"):
             step = "" if field.worst_step is None else f"step {field.worst_step}, "
             off = f"off by {wording.number(field.max_abs)}, {wording.number(field.max_over_bound)} x the bound"
-            why = f", explained by {field.explained_by}" if field.explained_by else ""
+            why = f", explained by {wording.listed(field.explained_by)}" if field.explained_by else ""
             lines.append(f"  {field.field} (stage {field.stage}): worst at {step}atom {field.worst_id}, {off}{why}")
     return [*lines, f"reproduce: {record.reproduce}"]

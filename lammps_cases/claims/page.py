@@ -13,7 +13,6 @@ from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
 from lammps_cases.findings import LEDGER
 from lammps_cases.pages import frame
-from lammps_cases.records.wording import finding_ids
 
 ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
@@ -70,7 +69,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
         kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
         sections=[(page, title, list(found)) for (page, title), found in grouped],
         findings=[
-            (entry, [r for r in rows if any(entry.id in finding_ids(p.evidence.finding) for p in r.proofs)])
+            (entry, [r for r in rows if any(entry.id in p.evidence.findings for p in r.proofs)])
             for entry in LEDGER
             if entry.id in refuting
         ],
@@ -80,7 +79,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
 
 
 def _findings(judged: Judged) -> set[str]:
-    return {entry for evidence in judged.evidence for entry in finding_ids(evidence.finding)}
+    return {entry for evidence in judged.evidence for entry in evidence.findings}
 
 
 def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:

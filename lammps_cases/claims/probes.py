@@ -19,12 +19,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, TypeAdapter, model_validator
 
 from lammps_cases.claims.model import PROBE
-from lammps_cases.claims.verdicts import own_words
 from lammps_cases.engine import session
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import explain_outcome
+from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, Ended, Failed, Mismatch, Verdict
 from lammps_cases.records.yaml_files import read_yaml
 
 TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
@@ -142,7 +142,7 @@ def _run(lmp: Any, text: str) -> Ran:
         with session.translated():
             lmp.commands_string(text)
     except session.EngineRefused as raised:
-        error = own_words(str(raised))
+        error = wording.error_text(str(raised))
     arrays = {} if error else _arrays(lmp)
     lmp.command("log none")
     return Ran(arrays, Path("deck.log").read_text(errors="replace"), error)
@@ -165,8 +165,18 @@ def _arrays(lmp: Any) -> Arrays:
 # --- judged
 
 
-def judge(probe: Probe, outcome: Ran | Failure, other: Ran | Failure | None, control: Ran | Failure | None) -> str:
-    """What is not as the manual says; empty if all is.
+@dataclass(frozen=True)
+class End:
+    """How LAMMPS ended a probe; ``verdict`` is `pass` where all is as the manual says."""
+
+    verdict: Verdict
+    ended: Ended = "answered"
+    error: str = ""
+    mismatch: Mismatch | None = None
+
+
+def judge(probe: Probe, outcome: Ran | Failure, other: Ran | Failure | None, control: Ran | Failure | None) -> End:
+    """Hold what LAMMPS did against the manual.
 
     Parameters
     ----------
@@ -175,82 +185,82 @@ def judge(probe: Probe, outcome: Ran | Failure, other: Ran | Failure | None, con
     control : of the deck that must not pass
     """
     if probe.refused:
-        return _not_refused(probe, outcome)
+        return _refusal(probe, outcome)
     for ran in (outcome, other):
         if isinstance(ran, Failure):
-            return ran.message
+            return End(ran.verdict, ran.verdict, ran.message)
         if ran is not None and ran.error:
-            return ran.error
+            return End("refused", "refused", ran.error)
     assert isinstance(outcome, Ran)
     wrong = _against(probe, outcome, other)
-    if not wrong and control is not None:
-        blind = isinstance(control, Failure) or control.error or not _against(probe, control, other)
-        return f"the probe is blind: its control passes ({_words(control)})" if blind else ""
-    return wrong
+    if wrong is None and control is not None:
+        blind = isinstance(control, Failure) or control.error or _against(probe, control, other) is None
+        wrong = Mismatch(kind="blind", text=_words(control)) if blind else None
+    return End("differs" if wrong else "pass", mismatch=wrong)
 
 
-def _not_refused(probe: Probe, outcome: Ran | Failure) -> str:
+def _refusal(probe: Probe, outcome: Ran | Failure) -> End:
     if isinstance(outcome, Failure):
-        return outcome.message
+        return End(outcome.verdict, outcome.verdict, outcome.message)
     if not outcome.error:
-        return f"LAMMPS accepts what the manual refuses{_numbers(outcome)}; expected an error with {probe.refused!r}"
-    return "" if probe.refused in outcome.error else f"expected an error with {probe.refused!r}: {outcome.error}"
+        return End("differs", "accepted", mismatch=_not_finite(outcome))
+    return End("pass" if probe.refused in outcome.error else "differs", "refused", outcome.error)
 
 
-def _numbers(ran: Ran) -> str:
+def _not_finite(ran: Ran) -> Mismatch | None:
     bad = [name for name, values_n in ran.arrays.items() if not np.isfinite(values_n).all()]
-    return f", and {', '.join(bad)} come out as NaN or infinite" if bad else ""
+    return Mismatch(kind="not finite", fields=bad) if bad else None
 
 
 def _words(ran: Ran | Failure) -> str:
     return ran.message if isinstance(ran, Failure) else ran.error or "no difference"
 
 
-def _against(probe: Probe, ran: Ran, other: Ran | Failure | None) -> str:
+def _against(probe: Probe, ran: Ran, other: Ran | Failure | None) -> Mismatch | None:
     """The expectation of a deck that ran."""
     if probe.lacks:
-        return f"the log holds {probe.lacks!r}" if probe.lacks in ran.log else ""
+        return Mismatch(kind="logged", text=probe.lacks) if probe.lacks in ran.log else None
     if probe.same is None:
-        return _numbers(ran).removeprefix(", and ")
+        return _not_finite(ran)
     assert isinstance(other, Ran)
     for name in probe.fields or tuple(ran.arrays):
         ours_n, theirs_n = ran.arrays[name] * (probe.times or {}).get(name, 1.0), other.arrays[name]
-        if ours_n.shape != theirs_n.shape or not np.array_equal(ours_n, theirs_n):
-            return f"{name} differs{_worst(ours_n, theirs_n)}"
-    return ""
+        if ours_n.shape != theirs_n.shape:
+            return Mismatch(kind="other atoms", fields=[name], counts=[len(ours_n), len(theirs_n)])
+        if not np.array_equal(ours_n, theirs_n):
+            return _worst(name, ours_n.ravel(), theirs_n.ravel())
+    return None
 
 
-def _worst(ours_n: Any, theirs_n: Any) -> str:
-    if ours_n.shape != theirs_n.shape:
-        return f": {len(ours_n)} and {len(theirs_n)} atoms"
-    ours, theirs = ours_n.ravel(), theirs_n.ravel()
+def _worst(name: str, ours: Any, theirs: Any) -> Mismatch:
     off = np.where(ours == theirs, -1.0, np.nan_to_num(np.abs(ours - theirs), nan=np.inf))
     at, wrong = int(np.argmax(off)), int(np.sum(ours != theirs))
-    return f" at {wrong} of {ours.size} numbers, most {float(ours[at])!r} and {float(theirs[at])!r}"
+    values = [float(ours[at]), float(theirs[at])]
+    return Mismatch(kind="other numbers", fields=[name], counts=[wrong, ours.size], values=values)
 
 
-def record(probe: Probe, wrong: str, crashed: Verdict | None, version: str) -> CaseRecord:
-    """The record of a probe; what a finding of the ledger predicts is explained."""
-    verdict: Verdict = "pass"
-    message, by = wrong, None
-    if wrong:
-        refused = not probe.refused and "ERROR" in wrong
-        verdict = crashed or ("refused" if refused else "differs")
-        entry = explain_outcome(probe.name, version, verdict, wrong)
-        if entry is not None:
-            message, by = f"{verdict}, as ledger entry {entry.id} predicts: {wrong}", entry.id
-            verdict = "explained"
-    return CaseRecord(
+def record(probe: Probe, end: End, died: Failed | None, version: str) -> CaseRecord:
+    """Make the record of a probe; what a finding predicts is explained.
+
+    ``died`` is how LAMMPS ended on one of its decks, if that was without an answer or an error.
+    """
+    made = CaseRecord(
         case=probe.name,
         tags=["probe"],
         about=probe.about,
-        verdict=verdict,
-        message=message,
-        explained_by=by,
+        verdict=died or end.verdict if end.verdict != "pass" else "pass",
+        ended=end.ended,
+        engine_error=end.error,
+        mismatch=end.mismatch,
         expects=probe.refused,
         source=FILE.name,
         reproduce=f"eos-ref claims {probe.name}",
     )
+    entry = explain_outcome(made, version) if made.verdict != "pass" else None
+    if entry is not None:
+        made.verdict, made.explained_by = "explained", [entry.id]
+    made.message = wording.message(made)
+    return made
 
 
 def put(chosen: Sequence[Probe], workers: Workers, version: str, progress: Progress = SILENT) -> list[CaseRecord]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import fnmatch
 import math
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from typing import Literal, get_args
 from lammps_cases.claims.model import PROBE, Claim, claims
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
-from lammps_cases.records.wording import INSIDE, counted, finding_ids, number
+from lammps_cases.records.wording import INSIDE, counted, number, own_words
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
@@ -28,12 +27,12 @@ BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a fi
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a case says of a claim; ``finding`` is empty where no finding explains it."""
+    """What a case says of a claim; ``findings`` is empty where no finding explains it."""
 
     case: str
     field: str
     text: str
-    finding: str = ""
+    findings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ def _judged(
     missing += [pattern for pattern in claim.cases if not every.matching(pattern)]
     remarks = tuple(_remarks(claim, heard))
     if heard.against:
-        unexplained = any(not evidence.finding for evidence in heard.against)
+        unexplained = any(not evidence.findings for evidence in heard.against)
         return Judged(claim, "does not hold", names, tuple(heard.against), unexplained, remarks)
     if missing or heard.silent or not here:
         waiting = f"not run: {', '.join(missing)}"
@@ -153,7 +152,7 @@ def _listen(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> Non
         if of.verdict in INSIDE:
             heard.shown.append((record, of))
             continue
-        found = finding_ids(of.explained_by) or _open(record.case, engine)
+        found = of.explained_by or _open(record.case, engine)
         _weigh(claim, record, found, of, heard)
 
 
@@ -162,7 +161,7 @@ def _listen_to_end(claim: Claim, record: CaseRecord, engine: str, heard: _Heard)
     if record.verdict in INSIDE or (record.verdict == "refused" and record.as_expected):
         heard.shown.append((record, None))
         return
-    found = finding_ids(record.explained_by) or _open(record.case, engine)
+    found = record.explained_by or _open(record.case, engine)
     _weigh(claim, record, found, None, heard)
 
 
@@ -170,20 +169,14 @@ def _weigh(claim: Claim, record: CaseRecord, found: Sequence[str], of: FieldReco
     """Take a difference for what it is: against the claim, or explained by something else."""
     against = [entry for entry in found if entry in claim.refuted_by]
     if against or not found:
-        text = own_words(record.message) if of is None else _numbers(of, record)
-        heard.against.append(Evidence(record.case, of.field if of else "", text, ", ".join(against)))
+        text = own_words(record) if of is None else _numbers(of, record)
+        heard.against.append(Evidence(record.case, of.field if of else "", text, tuple(against)))
         return
     heard.others.update(found)
     if of is None and claim.fields:
         heard.silent.append(f"{record.case} gave no numbers ({', '.join(found)})")
     else:
         heard.shown.append((record, of))
-
-
-def own_words(text: str) -> str:
-    """An error in LAMMPS' own words: without what a finding says of it, the place in its source, and the command."""
-    own = re.sub(r"^(\w+), as ledger entry \S+ predicts: ", r"\1: ", text)
-    return " ".join(re.sub(r"\(src/[^)]*\)", "", own.partition("Last input line")[0]).split())
 
 
 def _open(case: str, engine: str) -> list[str]:

@@ -10,6 +10,7 @@ import click
 from lammps_cases.cli.shared import engine_option, finish, json_option, strict_option
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.wording import listed
 
 
 @click.command("audit", short_help="Check a LAMMPS input deck while LAMMPS runs it, unchanged.")
@@ -82,7 +83,7 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
         f"{record.field:12s} {record.atom_type or 'all':>4} {looks[record.field, record.atom_type or 0]:6d} "
         f"{atoms[record.field, record.atom_type or 0]:7d} "
         f"{record.max_abs:14.3g} {record.max_over_bound:10.3g} {record.worst_step:9d} {record.worst_id:10d}  "
-        f"{record.verdict}" + (f" by {record.explained_by}" if record.explained_by else "")
+        f"{record.verdict}" + (f" by {listed(record.explained_by)}" if record.explained_by else "")
         for record in case.fields
     ]
     bad = [check for check in case.checks if check.verdict == "differs"]

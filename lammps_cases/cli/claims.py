@@ -178,9 +178,9 @@ def _finish(columns: Sequence[Column], loose: Loose, leads: Trace, out: Path, as
 
 
 def _document(columns: Sequence[Column]) -> dict[str, Any]:
-    from dataclasses import asdict
 
     from lammps_cases.claims.verdicts import worst
+    from lammps_cases.records.wording import listed
 
     rows = []
     for at, first in enumerate(columns[0].judged):
@@ -189,7 +189,9 @@ def _document(columns: Sequence[Column]) -> dict[str, Any]:
             "cases": list(first.cases),
             "verdict": worst(judged.verdict for judged in of.values()),
             "evidence": [
-                {"engine": engine, **asdict(found)} for engine, judged in of.items() for found in judged.evidence
+                {"engine": engine, "case": e.case, "field": e.field, "text": e.text, "finding": listed(e.findings)}
+                for engine, judged in of.items()
+                for e in judged.evidence
             ],
             "remarks": list(dict.fromkeys(remark for judged in of.values() for remark in judged.remarks)),
         }
@@ -201,6 +203,7 @@ def _document(columns: Sequence[Column]) -> dict[str, Any]:
 
 def _show(columns: Sequence[Column], loose: Loose) -> None:
     from lammps_cases.claims.verdicts import counts
+    from lammps_cases.records.wording import listed
 
     for column in columns:
         told = ", ".join(f"{count} {verdict}" for verdict, count in counts(column.judged).items())
@@ -208,7 +211,7 @@ def _show(columns: Sequence[Column], loose: Loose) -> None:
         for judged in column.judged:
             if judged.verdict == "does not hold":
                 first = judged.evidence[0]
-                by = first.finding or "no finding explains it"
+                by = listed(first.findings) or "no finding explains it"
                 click.secho(f"  {judged.claim.id}: {judged.claim.text}", fg="red" if judged.unexplained else None)
                 click.echo(f"    {by}: {first.case}: {_short(first.text)}{_more(len(judged.evidence) - 1)}")
     for label, case in loose:

@@ -31,7 +31,7 @@ from lammps_cases.engine.session import (
 from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
-    from lammps_cases.records.run_record import Verdict
+    from lammps_cases.records.run_record import Failed
 
 T = TypeVar("T")
 
@@ -40,7 +40,7 @@ T = TypeVar("T")
 class Failure:
     """A task without an answer: the verdict and one line that says why."""
 
-    verdict: Verdict
+    verdict: Failed
     message: str
 
 

@@ -19,7 +19,7 @@ from lammps_cases.comparison.compare import Comparison, State, excess
 from lammps_cases.comparison.trajectory import Particles
 from lammps_cases.findings import forces, kernels, refusals, shifting, surfaces, thermal, walls
 from lammps_cases.findings.entry import ALL, NEWEST, Entry
-from lammps_cases.records.run_record import Verdict
+from lammps_cases.records.run_record import CaseRecord
 
 __all__ = ["ALL", "LEDGER", "NEWEST", "SHOWN_BY", "Entry", "accepted_cases", "explain_outcome", "explain_pressure"]
 __all__ += ["ledger_of", "shown_by"]
@@ -50,12 +50,9 @@ def shown_by(scene: Particles, engine: str, lists: bool = False) -> list[Entry]:
     return [e for e, variant in listed if (lists or not variant.lists) and variant.applies(scene)]
 
 
-def explain_outcome(case: str, engine: str, verdict: Verdict, message: str) -> Entry | None:
-    """The entry that predicts, for this engine, how a case ended without numbers."""
-    for entry in LEDGER:
-        if entry.outcome == verdict and entry.covers(case, engine) and entry.outcome_text in message:
-            return entry
-    return None
+def explain_outcome(record: CaseRecord, engine: str) -> Entry | None:
+    """Find the entry that predicts, for this engine, how a case ended without numbers."""
+    return next((e for e in LEDGER if e.covers(record.case, engine) and e.predicts(record)), None)
 
 
 def explain_pressure(case: str, engine: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:

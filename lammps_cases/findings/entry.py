@@ -11,7 +11,7 @@ from eos_ref import EOSTable
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import State
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records.run_record import Verdict
+from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
@@ -62,7 +62,8 @@ class Entry:
     scene : the smallest scene that shows it
     law_variant : replaces the reference's pressure, for a finding in an equation of state
     model_variant : the variant of the particle model, for a finding in its fields
-    outcome, outcome_text : verdict and part of the message that it predicts, for a finding in refusals
+    outcome, ended, engine_error : verdict, end and part of LAMMPS' error that it predicts, for a finding in refusals
+    differing : field in which it predicts that the two decks of a probe differ
     replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
     expected_in_maps, expected_in_alarms : where else the engines differ by it
     expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
@@ -82,7 +83,9 @@ class Entry:
     law_variant: Law | None = None
     model_variant: Variant | None = None
     outcome: Verdict | None = None
-    outcome_text: str = ""
+    ended: Ended | None = None
+    engine_error: str = ""
+    differing: str = ""
     replaces: tuple[str, ...] = ()
     expected_in_maps: tuple[MapDifference, ...] = ()
     expected_in_alarms: tuple[AlarmDifference, ...] = ()
@@ -102,6 +105,12 @@ class Entry:
         first time, it is red. A build without a distribution is taken as the newest.
         """
         return self.listed(engine) and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.applies_to)
+
+    def predicts(self, record: CaseRecord) -> bool:
+        """Whether a case ended without numbers as the entry says."""
+        if self.outcome != record.verdict or self.ended != record.ended or self.engine_error not in record.engine_error:
+            return False
+        return not self.differing or (record.mismatch is not None and self.differing in record.mismatch.fields)
 
     def listed(self, engine: str) -> bool:
         """Whether an engine, given by its distribution's version, is known to have the fault."""

@@ -19,7 +19,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("refused.no-fix-pressure-read",),
         engines=ALL,
         outcome="crashed",
-        outcome_text="SIGSEGV",
+        ended="crashed",
+        engine_error="SIGSEGV",
     ),
     Entry(
         id="stress-without-pressure-segfault",
@@ -35,7 +36,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("strain.unasked.*",),
         engines=ALL,
         outcome="crashed",
-        outcome_text="SIGSEGV",
+        ended="crashed",
+        engine_error="SIGSEGV",
     ),
     Entry(
         id="self-mass-missing",
@@ -55,7 +57,8 @@ ENTRIES: tuple[Entry, ...] = (
         expected_inputs=("self-mass-alone",),
         expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),
         outcome="refused",
-        outcome_text="Illegal fix rheo command: self/mass",
+        ended="refused",
+        engine_error="Illegal fix rheo command: self/mass",
     ),
     Entry(
         id="exclude-takes-one-range",
@@ -70,7 +73,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("undocumented.exclude-list",),
         engines=ALL,
         outcome="refused",
-        outcome_text="Illegal fix rheo command: 2",
+        ended="refused",
+        engine_error="Illegal fix rheo command: 2",
     ),
     Entry(
         id="reconstruct-refuses-cubic",
@@ -86,7 +90,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
         engines=ALL,
         outcome="refused",
-        outcome_text="incompatible with pressure equation of state",
+        ended="refused",
+        engine_error="incompatible with pressure equation of state",
     ),
     Entry(
         id="double-star-abort",
@@ -103,7 +108,8 @@ ENTRIES: tuple[Entry, ...] = (
         engines=ALL,
         expected_inputs=("range-of-two-stars",),
         outcome="crashed",
-        outcome_text="SIGABRT",
+        ended="crashed",
+        engine_error="SIGABRT",
     ),
     Entry(
         id="long-range-abort",
@@ -120,7 +126,8 @@ ENTRIES: tuple[Entry, ...] = (
         engines=ALL,
         expected_inputs=("range-of-20-digits",),
         outcome="crashed",
-        outcome_text="SIGABRT",
+        ended="crashed",
+        engine_error="SIGABRT",
     ),
     Entry(
         id="hyphen-range-accepted",
@@ -137,7 +144,7 @@ ENTRIES: tuple[Entry, ...] = (
         engines=ALL,
         expected_inputs=("range-with-hyphen",),
         outcome="differs",
-        outcome_text="accepts what the manual refuses",
+        ended="accepted",
     ),
     Entry(
         id="unknown-style-misnamed",
@@ -153,7 +160,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("refused.unknown-style",),
         engines=BEFORE_2,
         outcome="differs",
-        outcome_text="Illegal fix command, *",
+        ended="refused",
+        engine_error="Illegal fix command, *",
     ),
     Entry(
         id="specific-heat-zero",
@@ -171,7 +179,7 @@ ENTRIES: tuple[Entry, ...] = (
         engines=ALL,
         expected_inputs=("specific-heat-zero",),
         outcome="differs",
-        outcome_text="accepts what the manual refuses",
+        ended="accepted",
     ),
     Entry(
         id="example-surface-detection",
@@ -186,7 +194,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("examples.rheo-2",),
         engines=ALL,
         outcome="refused",
-        outcome_text="surface/detection command: missing argument",
+        ended="refused",
+        engine_error="surface/detection command: missing argument",
     ),
     Entry(
         id="example-rhosum",
@@ -201,7 +210,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("examples.rheo-3",),
         engines=ALL,
         outcome="refused",
-        outcome_text="Illegal fix rheo command: rhosum",
+        ended="refused",
+        engine_error="Illegal fix rheo command: rhosum",
     ),
     Entry(
         id="style-taitwater",
@@ -216,7 +226,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("probes.pressure-taitwater",),
         engines=ALL,
         outcome="refused",
-        outcome_text="Illegal fix command",
+        ended="refused",
+        engine_error="Illegal fix command",
     ),
     Entry(
         id="speed-sound-count",
@@ -231,7 +242,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("probes.rheo-sound-cs0-to-csn",),
         engines=ALL,
         outcome="refused",
-        outcome_text="Illegal fix rheo command",
+        ended="refused",
+        engine_error="Illegal fix rheo command",
     ),
     Entry(
         id="cubic-unit",
@@ -247,7 +259,8 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("probes.pressure-unit-a3",),
         engines=ALL,
         outcome="differs",
-        outcome_text="pressure differs",
+        ended="answered",
+        differing="pressure",
     ),
     Entry(
         id="support-unit",
@@ -262,6 +275,7 @@ ENTRIES: tuple[Entry, ...] = (
         applies_to=("probes.rheo-unit-wmin",),
         engines=ALL,
         outcome="differs",
-        outcome_text="q differs",
+        ended="answered",
+        differing="q",
     ),
 )

@@ -80,7 +80,7 @@ class FieldOutcome:
     max_over_bound: float | None
     max_abs: float | None
     digest: str
-    explained_by: str
+    explained_by: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -103,7 +103,7 @@ class Outcome:
     natoms: int
     steps: int
     message: str
-    explained_by: str
+    explained_by: tuple[str, ...]
     worst: float | None
     worst_field: str
     fields: tuple[FieldOutcome, ...] = ()

@@ -84,7 +84,7 @@ def _same(run: Run, own: Run) -> bool:
 
 
 def _ended(case: CaseRecord) -> Outcome:
-    told = case.natoms, case.steps, case.message, case.explained_by or ""
+    told = case.natoms, case.steps, case.message, tuple(case.explained_by)
     return Outcome(_OWN, case.case, case.verdict, case.as_expected, *told, *worst_of(case.fields))
 
 

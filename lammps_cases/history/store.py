@@ -24,7 +24,8 @@ import platformdirs
 from eos_ref.errors import InputError
 from lammps_cases.history.model import EngineName, FieldOutcome, Outcome, Result, Run, worst_of
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
-from lammps_cases.records.wording import kind
+from lammps_cases.records.schema1 import finding_ids
+from lammps_cases.records.wording import kind, listed
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"
@@ -264,13 +265,15 @@ def _read_run(row: tuple[Any, ...]) -> Run:
 
 def _read_outcome(row: tuple[Any, ...], fields: Sequence[FieldOutcome]) -> Outcome:
     key, case, verdict, expected, natoms, steps, message, explained, worst, field = row
-    told = natoms, steps, message, explained
+    told = natoms, steps, message, tuple(finding_ids(explained))
     return Outcome(key, case, verdict, bool(expected), *told, _number(worst), field, tuple(fields))
 
 
 def _read_field(row: tuple[Any, ...]) -> FieldOutcome:
     _, field, atom_type, verdict, ratio, largest, digest, explained = row
-    return FieldOutcome(field, atom_type, verdict, _number(ratio), _number(largest), digest, explained)
+    return FieldOutcome(
+        field, atom_type, verdict, _number(ratio), _number(largest), digest, tuple(finding_ids(explained))
+    )
 
 
 def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
@@ -283,7 +286,7 @@ def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
         case.natoms,
         case.steps,
         case.message,
-        case.explained_by or "",
+        listed(case.explained_by),
         _stored(ratio),
         worst_field,
     )
@@ -303,7 +306,7 @@ def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
 
 def _field_row(field: FieldRecord) -> tuple[str | float | None, ...]:
     numbers = _stored(field.max_over_bound), _stored(field.max_abs)
-    return (field.field, field.atom_type, field.verdict, *numbers, field.digest, field.explained_by or "")
+    return (field.field, field.atom_type, field.verdict, *numbers, field.digest, listed(field.explained_by))
 
 
 def _stored(number: float | None) -> float | str | None:

@@ -12,7 +12,7 @@ from eos_ref.errors import InputError, nearest
 from lammps_cases.history.model import KINDS, FieldOutcome, Kind, Outcome, Result, Run
 from lammps_cases.history.order import Line, engines
 from lammps_cases.history.store import History
-from lammps_cases.records.wording import size
+from lammps_cases.records.wording import listed, size
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ def compared(was: Outcome, now: Outcome) -> Iterator[tuple[str, Kind, str, str]]
     if was.kind != now.kind:
         yield "", "verdict", was.kind, now.kind
     if was.explained_by != now.explained_by:
-        yield "", "finding", was.explained_by, now.explained_by
+        yield "", "finding", listed(was.explained_by), listed(now.explained_by)
     before = {field.name: field for field in was.fields}
     for field in now.fields:
         if field.name in before:
@@ -230,7 +230,7 @@ def _fields_compared(was: FieldOutcome, now: FieldOutcome) -> Iterator[tuple[str
     if was.digest and now.digest and was.digest != now.digest:
         yield now.name, "bits", was.digest, now.digest
     if was.explained_by != now.explained_by:
-        yield now.name, "finding", was.explained_by, now.explained_by
+        yield now.name, "finding", listed(was.explained_by), listed(now.explained_by)
 
 
 def case_views(history: History, runs: Sequence[Run], cases: Sequence[str], field: str = "") -> list[CaseView]:

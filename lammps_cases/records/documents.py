@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -17,8 +17,8 @@ from lammps_cases.records.files import write_atomically
 
 Kind = Literal["run", "history", "baseline", "compare", "bisect", "chart", "stability", "stability-limits", "power"]
 _VERSIONS: Mapping[Kind, int] = {
-    "run": 1,
-    "history": 1,
+    "run": 2,
+    "history": 2,
     "baseline": 1,
     "compare": 1,
     "bisect": 1,
@@ -46,10 +46,12 @@ class Document(Generic[T]):
     ----------
     kind : its name in `SCHEMAS` and in complaints
     model : the class of its content, a pydantic model or a dataclass with the field ``schema``
+    older : what makes documents of this schema from those of an earlier one, by the name of that
     """
 
     kind: Kind
     model: type[T]
+    older: Mapping[str, Callable[[bytes], bytes]] = field(default_factory=dict)
 
     @cached_property
     def _adapter(self) -> TypeAdapter[T]:
@@ -87,6 +89,8 @@ class Document(Generic[T]):
         """The document of a file's bytes; raises as `read`."""
         try:
             schema = _Header.model_validate_json(content).schema_
+            if schema in self.older:
+                schema, content = SCHEMAS[self.kind], self.older[schema](content)
             if schema != SCHEMAS[self.kind]:
                 raise InputError("schema", f"must be {SCHEMAS[self.kind]}", schema, where)
             return self._adapter.validate_json(content)

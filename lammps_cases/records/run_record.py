@@ -15,10 +15,15 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import EOS
+from lammps_cases.records import schema1
 from lammps_cases.records.documents import SCHEMAS, Document
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+# How LAMMPS ended a case: with numbers to compare; with an answer where a refusal was due; without an answer; with
+# other atoms or steps than asked for.
+Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
+Failed = Literal["refused", "crashed", "timeout", "error"]  # a verdict and an end in one: without an answer
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
 _SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
 
@@ -61,7 +66,7 @@ class FieldRecord(_Record):
     first_id: int | None = Field(None, description="lowest id outside the bound")
     atom_type: int | None = Field(None, description="only atoms of this type (audit)")
     digits_lost: DigitsLost = Field(default_factory=DigitsLost)  # pydantic would copy a default for every record
-    explained_by: str | None = Field(None, description="ids of the ledger entries whose variants are inside the bound")
+    explained_by: list[str] = Field([], description="ids of the ledger entries whose variants are inside the bound")
     digest: str = Field("", description="of the bits of the engine's array, of all steps compared; see `digest`")
     steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
 
@@ -116,6 +121,69 @@ class Predictions(_Record):
         return f"{self.stored} of {self.stored + self.computed} predictions of the reference from the store"
 
 
+class Blame(_Record):
+    """The first step, stage, field and atom outside the bound; of a twin, the reference's side is the other run."""
+
+    field: str
+    stage: str = ""
+    step: int | None = None
+    run: int | None = Field(None, description="number of the run command, from 1 (audit)")
+    atom: int = Field(description="lowest id outside the bound")
+    type: int | None = Field(None, description="type of that atom, where the laws are compared one by one")
+    rho: float | None = Field(None, description="density of that atom, likewise")
+    lammps: float | None = Field(None, description="value of that atom in LAMMPS; its worst component")
+    reference: float | None = None
+    bound: float | None = None
+    outside: int = Field(description="number of atoms outside the bound")
+    of: int = Field(description="number of atoms compared")
+    max_abs: float | None = Field(None, description="largest absolute difference over the atoms (audit)")
+    max_over_bound: float | None = Field(None, description="largest ratio of difference to bound (audit)")
+    worst_id: int | None = Field(None, description="id of the atom with that (audit)")
+
+
+class Beyond(_Record):
+    """What leaves the bound although the variants of all findings that the scene shows are taken together."""
+
+    findings: list[str]
+    blame: Blame
+
+
+class LostAtoms(_Record):
+    """LAMMPS returned other atoms than it was given."""
+
+    returned: int
+    given: int
+    first_id: int = Field(description="first id that is missing, foreign or doubled")
+
+
+class OtherSteps(_Record):
+    """LAMMPS counted other steps than it was asked for."""
+
+    counted: list[int]
+    asked: list[int]
+
+
+class Mismatch(_Record):
+    """What is wrong with the answer to a probe.
+
+    ``counts`` and ``values``: of numbers that differ, how many of how many, and the two that are furthest apart; of
+    arrays that cannot be compared, their lengths.
+    """
+
+    kind: Literal["not finite", "logged", "other numbers", "other atoms", "blind"]
+    fields: list[str] = []
+    text: str = Field("", description="what the log holds; of a blind probe, how its control ended")
+    counts: list[int] = []
+    values: list[float] = []
+
+
+class HarnessError(_Record):
+    """A fault of the harness, not of LAMMPS."""
+
+    exception: str = Field("", description="its class; empty: the process that judged ended")
+    text: str
+
+
 class CaseRecord(_Record):
     """One case: what was compared and how it ended."""
 
@@ -130,10 +198,19 @@ class CaseRecord(_Record):
     seconds: Seconds = Seconds()
     predictions: Predictions = Predictions()
     fields: list[FieldRecord] = []
-    message: str = Field("", description="one line: the blame, the engine's error, or the reason")
+    ended: Ended = Field("answered", description="how LAMMPS ended it, whatever was expected and whatever explains it")
+    engine_error: str = Field("", description="LAMMPS' own error, or how its process ended")
+    blame: Blame | None = None
+    beyond: Beyond | None = None
+    unusable: LostAtoms | OtherSteps | None = Field(None, description="why the answer cannot be compared")
+    mismatch: Mismatch | None = None
+    harness_error: HarnessError | None = None
+    only_twin: bool = Field(False, description="LAMMPS answers the scene, and ended so on its twin alone")
+    not_same_problem: bool = Field(False, description="the reference differs between the two runs of a twin as well")
+    message: str = Field("", description="one line for people, made of the fields above and the findings")
     twin: str = Field("", description="kind of the second run that LAMMPS is compared with; empty: the reference")
     expects: str = Field("", description="text of the refusal that the case expects; empty: none")
-    explained_by: str | None = Field(None, description="ledger entry that explains how the case ended")
+    explained_by: list[str] = Field([], description="ids of the ledger entries that explain how the case ended")
     laws: list[LawRecord] = []
     seed: int | None = None
     source: str = Field("", description="file that holds the scene")
@@ -205,7 +282,7 @@ class RunRecord(_Record):
         return self.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
-_DOCUMENT = Document("run", RunRecord)
+_DOCUMENT = Document("run", RunRecord, {schema1.SCHEMA: schema1.upgraded})
 
 
 def worst(verdicts: list[Verdict]) -> Verdict:
@@ -222,11 +299,11 @@ def digest(*parts: npt.NDArray[Any] | str) -> str:
 
 
 def read_run(directory: Path) -> RunRecord:
-    """Read the run.json of a report folder.
+    """Read the run.json of a report folder, of this schema or of the one before.
 
     Raises
     ------
     InputError
-        No run.json there, or not one of this schema.
+        No run.json there, or one of another schema.
     """
     return _DOCUMENT.read(directory / "run.json")

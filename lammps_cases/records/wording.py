@@ -5,9 +5,21 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Iterable
 from typing import Any, Literal
 
-from lammps_cases.records.run_record import VERDICTS, CaseRecord, FieldRecord, RunRecord, Verdict, worst
+from lammps_cases.records.run_record import (
+    VERDICTS,
+    Blame,
+    CaseRecord,
+    FieldRecord,
+    LostAtoms,
+    Mismatch,
+    OtherSteps,
+    RunRecord,
+    Verdict,
+    worst,
+)
 
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
@@ -18,9 +30,14 @@ def verdict_kind(verdict: str, expected: bool) -> str:
     return EXPECTED_REFUSAL if verdict == "refused" and expected else verdict
 
 
-def finding_ids(explained_by: str | None) -> list[str]:
-    """The findings that an ``explained_by`` names."""
-    return explained_by.split(", ") if explained_by else []
+def one_line(text: str) -> str:
+    """Close up the white space of a text."""
+    return " ".join(text.split())
+
+
+def listed(findings: Iterable[str]) -> str:
+    """Findings in a line of text."""
+    return ", ".join(findings)
 
 
 def field_name(field: str, atom_type: int | None) -> str:
@@ -134,14 +151,9 @@ def sentence(run: RunRecord) -> str:
 
 
 def explained_by(case: CaseRecord) -> list[str]:
-    """The ledger entries that explain a case, each once."""
+    """List the findings that explain a case, each once."""
     named = [case.explained_by, *(field.explained_by for field in case.fields)]
-    return list(dict.fromkeys(entry for text in named for entry in finding_ids(text)))
-
-
-def blame(case: CaseRecord) -> str:
-    """The message without the ledger entries that it ends with, for where they stand beside it."""
-    return case.message.removesuffix(f"; explained by {', '.join(explained_by(case))}")
+    return list(dict.fromkeys(entry for entries in named for entry in entries))
 
 
 def worst_field(case: CaseRecord) -> FieldRecord | None:
@@ -171,3 +183,129 @@ def engine(run: RunRecord) -> str:
     """Which LAMMPS answered, in one line."""
     parts = (run.engine.name, run.engine.distribution, run.engine.version_string, run.engine.git)
     return " · ".join(part for part in parts if part)
+
+
+# --- what happened in a case, in a sentence
+
+
+def message(case: CaseRecord, findings: bool = True) -> str:
+    """Say what happened in a case: the blame, and how LAMMPS ended it if not with numbers.
+
+    Without ``findings`` those that explain its numbers are left out, for where they stand beside it. A record that
+    holds no facts keeps the message it has.
+    """
+    if case.verdict in INSIDE:
+        return ""
+    parts = [blame(case, findings), end(case)]
+    return "; ".join(part for part in parts if part) or case.message
+
+
+def blame(case: CaseRecord, findings: bool = True) -> str:
+    """Say which numbers leave the bound first; empty where none do."""
+    if case.blame is None:
+        return ""
+    first = case.blame
+    if first.run is not None:
+        return _blame_of_audit(first)
+    text = blame_of(first, case.twin)
+    if case.twin:
+        text = f"LAMMPS against itself (twin: {case.twin}): {text}"
+    if case.not_same_problem:
+        text += "; the reference differs as well, so the two are not the same problem"
+    explaining = next((field.explained_by for field in case.fields if field.field == first.field), [])
+    if explaining and findings:
+        text += f"; explained by {listed(explaining)}"
+    if case.beyond is not None:
+        text += f"; beyond {listed(case.beyond.findings)}: {blame_of(case.beyond.blame)}"
+    return text
+
+
+def blame_of(first: Blame, twin: str = "") -> str:
+    """Say where numbers leave their bound first, and with what values."""
+    step = "" if first.step is None else f" at step {first.step}"
+    state = "" if first.rho is None else f" (type {first.type}, rho {first.rho!r})"
+    one, other = ("as given", f"as its {twin} twin") if twin else ("LAMMPS", "reference")
+    return (
+        f"{first.field} (stage {first.stage}) leaves its bound{step} at {first.outside} of {first.of} atoms, "
+        f"first atom {first.atom}{state}: {one} {first.lammps!r}, {other} {first.reference!r}, bound {first.bound:.3g}"
+    )
+
+
+def _blame_of_audit(first: Blame) -> str:
+    where = f"atom {first.atom}" if first.type is None else f"type {first.type}, atom {first.atom}"
+    return (
+        f"{first.field} leaves its bound first at step {first.step} (run {first.run}), {where}: "
+        f"{first.outside} of {first.of} atoms outside, |LAMMPS - reference| up to {first.max_abs:.3g} = "
+        f"{first.max_over_bound:.3g} x bound (atom {first.worst_id})"
+    )
+
+
+def end(case: CaseRecord) -> str:
+    """Say how LAMMPS ended a case, if not with numbers to compare, and which finding predicts that."""
+    text = _own_end(case)
+    if text and _predicted(case):
+        text = f"{_foreseen(case)}, as ledger entry {listed(case.explained_by)} predicts: {text}"
+    return f"LAMMPS answers, and its twin ({case.twin}) does not: {text}" if case.only_twin else text
+
+
+def own_words(case: CaseRecord) -> str:
+    """Say how LAMMPS ended a case in LAMMPS' own words, in brief and without the findings."""
+    brief_case = case.model_copy(update={"engine_error": error_text(case.engine_error)})
+    text = _own_end(brief_case) or case.message
+    return f"{_foreseen(case)}: {text}" if _predicted(case) else text
+
+
+def error_text(error: str) -> str:
+    """Shorten an error of LAMMPS: without the place in its source, and the command."""
+    return one_line(re.sub(r"\(src/[^)]*\)", "", error.partition("Last input line")[0]))
+
+
+def _predicted(case: CaseRecord) -> bool:
+    return case.verdict == "explained" and bool(case.explained_by) and not case.fields
+
+
+def _foreseen(case: CaseRecord) -> Verdict:
+    """The verdict that a case would have without the finding that predicts it."""
+    if case.ended in ("crashed", "timeout", "error"):
+        return case.ended
+    return "refused" if case.ended == "refused" and not case.expects else "differs"
+
+
+def _own_end(case: CaseRecord) -> str:
+    if case.harness_error is not None:
+        fault = case.harness_error
+        return f"{fault.exception} in the harness: {fault.text}" if fault.exception else f"judging failed: {fault.text}"
+    if case.ended == "unusable" and case.unusable is not None:
+        return _unusable(case.unusable)
+    wrong = _mismatch(case.mismatch) if case.mismatch else ""
+    if case.ended == "accepted":
+        more = f", and {wrong}" if wrong else ""
+        return f"LAMMPS accepts what the manual refuses{more}; expected an error with {case.expects!r}"
+    if case.ended == "refused" and case.expects and case.verdict != "refused":
+        return f"expected an error with {case.expects!r}, LAMMPS said: {case.engine_error}"
+    return case.engine_error or wrong
+
+
+def _unusable(answer: LostAtoms | OtherSteps) -> str:
+    if isinstance(answer, LostAtoms):
+        return (
+            f"id (stage input): LAMMPS returned {answer.returned} of {answer.given} atoms; "
+            f"first missing, foreign or doubled id: {answer.first_id}"
+        )
+    return f"LAMMPS counted steps {tuple(answer.counted)} where it was asked for {tuple(answer.asked)}"
+
+
+def _mismatch(wrong: Mismatch) -> str:
+    names = ", ".join(wrong.fields)
+    match wrong.kind:
+        case "not finite":
+            return f"{names} come out as NaN or infinite"
+        case "logged":
+            return f"the log holds {wrong.text!r}"
+        case "blind":
+            return f"the probe is blind: its control passes ({wrong.text})"
+        case "other atoms":
+            return f"{names} differs: {wrong.counts[0]} and {wrong.counts[1]} atoms"
+        case "other numbers":
+            one, other = wrong.values
+            return f"{names} differs at {wrong.counts[0]} of {wrong.counts[1]} numbers, most {one!r} and {other!r}"

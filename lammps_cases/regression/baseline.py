@@ -20,12 +20,13 @@ from lammps_cases.comparison import prediction_keys
 from lammps_cases.records import folders
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text
-from lammps_cases.records.run_record import VERDICTS, EngineRecord, RunRecord, Verdict
-from lammps_cases.records.wording import folder_name
+from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.schema1 import finding_ids
+from lammps_cases.records.wording import folder_name, listed
 from lammps_cases.regression import seen
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.kinds import Policy
-from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Samples, Side
+from lammps_cases.regression.seen import At, CaseSeen, FieldSeen, Samples, Side
 from lammps_cases.scene import casefile
 
 IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
@@ -151,12 +152,12 @@ def lines(cases: Mapping[str, CaseSeen]) -> str:
     rows: list[Iterable[str]] = [COLUMNS]
     for name in sorted(cases):
         case = cases[name]
-        known = ", ".join(case.findings)
+        known = listed(case.findings)
         rows.append(_filled(name, CASE, case.ended, case.verdict, known, "", "", case.expects))
         for found in sorted(case.fields.values(), key=lambda f: f.field):
             detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in found.steps)
             ratio = "" if found.over_bound is None else f"{found.over_bound:.3g}"
-            known = ", ".join(found.findings)
+            known = listed(found.findings)
             rows.append(_filled(name, found.field, found.stage, found.verdict, known, ratio, found.digest, detail))
     return "".join(f"{line}\n" for line in HEAD) + csv_text(rows, "\t")
 
@@ -216,13 +217,17 @@ def _row(row: list[str]) -> CaseSeen | FieldSeen:
         if stage not in get_args(Ended):
             raise ValueError(f"unknown end {stage!r}")
         how: Ended = stage  # type: ignore[assignment]
-        return CaseSeen(name, how, _verdict(verdict), seen.findings(known), detail)
+        return CaseSeen(name, how, _verdict(verdict), _findings(known), detail)
     steps = []
     for text in detail.split():
         step, of_step, bits = text.split(":")
         steps.append(At(int(step), _verdict(of_step), None, bits))
     over_bound = float(ratio) if ratio else None
-    return FieldSeen(of, stage, _verdict(verdict), seen.findings(known), over_bound, digest, tuple(steps))
+    return FieldSeen(of, stage, _verdict(verdict), _findings(known), over_bound, digest, tuple(steps))
+
+
+def _findings(text: str) -> tuple[str, ...]:
+    return tuple(sorted(finding_ids(text)))
 
 
 def _verdict(text: str) -> Verdict:

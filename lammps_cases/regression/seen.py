@@ -9,17 +9,24 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from eos_ref import InputError
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, Verdict, digest, read_run
-from lammps_cases.records.wording import INSIDE, field_name, finding_ids
+from lammps_cases.records.run_record import (
+    CaseRecord,
+    Ended,
+    EngineRecord,
+    FieldRecord,
+    RunRecord,
+    Verdict,
+    digest,
+    read_run,
+)
+from lammps_cases.records.wording import INSIDE, field_name
 
-# With numbers to compare; answered where a refusal was due; without; answered with other atoms or steps than asked for.
-Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 CRASHES: tuple[Ended, ...] = ("crashed", "timeout", "error")
 
 
@@ -185,35 +192,14 @@ def case_seen(record: CaseRecord) -> CaseSeen:
     """A case of a run."""
     return CaseSeen(
         case=record.case,
-        ended=ended(record),
+        ended="answered" if record.fields else record.ended,
         verdict=record.verdict,
-        findings=findings(record.explained_by),
+        findings=tuple(sorted(record.explained_by)),
         expects=record.expects,
         message=record.message,
         seconds=record.seconds.lammps,
         fields={_name(found): _field(found, bool(record.twin)) for found in record.fields},
     )
-
-
-def findings(text: str | None) -> tuple[str, ...]:
-    """The ledger entries of an ``explained_by``, sorted."""
-    return tuple(sorted(finding_ids(text)))
-
-
-def ended(record: CaseRecord) -> Ended:
-    """How LAMMPS ended a case, whatever was expected of it and whatever explains it."""
-    if record.fields:
-        return "answered"
-    if record.verdict in ("refused", "crashed", "timeout", "error", "skipped"):
-        return record.verdict
-    if record.verdict == "explained":  # the message begins with the verdict that the ledger entry predicts
-        predicted = record.message.partition(",")[0]
-        for how in ("refused", "crashed", "timeout", "error"):
-            if predicted == how:
-                return how
-    if record.expects:
-        return "refused" if record.message.startswith("expected an error") else "accepted"
-    return "unusable"
 
 
 def _name(record: FieldRecord) -> str:
@@ -231,7 +217,7 @@ def _field(record: FieldRecord, twin: bool) -> FieldSeen:
         field=_name(record),
         stage=record.stage,
         verdict=record.verdict,
-        findings=findings(record.explained_by),
+        findings=tuple(sorted(record.explained_by)),
         over_bound=_number(record.max_over_bound),
         digest=bits,
         steps=steps,

@@ -67,12 +67,12 @@ def _text(case: CaseRecord) -> str:
     if case.expects:
         lines.append(f"expected refusal: {case.expects}")
     if case.explained_by:
-        lines.append(f"explained by {case.explained_by}")
+        lines.append(f"explained by {wording.listed(case.explained_by)}")
     for field in case.fields:
         ratio = wording.number(field.max_over_bound)
         line = f"{field.field} (stage {field.stage}): {field.verdict}, difference/bound {ratio}"
         line += "" if field.worst_id is None else f", atom {field.worst_id}"
-        lines.append(line + (f", explained by {field.explained_by}" if field.explained_by else ""))
+        lines.append(line + (f", explained by {wording.listed(field.explained_by)}" if field.explained_by else ""))
     if case.reproduce:
         lines.append(f"reproduce: {case.reproduce}")
     return _legal("\n".join(lines))

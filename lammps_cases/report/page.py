@@ -136,7 +136,7 @@ def _shown(case: CaseRecord, run: RunRecord, drawn: Drawn) -> Shown:
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
         worst=drawn.worst,
         data=drawn.data,
-        message=wording.blame(case),
+        message=wording.message(case, findings=False),
         explained=wording.explained_by(case),
         steps=steps,
         rows=_rows(case, steps, drawn.fields) if steps else [],

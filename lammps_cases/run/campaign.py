@@ -21,9 +21,10 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine, library_sha256
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
+from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError, RunRecord
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
@@ -38,6 +39,7 @@ if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner 
     from lammps_cases.history.reported import Past
     from lammps_cases.report.drawn import Drawn
     from lammps_cases.verdict.judgement import Arrays
+    from lammps_cases.verdict.particle_model import Reason
 
 JUDGING = 1800.0  # seconds that judging a case may take
 Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
@@ -166,14 +168,16 @@ def judge(
         record, arrays = _evaluated(ready, outcomes, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
-        record.verdict, record.message = "error", f"{type(error).__name__} in the harness: {error}"
+        faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
     differs = record.verdict == "differs" and bool(arrays) and ready.case.scene.whole_model
     with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
         if differs and (looked := _with_lists(site, ready, outcomes, engine.distribution)):
             record, arrays = _evaluated(ready, looked, engine, predictor)
     with contextlib.suppress(Exception):
-        if differs and record.verdict == "differs" and ready.twin is None:
-            record.message = _first_step(site, ready, engine.distribution, predictor) or record.message
+        searched = differs and record.verdict == "differs" and ready.twin is None
+        if searched and (reason := _first_step(site, ready, engine.distribution, predictor)):
+            record.blame, record.beyond = reason.first, reason.beyond
+            record.message = wording.message(record)
     return record, arrays
 
 
@@ -209,11 +213,11 @@ def _same(arrays: Arrays, others: Arrays) -> bool:
     return all(arrays[name].tobytes() == others[name].tobytes() for name in arrays)
 
 
-def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> str:
+def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> Reason | None:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
-        return ""
+        return None
     from lammps_cases.verdict.judgement import asks_for_lists, first_step
 
     lists = asks_for_lists(ready.case, scene, ready.atoms, engine)
@@ -227,13 +231,19 @@ def _lost(ready: Prepared, failure: Failure, engine: EngineRecord) -> tuple[Case
     from lammps_cases.verdict.judgement import blank_record
 
     record = blank_record(ready.case, ready.eos, ready.atoms, engine)
-    record.verdict, record.message = "error", f"judging failed: {failure.message}"
-    return record, Drawn()
+    return faulty(record, HarnessError(text=failure.message)), Drawn()
+
+
+def faulty(record: CaseRecord, fault: HarnessError) -> CaseRecord:
+    """Turn the record of a case into that of a fault of the harness."""
+    record.verdict, record.ended, record.harness_error = "error", "error", fault
+    record.message = wording.message(record)
+    return record
 
 
 def gone(cases: Sequence[CaseRecord]) -> list[str]:
     """A sentence for every finding that some cases would show, and none of the run does."""
-    seen = {entry for case in cases for field in case.fields for entry in (field.explained_by or "").split(", ")}
+    seen = {entry for case in cases for field in case.fields for entry in field.explained_by}
     unseen = Counter(entry for case in cases for entry in case.unseen if entry not in seen)
     return [
         f"this engine no longer shows {entry} ({count} case{'s' * (count > 1)} would): take it off the ledger's list"

@@ -20,7 +20,18 @@ from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Entry, explain_outcome, explain_pressure, shown_by
 from lammps_cases.findings.neighbour_lists import Listed
 from lammps_cases.findings.variants import Snapshot, combined
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, LawRecord, Predictions, Seconds, worst
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import (
+    Blame,
+    CaseRecord,
+    EngineRecord,
+    LawRecord,
+    LostAtoms,
+    OtherSteps,
+    Predictions,
+    Seconds,
+    worst,
+)
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
@@ -29,6 +40,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.twins import Twin
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.law_mistakes import unseen
+from lammps_cases.verdict.particle_model import Reason
 
 Arrays = dict[str, Any]
 LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is taken as unseen
@@ -43,6 +55,7 @@ def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineR
         tags=list(case.tags),
         about=case.about,
         verdict="skipped",
+        ended="skipped",
         natoms=len(atoms),
         steps=scene.evolve.steps if scene.evolve else 0,
         dimension=scene.dimension,
@@ -75,14 +88,13 @@ def evaluate(
     if isinstance(outcome, Failure):
         _judge_failure(record, outcome, engine.distribution)
     elif eos is None:
-        record.verdict = "differs"
-        record.message = f"LAMMPS accepts what the manual refuses; expected an error with {record.expects!r}"
+        record.verdict, record.ended = "differs", "accepted"
         _explain_outcome(record, engine.distribution)
     elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
         _judge_lost_atoms(record, atoms, outcome)
     elif case.scene.whole_model and outcome.steps != case.scene.snapshots:
-        record.verdict = "differs"
-        record.message = f"LAMMPS counted steps {outcome.steps} where it was asked for {case.scene.snapshots}"
+        record.verdict, record.ended = "differs", "unusable"
+        record.unusable = OtherSteps(counted=list(outcome.steps), asked=list(case.scene.snapshots))
     elif case.scene.whole_model:
         arrays = _judge_particles(record, case, atoms, outcome, engine.distribution, predictor)
     else:
@@ -92,17 +104,18 @@ def evaluate(
 
 
 def _finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor) -> None:
-    """Note what a case cost, and whether the reference's side of it was known."""
+    """Note what a case cost, and whether the reference's side of it was known; and say what happened."""
+    record.message = wording.message(record)
     reference = time.perf_counter() - begin
     record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
     record.predictions = Predictions(computed=predictor.computed, stored=predictor.stored)
 
 
 def _judge_failure(record: CaseRecord, failure: Failure, engine: str) -> None:
-    record.verdict, record.message = failure.verdict, " ".join(failure.message.split())
-    if failure.verdict == "refused" and record.expects and record.expects not in record.message:
+    record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
+    record.ended = failure.verdict
+    if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
         record.verdict = "differs"
-        record.message = f"expected an error with {record.expects!r}, LAMMPS said: {record.message}"
     if record.verdict != "refused" or not record.expects:
         _explain_outcome(record, engine)
 
@@ -111,18 +124,15 @@ def _judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
     """Atoms that are missing, doubled or renamed make any other comparison meaningless."""
     got = answer.arrays["id"]
     wrong = np.setxor1d(got, atoms.id_n)
-    record.verdict = "differs"
-    record.message = (
-        f"id (stage input): LAMMPS returned {len(got)} of {len(atoms)} atoms; first missing, foreign or doubled id: "
-        f"{wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) <= 0)[0]]}"
-    )
+    first = wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) <= 0)[0]]
+    record.verdict, record.ended = "differs", "unusable"
+    record.unusable = LostAtoms(returned=len(got), given=len(atoms), first_id=int(first))
 
 
 def _explain_outcome(record: CaseRecord, engine: str) -> None:
-    entry = explain_outcome(record.case, engine, record.verdict, record.message)
+    entry = explain_outcome(record, engine)
     if entry is not None:
-        record.message = f"{record.verdict}, as ledger entry {entry.id} predicts: {record.message}"
-        record.verdict, record.explained_by = "explained", entry.id
+        record.verdict, record.explained_by = "explained", [entry.id]
 
 
 def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
@@ -136,11 +146,11 @@ def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, a
         if comparison.record.verdict == "differs":
             entry = explain_pressure(case.name, engine, eos, state, comparison)
             if entry is not None:
-                comparison.record.verdict, comparison.record.explained_by = "explained", entry.id
+                comparison.record.verdict, comparison.record.explained_by = "explained", [entry.id]
     comparisons += [used, pressure]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
-    record.message = _blame(comparisons, state)
+    record.ended, record.blame = "answered", _blame(comparisons, state)
     record.lint = _lint(eos, state, pressure)
     arrays = _arrays(atoms, got, comparisons)
     if state.e_n is not None:
@@ -180,9 +190,7 @@ def _judge_particles(
     record.verdict = worst([field.verdict for field in record.fields])
     record.unseen = [entry.id for entry in judged.unseen]
     record.lint = judged.lint
-    if judged.first is not None:
-        explained = ", ".join(entry.id for entry in judged.entries)
-        record.message = judged.first.message + (f"; explained by {explained}" if explained else "")
+    record.ended, record.blame = "answered", judged.first
     return _arrays(atoms, answer.arrays, comparisons)
 
 
@@ -238,8 +246,7 @@ def evaluate_twin(
     lost = [answer for answer in answers if not np.array_equal(answer.arrays["id"], twin.atoms.id_n)]
     if failures:
         _judge_failure(record, failures[0], engine.distribution)
-        if not isinstance(outcomes[1], Answer) and len(failures) == 1:
-            record.message = f"LAMMPS answers, and its twin ({twin.kind}) does not: {record.message}"
+        record.only_twin = not isinstance(outcomes[1], Answer) and len(failures) == 1
     elif lost:
         _judge_lost_atoms(record, twin.atoms, lost[0])
     else:
@@ -268,9 +275,9 @@ def _judge_twin(
         comparison.record.stage = "twin"
         own = comparison.record.derivation
         comparison.record.derivation = f"LAMMPS against itself ({twin.kind}): the bounds of both runs, added ({own})"
-    first = particle_model.first_outside(one.scene, table, id_n, ("as given", f"as its {twin.kind} twin"))
+    first = particle_model.first_outside(one.scene, table, id_n)
+    record.ended, record.blame = "answered", first
     if first:
-        record.message = f"LAMMPS against itself (twin: {twin.kind}): {first.message}"
         _explain_twin(record, twin, one, other, table, engine, predictor)
     comparisons = [particle_model.over_steps(table[field], steps) for field in in_step_order(one.scene.fields)]
     record.fields = [comparison.record for comparison in comparisons]
@@ -325,7 +332,7 @@ def _explain_twin(
         return particle_model.first_outside(one.scene, _against(twin, one, other, ours, theirs), id_n) is None
 
     if not same(one.prediction.fields, other.prediction.fields):
-        record.message += "; the reference differs as well, so the two are not the same problem"
+        record.not_same_problem = True
         return
     for side in (one, other):
         own = particle_model.compare_all(side.scene, id_n, side.snapshots, side.prediction)
@@ -339,8 +346,7 @@ def _explain_twin(
     if not needed:
         return
     breaking = [e for e in needed if not same(*(_with_finding(side, e, predictor) for side in (one, other)))]
-    names = ", ".join(entry.id for entry in breaking or needed)
-    record.message += f"; explained by {names}"
+    names = [entry.id for entry in breaking or needed]
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if comparison.record.verdict == "differs":
             comparison.record.verdict, comparison.record.explained_by = "explained", names
@@ -353,12 +359,12 @@ def _with_finding(side: _Side, entry: Entry, predictor: Predictor) -> list[Snaps
     return predictor.values(side.scene, made or (Plain, Simulation))
 
 
-def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> str:
-    """The blame of a case that differs, from an answer with every single step."""
+def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:
+    """Find what a case that differs does wrong first, in an answer with every single step."""
     scene = case.scene
     snapshots = _snapshots(scene, answer)
     every = particles_of(scene, atoms, case.where, tuple(range(len(snapshots))))
-    return particle_model.blame(every, case.name, atoms.id_n, snapshots, engine, predictor)
+    return particle_model.reason(every, case.name, atoms.id_n, snapshots, engine, predictor)
 
 
 def _inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
@@ -383,23 +389,26 @@ def _inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comp
     ]
 
 
-def _blame(comparisons: list[Comparison], state: State) -> str:
+def _blame(comparisons: list[Comparison], state: State) -> Blame | None:
     """The first stage, field and atom that leave the bound, with the numbers."""
     for comparison in comparisons:
         record = comparison.record
         if record.verdict not in ("differs", "explained") or record.first_id is None:
             continue
         at = int(np.searchsorted(state.id_n, record.first_id))
-        sides = (comparison.lammps_n, comparison.reference_n)
-        rho, lammps, reference = (repr(float(values_n[at])) for values_n in (state.rho_n, *sides))
-        return (
-            f"{record.field} (stage {record.stage}) leaves its bound at {record.outside} of {len(state.id_n)} atoms, "
-            f"first atom {record.first_id} (type {state.type_n[at]}, rho {rho}): "
-            f"LAMMPS {lammps}, reference {reference}, "
-            f"bound {comparison.bound_n[at]:.3g}"
-            + (f"; explained by {record.explained_by}" if record.explained_by else "")
+        return Blame(
+            field=record.field,
+            stage=record.stage,
+            atom=record.first_id,
+            type=int(state.type_n[at]),
+            rho=float(state.rho_n[at]),
+            lammps=float(comparison.lammps_n[at]),
+            reference=float(comparison.reference_n[at]),
+            bound=float(comparison.bound_n[at]),
+            outside=record.outside,
+            of=len(state.id_n),
         )
-    return ""
+    return None
 
 
 def _lint(eos: EOSTable, state: State, pressure: Comparison) -> list[str]:

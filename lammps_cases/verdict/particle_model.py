@@ -21,7 +21,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Fields, Particles, Prediction
 from lammps_cases.findings import Entry, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
-from lammps_cases.records.run_record import StepRecord, Verdict, digest, worst
+from lammps_cases.records.run_record import Beyond, Blame, StepRecord, Verdict, digest, worst
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.verdict.model_mistakes import unseen_in_model
@@ -39,12 +39,11 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Blame:
-    """The first step, stage, field and atom outside the bound."""
+class Reason:
+    """What leaves its bound first, and what does so beyond the findings that the scene shows."""
 
-    step: int
-    field: str
-    message: str
+    first: Blame
+    beyond: Beyond | None
 
 
 def judge(
@@ -60,7 +59,7 @@ def judge(
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
-            comparison.record.explained_by = ", ".join(entry.id for entry in entries)
+            comparison.record.explained_by = [entry.id for entry in entries]
     others = [entry for entry in listed if entry not in entries] if entries or not first else []
     unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, predictor)]
     comparisons = [over_steps(table[field], scene.steps) for field in in_step_order(scene.fields)]
@@ -96,25 +95,25 @@ def digits(values: FloatArray, exact: Any) -> float:
     return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
 
 
-def blame(
+def reason(
     scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
-) -> str:
-    """The first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
+) -> Reason | None:
+    """Find the first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
     random = seed(f"{name}/moved runs")
     first = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, seed=random)), id_n)
-    return first.message + beyond(scene, id_n, snapshots, engine, random, predictor) if first else ""
+    return Reason(first, beyond(scene, id_n, snapshots, engine, random, predictor)) if first else None
 
 
 def beyond(
     scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
-) -> str:
-    """What leaves the bound although every finding that the scene shows is taken over; empty if none is known."""
+) -> Beyond | None:
+    """Find what leaves the bound although every finding that the scene shows is taken over; None if none is known."""
     listed = shown_by(scene, engine, "lists" in snapshots[0])
     made = combined([entry.model_variant for entry in listed if entry.model_variant], scene, snapshots[0])
     if not listed or made is None:
-        return ""
+        return None
     rest = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, made, random)), id_n)
-    return f"; beyond {', '.join(entry.id for entry in listed)}: {rest.message}" if rest else ""
+    return Beyond(findings=[entry.id for entry in listed], blame=rest) if rest else None
 
 
 def compare_all(
@@ -179,12 +178,7 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
     return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
 
 
-def first_outside(
-    scene: Particles,
-    table: dict[str, list[Comparison]],
-    id_n: Any,
-    sides: tuple[str, str] = ("LAMMPS", "reference"),
-) -> Blame | None:
+def first_outside(scene: Particles, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
     """The first step, then the first field in the order of a step, then the first atom outside the bound."""
     for at, step in enumerate(scene.steps):
         for field in in_step_order(scene.fields):
@@ -193,19 +187,27 @@ def first_outside(
             if record.verdict != "differs" or record.first_id is None:
                 continue
             atom = int(np.searchsorted(id_n, record.first_id))
-            message = (
-                f"{field} (stage {record.stage}) leaves its bound at step {step} at {record.outside} of {len(id_n)} "
-                f"atoms, first atom {record.first_id}: " + _numbers(comparison, atom, sides)
+            one, other, bound = _values(comparison, atom)
+            return Blame(
+                field=field,
+                stage=record.stage,
+                step=step,
+                atom=record.first_id,
+                lammps=one,
+                reference=other,
+                bound=bound,
+                outside=record.outside,
+                of=len(id_n),
             )
-            return Blame(step, field, message)
     return None
 
 
-def _numbers(comparison: Comparison, atom: int, sides: tuple[str, str]) -> str:
+def _values(comparison: Comparison, atom: int) -> tuple[float, float, float]:
+    """Both sides and the bound of the worst component of an atom."""
     arrays = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
     ratio_n = excess(*arrays)[1]
     one, other, bound = (float(worst_component(array_n, ratio_n)[atom]) for array_n in arrays)
-    return f"{sides[0]} {one!r}, {sides[1]} {other!r}, bound {bound:.3g}"
+    return one, other, bound
 
 
 # --- the ledger

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lammps_cases.claims import probes
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord, FieldRecord
@@ -23,7 +25,7 @@ def fields_of(case: Case) -> tuple[str, ...]:
     return case.scene.compare if case.scene.whole_model else ("type", "rho", *given, "pressure_used", "pressure")
 
 
-def field(name: str, verdict: str = "pass", explained_by: str | None = None) -> FieldRecord:
+def field(name: str, verdict: str = "pass", explained_by: Sequence[str] = ()) -> FieldRecord:
     """A field, well within its bound or a thousand times outside."""
     ratio = 0.1 if verdict in ("exact", "pass") else 1e3
     return FieldRecord.model_validate(
@@ -54,12 +56,12 @@ def all_good() -> dict[str, CaseRecord]:
     return {name: good(name) for name in KNOWN}
 
 
-def wrong(name: str, fields: tuple[str, ...] = (), finding: str | None = None) -> CaseRecord:
-    """The record of a case that differs in some fields, or in how it ends; with a finding it is explained."""
+def wrong(name: str, fields: tuple[str, ...] = (), findings: Sequence[str] = ()) -> CaseRecord:
+    """The record of a case that differs in some fields, or in how it ends; with findings it is explained."""
     record = good(name)
-    verdict = "explained" if finding else "differs"
+    verdict = "explained" if findings else "differs"
     if not record.fields:
-        return record.model_copy(update={"verdict": verdict, "explained_by": finding, "message": "otherwise"})
+        return record.model_copy(update={"verdict": verdict, "explained_by": list(findings), "message": "otherwise"})
     chosen = fields or tuple(f.field for f in record.fields)
-    made = [field(f.field, verdict, finding) if f.field in chosen else f for f in record.fields]
+    made = [field(f.field, verdict, findings) if f.field in chosen else f for f in record.fields]
     return record.model_copy(update={"verdict": verdict, "fields": made})

@@ -22,7 +22,7 @@ def case(
         max_abs=1e-9,
         max_over_bound=ratio,
         digest=digest,
-        explained_by=finding,
+        explained_by=[finding] if finding else [],
     )
     return CaseRecord(
         case=name, verdict=verdict, natoms=9, steps=3, seconds=Seconds(lammps=seconds, reference=0.5), fields=[found]

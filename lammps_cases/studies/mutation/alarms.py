@@ -21,6 +21,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
+from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run.campaign import Prepared, prepare
@@ -36,6 +37,7 @@ from lammps_cases.studies.mutation.perturbed import (
     judge_of,
     run_and_judge,
 )
+from lammps_cases.verdict.particle_model import Reason
 
 Kind = Literal[
     "as given",
@@ -242,14 +244,14 @@ class _Pool:
             self.progress.advance(done, len(cases), f"alarms, {kind}: {name}")
             yield name, record
 
-    def blame(self, kind: Kind, case: Case) -> str:
-        """What is wrong first, from a run read after every step; empty where there is none."""
+    def reason(self, kind: Kind, case: Case) -> Reason | None:
+        """Find what is wrong first, in a run read after every step; None where there is none."""
         scene = case.scene
         if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
-            return ""
+            return None
         perturbed = perturbed_case(kind, prepare(case))
         first = self.workers.outcome(self.workers.call(first_difference, self.judge, perturbed, time_limit=LIMIT))
-        return "" if isinstance(first, Failure) else first
+        return None if isinstance(first, Failure) else first
 
 
 def _run(
@@ -279,8 +281,10 @@ def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
 
 
 def _alarm(kind: Kind, case: Case, record: CaseRecord, pool: _Pool | None) -> Alarm:
-    message = (pool.blame(kind, case) if pool and record.verdict == "differs" else "") or record.message
-    return Alarm(case.name, kind, record.verdict, message, *_explanation(kind, case.scene, record))
+    if pool and record.verdict == "differs" and (reason := pool.reason(kind, case)):
+        record = record.model_copy(update={"blame": reason.first, "beyond": reason.beyond})
+        record.message = wording.message(record)
+    return Alarm(case.name, kind, record.verdict, record.message, *_explanation(kind, case.scene, record))
 
 
 def _explanation(kind: Kind, scene: Scene, record: CaseRecord) -> tuple[str, str]:

@@ -24,6 +24,7 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.judgement import evaluate, evaluate_twin, first_step, particles_of, snapshot
+from lammps_cases.verdict.particle_model import Reason
 
 Rows = npt.NDArray[np.integer[Any]]
 
@@ -91,8 +92,8 @@ def outcome(site: str | None, job: Job) -> Answer | Failure:
         return Failure("crashed", str(error))
 
 
-def first_difference(site: str | None, judge: Judge, case: PerturbedCase) -> str:
-    """Task: name the first step, field and atom outside the bound, from a run that is read after every step."""
+def first_difference(site: str | None, judge: Judge, case: PerturbedCase) -> Reason | None:
+    """Task: find the first step, field and atom outside the bound, in a run that is read after every step."""
     job = case.jobs[0]
     last = case.ready.case.scene.snapshots[-1]
     runs = (Run("run 0 post no"), *(Run("run 1 pre no post no") for _ in range(last)))
@@ -139,7 +140,7 @@ class RepeatedCase:
     def _fitting(self, record: CaseRecord, first: Snapshot) -> tuple[Particles, Prediction]:
         case, scene = self.ready.case, self.ready.case.scene
         of = particles_of(scene, self.ready.atoms, case.where, scene.snapshots)
-        named = {name for field in record.fields for name in (field.explained_by or "").split(", ")}
+        named = {name for field in record.fields for name in field.explained_by}
         variants = [entry.model_variant for entry in LEDGER if entry.id in named and entry.model_variant]
         made = combined(variants, of, first) if variants else None
         return of, self.predictor.predict(of, made, seed(f"{record.case}/moved runs"))

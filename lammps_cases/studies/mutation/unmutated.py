@@ -5,14 +5,13 @@ Both are kept in a folder while faults are planted, one file per case, so that a
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run.campaign import Prepared
+from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
+from lammps_cases.run.campaign import Prepared, faulty
 from lammps_cases.studies.mutation import substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep
 from lammps_cases.studies.mutation.fault import Detection
@@ -64,13 +63,13 @@ def verdict(judge: Judge, case: PerturbedCase, outcomes: list[Outcome]) -> CaseR
     try:
         return judge.verdict(case, outcomes)
     except Exception as error:
-        message = f"{type(error).__name__} in the harness: {error}"
-        return CaseRecord(case=case.ready.case.name, verdict="error", message=message)
+        record = CaseRecord(case=case.ready.case.name, verdict="error")
+        return faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
 
 
 def detection(record: CaseRecord) -> Detection | None:
     """Return what a case shows of a fault; None if it is as expected."""
     if record.as_expected:
         return None
-    named = re.search(r"(\S+) \(stage ", record.message)
-    return Detection(record.case, record.verdict, named[1] if named else "", record.message)
+    lost = "id" if isinstance(record.unusable, LostAtoms) else ""
+    return Detection(record.case, record.verdict, record.blame.field if record.blame else lost, record.message)

@@ -13,6 +13,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import quantities
 from lammps_cases.engine import session
 from lammps_cases.engine.stepping import Instance, Stepping
+from lammps_cases.records.wording import one_line
 from lammps_cases.scene import Scene
 from lammps_cases.scene.runs import Expect
 from lammps_cases.setup import reference_side
@@ -28,7 +29,7 @@ class Stopped(RuntimeError):
     """A run that its engine ended: how that is called, what the engine said, and the atom (id) if one is known."""
 
     def __init__(self, kind: Kind, message: str, atom: int | None = None) -> None:
-        self.kind, self.message, self.atom = kind, " ".join(message.split()), atom
+        self.kind, self.message, self.atom = kind, one_line(message), atom
         super().__init__(f"{kind}: {self.message}")
 
     def __reduce__(self) -> tuple[type[Stopped], tuple[Kind, str, int | None]]:
@@ -185,9 +186,9 @@ SAYINGS: tuple[tuple[str, Kind], ...] = (
 )
 
 
-def saying(message: str) -> Kind:
+def saying(error: str) -> Kind:
     """The kind of failure that an error of LAMMPS speaks of."""
-    return next((kind for words, kind in SAYINGS if words in message), "error")
+    return next((kind for words, kind in SAYINGS if words in error), "error")
 
 
 class LammpsRun:

@@ -10,10 +10,10 @@ import pytest
 from lammps_cases.claims import probes
 from lammps_cases.claims.model import PROBE
 from lammps_cases.claims.probes import Probe, Ran, deck, judge, put, record
-from lammps_cases.claims.verdicts import own_words
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.wording import error_text
 from tests.support.progress import Steps
 
 NEW = "2025.7.22.4.0"
@@ -57,7 +57,7 @@ def records() -> dict[str, CaseRecord]:
 def test_probe(id: str, records: dict[str, CaseRecord]) -> None:
     expected = "explained" if id in REFUTED else "pass"
     assert records[id].verdict == expected, records[id].message
-    assert records[id].explained_by == REFUTED.get(id)
+    assert records[id].explained_by == ([REFUTED[id]] if id in REFUTED else [])
     assert records[id].as_expected
 
 
@@ -73,7 +73,7 @@ def test_no_finding_of_a_probe_is_stale() -> None:
 
 def test_error_is_lammps_words_alone() -> None:
     text = "ERROR: Illegal fix rheo command: 1 (src/src/RHEO/fix_rheo.cpp:181)\nLast input line: fix 1 all rheo density"
-    assert own_words(text) == "ERROR: Illegal fix rheo command: 1"
+    assert error_text(text) == "ERROR: Illegal fix rheo command: 1"
 
 
 def test_deck_refuses_parts_that_the_base_has_not() -> None:
@@ -98,31 +98,46 @@ def ran(**arrays: list[float]) -> Ran:
 SAME = Probe(id="x", about="X.", same={}, control={}, times={"p": 2.0})
 
 
+def said(probe: Probe, outcome: Ran | Failure, other: Ran | None = None, control: Ran | None = None) -> str:
+    """The message of a probe's record."""
+    return record(probe, judge(probe, outcome, other, control), None, NEW).message
+
+
 def test_comparison() -> None:
-    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[3.0])) == ""
-    assert judge(SAME, ran(p=[1.0, 2.0]), ran(p=[2.0, 4.5]), ran(p=[3.0])) == (
+    assert said(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[3.0])) == ""
+    assert said(SAME, ran(p=[1.0, 2.0]), ran(p=[2.0, 4.5]), ran(p=[3.0])) == (
         "p differs at 1 of 2 numbers, most 4.0 and 4.5"
     )
-    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0, 1.0]), ran(p=[3.0])) == "p differs: 1 and 2 atoms"
-    assert "most nan and 2.0" in judge(SAME, ran(p=[np.nan]), ran(p=[2.0]), ran(p=[3.0]))
+    assert said(SAME, ran(p=[1.0]), ran(p=[2.0, 1.0]), ran(p=[3.0])) == "p differs: 1 and 2 atoms"
+    assert "most nan and 2.0" in said(SAME, ran(p=[np.nan]), ran(p=[2.0]), ran(p=[3.0]))
 
 
 def test_blind_control() -> None:
-    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[1.0])).startswith("the probe is blind")
-    assert judge(SAME, ran(p=[1.0]), ran(p=[2.0]), Ran({}, error="ERROR: no")).startswith("the probe is blind")
+    blind = "the probe is blind: its control passes"
+    assert said(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[1.0])) == f"{blind} (no difference)"
+    assert said(SAME, ran(p=[1.0]), ran(p=[2.0]), Ran({}, error="ERROR: no")) == f"{blind} (ERROR: no)"
 
 
 def test_numbers_must_be_finite() -> None:
     accepted = Probe(id="x", about="X.", accepted=True)
-    assert judge(accepted, ran(p=[1.0]), None, None) == ""
-    assert judge(accepted, ran(p=[np.inf]), None, None) == "p come out as NaN or infinite"
+    assert judge(accepted, ran(p=[1.0]), None, None).verdict == "pass"
+    assert said(accepted, ran(p=[np.inf])) == "p come out as NaN or infinite"
+
+
+def test_log_must_not_hold_a_text() -> None:
+    quiet = Probe(id="x", about="X.", lacks="WARNING", control={})
+    assert said(quiet, Ran({}, log="WARNING: no"), None, Ran({})) == "the log holds 'WARNING'"
+    assert judge(quiet, Ran({}), None, Ran({}, log="WARNING: no")).verdict == "pass"
 
 
 def test_refusal_must_be_the_one_promised() -> None:
     refused = Probe(id="x", about="X.", refused="out of bounds")
-    assert judge(refused, Ran({}, error="ERROR: Numeric index 3 is out of bounds"), None, None) == ""
-    assert judge(refused, Ran({}, error="ERROR: Illegal fix command"), None, None).endswith("Illegal fix command")
-    assert judge(refused, ran(p=[np.nan]), None, None).startswith("LAMMPS accepts what the manual refuses, and p")
+    right = judge(refused, Ran({}, error="ERROR: Numeric index 3 is out of bounds"), None, None)
+    assert (right.verdict, right.ended) == ("pass", "refused")
+    assert said(refused, Ran({}, error="ERROR: Illegal fix command")).endswith(
+        "LAMMPS said: ERROR: Illegal fix command"
+    )
+    assert said(refused, ran(p=[np.nan])).startswith("LAMMPS accepts what the manual refuses, and p")
 
 
 def test_style_that_is_missing_is_seen() -> None:
@@ -136,6 +151,5 @@ def test_style_that_is_missing_is_seen() -> None:
 def test_record_of_a_death() -> None:
     probe = Probe(id="x", about="X.", refused="not a range")
     died = Failure("crashed", "killed by SIGABRT")
-    wrong = judge(probe, died, None, None)
-    found = record(probe, wrong, "crashed", NEW)
+    found = record(probe, judge(probe, died, None, None), "crashed", NEW)
     assert (found.case, found.verdict, found.message) == ("probes.x", "crashed", "killed by SIGABRT")

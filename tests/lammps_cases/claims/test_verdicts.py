@@ -45,9 +45,9 @@ def test_finding_that_contradicts_refutes(id: str) -> None:
     claim = BY_ID[id]
     name = NAMES.of(claim)[0]
     for finding in claim.refuted_by:
-        flipped = one(claim, GOOD | {name: wrong(name, claim.fields, f"force-per-volume, {finding}")})
+        flipped = one(claim, GOOD | {name: wrong(name, claim.fields, ["force-per-volume", finding])})
         assert flipped.verdict == "does not hold" and not flipped.unexplained
-        assert flipped.evidence[0].finding == finding
+        assert flipped.evidence[0].findings == (finding,)
 
 
 @pytest.mark.parametrize("id", [id for id in TESTABLE if BY_ID[id].fields])
@@ -55,7 +55,7 @@ def test_finding_that_does_not_contradict_is_a_remark(id: str) -> None:
     claim = BY_ID[id]
     numbers = [n for n in NAMES.of(claim) if n in CASES and not CASES[n].scene.expect and n not in WITHOUT_NUMBERS]
     for name in numbers[:1]:
-        still = one(claim, GOOD | {name: wrong(name, claim.fields, "unheard-of")})
+        still = one(claim, GOOD | {name: wrong(name, claim.fields, ["unheard-of"])})
         assert still.verdict == "holds"
         assert any(remark.startswith("unheard-of explains") for remark in still.remarks)
 
@@ -95,7 +95,7 @@ def test_without_the_list_of_cases_every_pattern_needs_one() -> None:
         CaseRecord(case="density.one.2d", verdict="crashed", message="LAMMPS' process was killed by SIGSEGV"),
         CaseRecord(case="density.one.2d", verdict="timeout", message="LAMMPS did not finish"),
         CaseRecord(case="density.one.2d", verdict="pass", fields=[field("f")]),
-        CaseRecord(case="density.one.2d", verdict="explained", explained_by="unheard-of", message="crashed"),
+        CaseRecord(case="density.one.2d", verdict="explained", explained_by=["unheard-of"], message="crashed"),
     ],
 )
 def test_a_case_that_says_nothing_shows_nothing(record: CaseRecord) -> None:
@@ -119,7 +119,7 @@ def test_finding_without_a_variant_speaks_of_cases_by_name(monkeypatch: pytest.M
     claim = BY_ID["rheo-reconstruct-density"]
     old, new = one(claim, records, OLD), one(claim, records, NEW)
     assert old.verdict == new.verdict == "does not hold"
-    assert not old.unexplained and old.evidence[0].finding == "walls-depend-on-pair-order"
+    assert not old.unexplained and old.evidence[0].findings == ("walls-depend-on-pair-order",)
     assert new.unexplained
 
 
@@ -128,7 +128,7 @@ def test_evidence_of_a_claim_that_holds_is_what_comes_nearest() -> None:
         field="rho",
         stage="made",
         verdict="explained",
-        explained_by="force-per-volume",
+        explained_by=["force-per-volume"],
         max_over_bound=50.0,
         steps=[
             StepRecord(step=0, verdict="pass", max_abs=1e-15, max_over_bound=0.7),

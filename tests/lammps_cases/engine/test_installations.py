@@ -28,7 +28,7 @@ def test_version_of_pypi(eos_ref_command: Run, tmp_path: Path) -> None:
     assert new["engine"]["library_sha256"] != old["engine"]["library_sha256"]
     # This version names the types instead of the unknown style: the ledger knows.
     (misnamed,) = [case for case in old["cases"] if case["case"] == "refused.unknown-style"]
-    assert misnamed["explained_by"] == "unknown-style-misnamed"
+    assert misnamed["explained_by"] == ["unknown-style-misnamed"]
 
 
 def test_build_folder(eos_ref_command: Run, tmp_path: Path) -> None:

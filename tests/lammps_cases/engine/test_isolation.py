@@ -106,7 +106,7 @@ def test_words_of_a_dying_lammps_stay_off_the_terminal(eos_ref_command: Callable
     assert "terminate called" not in err + out
     run = json.loads((tmp_path / "report" / "run.json").read_text())
     assert "terminate called" in run["cases"][0]["message"]
-    assert run["cases"][0]["explained_by"] == "double-star-abort"
+    assert run["cases"][0]["explained_by"] == ["double-star-abort"]
 
 
 def _alive(mark: str) -> list[int]:

@@ -108,14 +108,14 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., CaseRecord]:
 
     def judge(given: Seen, engine: EngineRecord = ENGINE) -> CaseRecord:
         monkeypatch.setattr(campaign, "solve", lambda site, told: given.every)
-        monkeypatch.setattr(campaign, "_first_step", lambda *of: "")
+        monkeypatch.setattr(campaign, "_first_step", lambda *of: None)
         return campaign.judge(None, given.ready, [given.answer], engine)[0]
 
     return judge
 
 
 def _explained(record: CaseRecord) -> set[str]:
-    return {name for field in record.fields for name in (field.explained_by or "").split(", ") if name}
+    return {name for field in record.fields for name in field.explained_by}
 
 
 # --- the lists

@@ -31,7 +31,7 @@ def file(tmp_path: Path) -> Path:
 
 def test_what_is_kept_comes_back(file: Path) -> None:
     record = made_runs.run()
-    record.cases[1].fields[0].explained_by = "force-per-volume"
+    record.cases[1].fields[0].explained_by = ["force-per-volume"]
     record.cases[1].message = "a word"
     with History(file) as history:
         assert history.add(record, revision="abc")
@@ -47,7 +47,7 @@ def test_what_is_kept_comes_back(file: Path) -> None:
     assert (ended.worst, ended.worst_field) == (0.25, "f")
     (field,) = ended.fields
     assert (field.field, field.verdict, field.max_abs, field.digest) == ("f", "pass", 1e-9, "00000000000000aa")
-    assert field.explained_by == "force-per-volume"
+    assert field.explained_by == ("force-per-volume",)
 
 
 def test_the_same_run_twice_is_one(file: Path) -> None:

@@ -54,8 +54,7 @@ def test_ratios_are_ordered_with_none_first_and_nan_last() -> None:
 
 
 def test_findings_and_fields_are_named() -> None:
-    assert wording.finding_ids(None) == wording.finding_ids("") == []
-    assert wording.finding_ids("a, b-c") == ["a", "b-c"]
+    assert (wording.listed([]), wording.listed(["a", "b-c"])) == ("", "a, b-c")
     assert [wording.field_name("p", of) for of in (None, 2)] == ["p", "p (type 2)"]
     assert [wording.verdict_kind("refused", expected) for expected in (True, False)] == [
         "refused as expected",

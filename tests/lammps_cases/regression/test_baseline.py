@@ -83,7 +83,7 @@ def test_files_say_what_they_hold(small_run: Path, accepted: Path) -> None:
     assert lines[refused.case, "(case)"][2:4] == ["refused", "refused"]
     assert lines[refused.case, "(case)"][-1] == refused.expects
     force = next(f for c in run.cases if c.case == "images.quintic.two" for f in c.fields if f.field == "f")
-    assert lines["images.quintic.two", "f"][3:5] == ["explained", force.explained_by]
+    assert lines["images.quintic.two", "f"][3:5] == ["explained", ", ".join(force.explained_by)]
     assert lines["images.quintic.two", "f"][6] == force.digest
     assert all(step.digest in lines["images.quintic.two", "f"][7] for step in force.steps)
 
@@ -145,8 +145,8 @@ def test_names_of_engines_are_safe_as_folders(engine: EngineRecord, name: str) -
         ("defaults.linear", "pressure", {"digest": OTHER, "verdict": "pass"}, "within bounds"),
         ("defaults.linear", "pressure", {"digest": OTHER, "verdict": "differs"}, "changed"),
         ("defaults.linear", "pressure", {"verdict": "differs"}, "judged otherwise"),
-        ("images.quintic.two", "f", {"explained_by": "another-finding"}, "judged otherwise"),
-        ("images.quintic.two", "f", {"verdict": "pass", "explained_by": None, "digest": OTHER}, "changed"),
+        ("images.quintic.two", "f", {"explained_by": ["another-finding"]}, "judged otherwise"),
+        ("images.quintic.two", "f", {"verdict": "pass", "explained_by": [], "digest": OTHER}, "changed"),
     ],
 )
 def test_a_change_of_bits_verdict_or_finding_fails(
@@ -156,7 +156,9 @@ def test_a_change_of_bits_verdict_or_finding_fails(
     assert faults(check(run, accepted)) == [(case, field, kind)]
 
 
-@pytest.mark.parametrize("change", [{"verdict": "differs"}, {"verdict": "crashed", "message": "killed"}])
+@pytest.mark.parametrize(
+    "change", [{"verdict": "differs"}, {"verdict": "crashed", "ended": "crashed", "message": "killed"}]
+)
 def test_a_change_of_how_a_case_ends_fails(changed_run: Change, accepted: Path, change: dict[str, Any]) -> None:
     run = changed_run(lambda record: record.update(change), "refused.type-zero")
     assert [case for case, _, _ in faults(check(run, accepted))] == ["refused.type-zero"]
@@ -419,7 +421,7 @@ def test_accept_on_the_command_line(
 
 
 def test_lines_of_a_check_say_what_to_do(changed_run: Change, accepted: Path) -> None:
-    run = changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=None), "images.quintic.two")
+    run = changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
     said = list(pairs.checked(check(run, accepted), "reports/latest"))
     assert said[0].startswith(f"baseline {_folder(accepted)}: ")
     assert "1 changed" in said[0]

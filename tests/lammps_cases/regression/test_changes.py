@@ -9,7 +9,7 @@ import pytest
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, StepRecord, Verdict
 from lammps_cases.regression.changes import compare
 from lammps_cases.regression.kinds import KINDS, Kind, Policy
-from lammps_cases.regression.seen import CaseSeen, Ended, case_seen
+from lammps_cases.regression.seen import CaseSeen, case_seen
 from tests.support.made_sides import case, ended, field, one_field, sample, side
 
 LENIENT, STRICT = Policy(), Policy(bits=True, findings=True)
@@ -180,23 +180,10 @@ def test_the_second_run_of_a_twin_is_part_of_its_digest() -> None:
     assert (other.fields[0].kind, other.fields[0].step) == ("within bounds", 1)
 
 
-@pytest.mark.parametrize(
-    ("verdict", "expects", "message", "how"),
-    [
-        ("refused", "", "ERROR", "refused"),
-        ("crashed", "", "", "crashed"),
-        ("skipped", "", "", "skipped"),
-        ("explained", "no", "crashed, as ledger entry x predicts: killed", "crashed"),
-        ("explained", "no", "refused, as ledger entry x predicts: ERROR", "refused"),
-        ("explained", "no", "differs, as ledger entry x predicts: LAMMPS accepts what", "accepted"),
-        ("differs", "no", "LAMMPS accepts what the manual refuses; expected an error with 'no'", "accepted"),
-        ("differs", "no", "expected an error with 'no', LAMMPS said: yes", "refused"),
-        ("differs", "", "id (stage input): LAMMPS returned 3 of 4 atoms", "unusable"),
-    ],
-)
-def test_how_a_record_says_it_ended(verdict: Verdict, expects: str, message: str, how: Ended) -> None:
-    record = CaseRecord(case="one", verdict=verdict, expects=expects, message=message)
-    assert case_seen(record).ended == how
+def test_a_case_with_numbers_was_answered_however_its_deck_ended() -> None:
+    pressure = FieldRecord(field="pressure", stage="eos", verdict="pass")
+    assert case_seen(CaseRecord(case="one", verdict="refused", ended="refused")).ended == "refused"
+    assert case_seen(CaseRecord(case="one", verdict="refused", ended="refused", fields=[pressure])).ended == "answered"
 
 
 def test_fields_of_an_audit_are_told_apart_by_type() -> None:

@@ -25,7 +25,7 @@ OTHER = "f" * 16
 
 @pytest.fixture
 def changed(changed_run: Change) -> Path:
-    return changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=None), "images.quintic.two")
+    return changed_run(of_field("f", digest=OTHER, verdict="differs", explained_by=[]), "images.quintic.two")
 
 
 def test_a_run_and_itself(small_run: Path, eos_ref_command: Run, tmp_path: Path) -> None:
@@ -63,7 +63,9 @@ def test_what_changed_is_in_every_report_and_the_same_on_a_second_run(
 
 def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_run: Path, changed_run: Change) -> None:
     evil = "<script>alert(1)</script>"
-    other = changed_run(lambda r: r.update(verdict="crashed", message=evil, fields=[]), "defaults.linear")
+    other = changed_run(
+        lambda r: r.update(verdict="crashed", ended="crashed", message=evil, fields=[]), "defaults.linear"
+    )
     found = pairs.compared([read(small_run), read(other)], Policy(), None, True, "")
     text = page.render(found)
     assert evil not in text

@@ -23,6 +23,7 @@ from lammps_cases.findings import Entry
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records import files, wording
 from lammps_cases.records.run_record import (
+    Blame,
     CaseRecord,
     CheckRecord,
     EngineRecord,
@@ -125,7 +126,7 @@ def ended() -> list[CaseRecord]:
     illegal = "Illegal fix rheo/pressure"
     unknown = "ERROR: Unknown fix style rheo | (src/modify.cpp:1)"
     name = f"hostile.{NAME}"
-    shift = FieldRecord(field="shift", stage="kernel", verdict="explained", max_over_bound=1e6, explained_by="F-3")
+    shift = FieldRecord(field="shift", stage="kernel", verdict="explained", max_over_bound=1e6, explained_by=["F-3"])
     return [
         CaseRecord(case="refuse.gamma", verdict="refused", expects=illegal, message=f"ERROR: {illegal} command"),
         CaseRecord(case="refuse.surprise", verdict="refused", message=unknown),
@@ -133,7 +134,7 @@ def ended() -> list[CaseRecord]:
         CaseRecord(case="slow.timeout", verdict="timeout", message="no answer in 60 s"),
         CaseRecord(case="skip.plugin", verdict="skipped", message="no RHEO in this engine"),
         CaseRecord(case=name, verdict="pass", about=HOSTILE, tags=[HOSTILE], lint=[HOSTILE]),
-        CaseRecord(case="ledger.artificial", verdict="explained", explained_by="F-3", fields=[shift]),
+        CaseRecord(case="ledger.artificial", verdict="explained", explained_by=["F-3"], fields=[shift]),
     ]
 
 
@@ -165,7 +166,7 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
             )
             for step, ratio in zip((0, 10), worst[field], strict=True)
         ]
-        explained = "pairs, F-3" if largest > 1 else None
+        explained = ["pairs", "F-3"] if largest > 1 else []
         fields.append(
             FieldRecord(
                 field=field,
@@ -179,9 +180,13 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
             )
         )
     files.write_arrays(folder / "fields" / f"{name}.npz", arrays)
-    message = "f (stage pair) leaves its bound at step 0; explained by pairs, F-3"
-    more = {"natoms": count, "steps": 10, "dimension": dimension, "message": message}
-    return CaseRecord(case=name, verdict="explained", fields=fields, laws=_laws(EOSTable((WATER,))), **more)
+    values = {"lammps": 1.5, "reference": 0.5, "bound": 1e-14}
+    first = Blame(field="f", stage="pair", step=0, atom=4, outside=1, of=count, **values)
+    laws = _laws(EOSTable((WATER,)))
+    more = {"natoms": count, "steps": 10, "dimension": dimension, "blame": first, "laws": laws}
+    record = CaseRecord(case=name, verdict="explained", fields=fields, **more)
+    record.message = wording.message(record)
+    return record
 
 
 def _entry(name: str, **more: Any) -> Entry:
@@ -491,7 +496,10 @@ def test_fields_against_steps(parsed: Page, html: str) -> None:
     assert cells["f"] == [("explained", "7", "3e9"), ("explained", "6", "2e8")]
     assert '<td class="at v-exact" colspan="2">=</td>' in table  # what is compared once
     blames = re.findall(r'<p class="blame[^>]*>(.*?)</p>', article)
-    assert blames[0] == "f (stage pair) leaves its bound at step 0"
+    assert blames[0] == (
+        "f (stage pair) leaves its bound at step 0 at 1 of 60 atoms, first atom 4: "
+        "LAMMPS 1.5, reference 0.5, bound 1e-14"
+    )
     assert blames[1] == 'Explained by <a href="#finding=pairs">pairs</a>, <a href="#finding=F-3">F-3</a>'
 
 
@@ -552,7 +560,7 @@ def test_findings_of_a_run(run: RunRecord, parsed: Page, html: str) -> None:
 def test_an_outcome_that_is_not_as_predicted_is_not_seen() -> None:
     entry = _entry("crash", applies_to=("[a-d]",), outcome="crashed")
     cases = [
-        CaseRecord(case="a", verdict="explained", explained_by="crash"),
+        CaseRecord(case="a", verdict="explained", explained_by=["crash"]),
         CaseRecord(case="b", verdict="refused", expects="x"),
         CaseRecord(case="c", verdict="skipped"),
         CaseRecord(case="d", verdict="differs"),

@@ -1,0 +1,312 @@
+"""What happened in a case, in sentences: every end and every blame, from facts and from documents of schema 1."""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import eos_ref
+import lammps_cases
+from eos_ref import InputError
+from lammps_cases.records import schema1, wording
+from lammps_cases.records.run_record import (
+    Beyond,
+    Blame,
+    CaseRecord,
+    EngineRecord,
+    FieldRecord,
+    HarnessError,
+    LostAtoms,
+    Mismatch,
+    OtherSteps,
+    RunRecord,
+    read_run,
+)
+
+FORCE: dict[str, Any] = {"field": "f", "stage": "pair", "atom": 3, "outside": 2, "of": 9}
+FORCE |= {"lammps": 1.5, "reference": 0.1, "bound": 1.234567e-15}
+STEP = Blame(step=4, **FORCE)
+LAW = Blame(type=2, rho=1.25, **FORCE | {"field": "pressure", "stage": "eos", "lammps": float("nan")})
+TWIN = Blame(step=4, **FORCE | {"stage": "twin"})
+AUDIT = Blame(field="f", step=10, run=2, atom=17, outside=1, of=75, max_abs=1e-9, max_over_bound=1234.5, worst_id=18)
+NUMBERS = "2 of 9 atoms, first atom 3: LAMMPS 1.5, reference 0.1, bound 1.23e-15"
+SEGV = "LAMMPS' process was killed by SIGSEGV: cannot touch (src/RHEO/x.cpp:1)"
+WORDS = "ERROR: Illegal fix command (src/RHEO/fix.cpp:9) Last input line: fix 1 all rheo"
+
+
+def force(verdict: str, *findings: str, **more: Any) -> list[FieldRecord]:
+    return [
+        FieldRecord.model_validate(
+            {"field": "f", "stage": "pair", "verdict": verdict, "explained_by": findings, **more}
+        )
+    ]
+
+
+# facts of a record, its message
+SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
+    "agrees": ({"verdict": "pass", "fields": force("pass")}, ""),
+    "law": (
+        {"verdict": "differs", "blame": LAW, "fields": force("differs", field="pressure")},
+        "pressure (stage eos) leaves its bound at 2 of 9 atoms, first atom 3 (type 2, rho 1.25): LAMMPS nan, "
+        "reference 0.1, bound 1.23e-15",
+    ),
+    "step": (
+        {"verdict": "differs", "blame": STEP, "fields": force("differs")},
+        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}",
+    ),
+    "explained": (
+        {"verdict": "explained", "blame": STEP, "fields": force("explained", "a-b", "c")},
+        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}; explained by a-b, c",
+    ),
+    "beyond": (
+        {
+            "verdict": "differs",
+            "blame": STEP,
+            "beyond": Beyond(findings=["a", "b"], blame=STEP),
+            "fields": force("differs"),
+        },
+        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}; beyond a, b: "
+        f"f (stage pair) leaves its bound at step 4 at {NUMBERS}",
+    ),
+    "twin": (
+        {"verdict": "explained", "twin": "boost", "blame": TWIN, "fields": force("explained", "a")},
+        "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
+        "as given 1.5, as its boost twin 0.1, bound 1.23e-15; explained by a",
+    ),
+    "twin of another problem": (
+        {"verdict": "differs", "twin": "boost", "blame": TWIN, "not_same_problem": True, "fields": force("differs")},
+        "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
+        "as given 1.5, as its boost twin 0.1, bound 1.23e-15; the reference differs as well, so the two are not the "
+        "same problem",
+    ),
+    "audit": (
+        {
+            "verdict": "refused",
+            "ended": "refused",
+            "engine_error": "ERROR: no",
+            "blame": AUDIT,
+            "fields": force("differs"),
+        },
+        "f leaves its bound first at step 10 (run 2), atom 17: 1 of 75 atoms outside, |LAMMPS - reference| up to 1e-09 "
+        "= 1.23e+03 x bound (atom 18); ERROR: no",
+    ),
+    "audit of a type": (
+        {"verdict": "differs", "blame": AUDIT.model_copy(update={"type": 2}), "fields": force("differs")},
+        "f leaves its bound first at step 10 (run 2), type 2, atom 17: 1 of 75 atoms outside, |LAMMPS - reference| up "
+        "to 1e-09 = 1.23e+03 x bound (atom 18)",
+    ),
+    "lost atoms": (
+        {"verdict": "differs", "ended": "unusable", "unusable": LostAtoms(returned=7, given=9, first_id=4)},
+        "id (stage input): LAMMPS returned 7 of 9 atoms; first missing, foreign or doubled id: 4",
+    ),
+    "other steps": (
+        {"verdict": "differs", "ended": "unusable", "unusable": OtherSteps(counted=[0], asked=[0, 1])},
+        "LAMMPS counted steps (0,) where it was asked for (0, 1)",
+    ),
+    "accepted": (
+        {"verdict": "differs", "ended": "accepted", "expects": "no's"},
+        'LAMMPS accepts what the manual refuses; expected an error with "no\'s"',
+    ),
+    "accepted, explained": (
+        {"verdict": "explained", "ended": "accepted", "expects": "no", "explained_by": ["a"]},
+        "differs, as ledger entry a predicts: LAMMPS accepts what the manual refuses; expected an error with 'no'",
+    ),
+    "refused": ({"verdict": "refused", "ended": "refused", "engine_error": WORDS}, WORDS),
+    "refused as expected": (
+        {"verdict": "refused", "ended": "refused", "engine_error": WORDS, "expects": "Illegal"},
+        WORDS,
+    ),
+    "refused in other words": (
+        {"verdict": "differs", "ended": "refused", "engine_error": WORDS, "expects": "no"},
+        f"expected an error with 'no', LAMMPS said: {WORDS}",
+    ),
+    "refused in other words, explained": (
+        {"verdict": "explained", "ended": "refused", "engine_error": WORDS, "expects": "no", "explained_by": ["a"]},
+        f"differs, as ledger entry a predicts: expected an error with 'no', LAMMPS said: {WORDS}",
+    ),
+    "crashed, explained": (
+        {"verdict": "explained", "ended": "crashed", "engine_error": SEGV, "explained_by": ["a"]},
+        f"crashed, as ledger entry a predicts: {SEGV}",
+    ),
+    "timeout": (
+        {"verdict": "timeout", "ended": "timeout", "engine_error": "LAMMPS did not finish"},
+        "LAMMPS did not finish",
+    ),
+    "twin alone": (
+        {"verdict": "crashed", "ended": "crashed", "engine_error": SEGV, "twin": "newton", "only_twin": True},
+        f"LAMMPS answers, and its twin (newton) does not: {SEGV}",
+    ),
+    "fault of the harness": (
+        {"verdict": "error", "ended": "error", "harness_error": HarnessError(exception="KeyError", text="'x'")},
+        "KeyError in the harness: 'x'",
+    ),
+    "judge that died": (
+        {"verdict": "error", "ended": "error", "harness_error": HarnessError(text="killed")},
+        "judging failed: killed",
+    ),
+    "fault of a worker": ({"verdict": "error", "ended": "error", "engine_error": "TypeError: x"}, "TypeError: x"),
+}
+PROBES: dict[str, tuple[dict[str, Any], str]] = {
+    "not finite": ({"kind": "not finite", "fields": ["p", "f"]}, "p, f come out as NaN or infinite"),
+    "logged": ({"kind": "logged", "text": "WARNING"}, "the log holds 'WARNING'"),
+    "blind": ({"kind": "blind", "text": "no difference"}, "the probe is blind: its control passes (no difference)"),
+    "other atoms": ({"kind": "other atoms", "fields": ["p"], "counts": [1, 2]}, "p differs: 1 and 2 atoms"),
+    "other numbers": (
+        {"kind": "other numbers", "fields": ["p"], "counts": [1, 2], "values": [4.0, 4.5]},
+        "p differs at 1 of 2 numbers, most 4.0 and 4.5",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SENTENCES)
+def test_every_end_and_blame_has_its_sentence(name: str) -> None:
+    facts, sentence = SENTENCES[name]
+    assert wording.message(CaseRecord(case="one", **facts)) == sentence
+
+
+@pytest.mark.parametrize("name", PROBES)
+def test_every_mismatch_of_a_probe_has_its_sentence(name: str) -> None:
+    facts, sentence = PROBES[name]
+    assert wording.message(CaseRecord(case="probes.x", verdict="differs", mismatch=Mismatch(**facts))) == sentence
+
+
+def test_findings_are_left_out_where_they_stand_beside_the_blame() -> None:
+    record = CaseRecord(case="one", **SENTENCES["explained"][0])
+    assert wording.message(record, findings=False) == f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
+
+
+def test_a_record_without_facts_keeps_its_message() -> None:
+    record = CaseRecord(case="one", verdict="differs", message="of old")
+    assert wording.message(record) == wording.own_words(record) == "of old"
+
+
+def test_own_words_are_brief_and_without_the_finding() -> None:
+    of = {name: wording.own_words(CaseRecord(case="one", **facts)) for name, (facts, _) in SENTENCES.items()}
+    assert of["refused"] == "ERROR: Illegal fix command"
+    assert of["crashed, explained"] == "crashed: LAMMPS' process was killed by SIGSEGV: cannot touch"
+    assert of["refused in other words, explained"] == (
+        "differs: expected an error with 'no', LAMMPS said: ERROR: Illegal fix command"
+    )
+
+
+# --- schema 1
+
+
+NEW = {
+    "ended",
+    "engine_error",
+    "blame",
+    "beyond",
+    "unusable",
+    "mismatch",
+    "harness_error",
+    "only_twin",
+    "not_same_problem",
+}
+
+
+def _old(record: CaseRecord) -> dict[str, Any]:
+    """A case as schema 1 had it: findings as text or null, and the message the only fact of its end."""
+    case = record.model_dump(mode="json", exclude=NEW)
+    for part in (case, *case["fields"]):
+        part["explained_by"] = ", ".join(part["explained_by"]) or None
+    return case
+
+
+def _document(cases: list[CaseRecord]) -> str:
+    run = RunRecord(engine=EngineRecord(), reference={}, cases=cases)
+    return json.dumps(
+        run.model_dump(mode="json", by_alias=True) | {"schema": schema1.SCHEMA, "cases": [*map(_old, cases)]}
+    )
+
+
+def _written(tmp_path: Path, text: str) -> Path:
+    (tmp_path / "run.json").write_text(text)
+    return tmp_path
+
+
+def test_facts_of_schema_1_are_those_of_its_sentences(tmp_path: Path) -> None:
+    """What schema 1 rounded away (the bound beyond three digits) is all that is lost."""
+    cases = [CaseRecord(case=name, **facts, message=sentence) for name, (facts, sentence) in SENTENCES.items()]
+    run = read_run(_written(tmp_path, _document(cases)))
+    assert run.schema_ == "eos-ref/run/2"
+    for old, new in zip(cases, run.cases, strict=True):
+        assert wording.message(new) == new.message == old.message
+        assert (new.ended, new.explained_by, new.fields) == (old.ended, old.explained_by, old.fields), old.case
+        for name in ("engine_error", "unusable", "harness_error", "only_twin", "not_same_problem"):
+            assert getattr(new, name) == getattr(old, name), (old.case, name)
+        for one, other in ((old.blame, new.blame), (old.beyond, new.beyond)):
+            assert (one is None) == (other is None), old.case
+
+
+def test_a_document_of_schema_1_written_by_hand(tmp_path: Path) -> None:
+    field = {
+        "field": "f",
+        "stage": "pair",
+        "verdict": "explained",
+        "max_over_bound": "Infinity",
+        "explained_by": "a, b",
+    }
+    case = {"case": "one", "verdict": "explained", "message": "of old", "explained_by": None, "fields": [field]}
+    ran = {"schema": "eos-ref/run/1", "engine": {"name": "env"}, "reference": {}, "cases": [case]}
+    (read,) = read_run(_written(tmp_path, json.dumps(ran))).cases
+    assert (read.ended, read.message, read.explained_by, read.blame) == ("answered", "of old", [], None)
+    assert read.fields[0].explained_by == ["a", "b"] and read.fields[0].max_over_bound == float("inf")
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"schema": "eos-ref/run/3", "engine": {}, "reference": {}}'])
+def test_what_is_of_neither_schema_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError):
+        read_run(_written(tmp_path, text))
+
+
+# --- nobody reads a sentence
+
+
+PARSING = {"split", "rsplit", "partition", "rpartition", "startswith", "endswith", "removeprefix", "removesuffix"}
+SENTENCE = {"message", "explained_by"}
+
+
+def _named(node: ast.expr) -> str:
+    return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+
+
+def parsed(source: str) -> Iterator[int]:
+    """Lines that take a message, or findings, to pieces, or look for words in a message."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            of = node.func.value
+            texts = of.values if isinstance(of, ast.BoolOp) else [of]
+            if node.func.attr in PARSING and any(_named(text) in SENTENCE for text in texts):
+                yield node.lineno
+            if _named(of) == "re" and any(_named(argument) in SENTENCE for argument in node.args):
+                yield node.lineno
+        searched = isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn)
+        if searched and any(_named(side) == "message" for side in node.comparators):
+            yield node.lineno
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'record.message.partition(",")',
+        '(field.explained_by or "").split(", ")',
+        're.search("stage", record.message)',
+        '"ERROR" in message',
+        "case.message.removesuffix(end)",
+    ],
+)
+def test_parsing_is_seen(line: str) -> None:
+    assert list(parsed(line)) == [1]
+
+
+def test_no_message_is_parsed_outside_the_reader_of_schema_1() -> None:
+    folders = [Path(package.__path__[0]) for package in (eos_ref, lammps_cases)]
+    sources = [path for folder in folders for path in folder.rglob("*.py") if path.name != "schema1.py"]
+    assert len(sources) > 200
+    assert [(str(path), line) for path in sources for line in parsed(path.read_text(encoding="utf-8"))] == []

@@ -1,0 +1,78 @@
+"""Directed pairs within a cutoff against counting all images, and empty stretches of open axes."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.pairs import compacted, directed_pairs
+from eos_ref.model.parameters import Box
+
+
+def all_pairs(x_nc: Any, box: Box, cut: float) -> set[tuple[Any, ...]]:
+    """Every i, j and image of j with r < cut, by trying all images of some periods around."""
+    found = set()
+    turns = [range(-3, 4) if periodic else (0,) for periodic in box.periodic]
+    for (i, a_c), (j, b_c) in itertools.product(enumerate(x_nc), repeat=2):
+        for turn in itertools.product(*turns):
+            shift_c = np.array(turn) * np.array(box.edge_c)
+            r = np.sqrt(((a_c - (b_c + shift_c)) ** 2).sum())
+            if r < cut and (i != j or any(turn)):
+                found.add((i, j, *shift_c.tolist()))
+    return found
+
+
+def as_set(pairs: tuple[Any, Any, Any]) -> set[tuple[Any, ...]]:
+    i, j, shift_pc = pairs
+    return {(int(a), int(b), *(s + 0.0).tolist()) for a, b, s in zip(i, j, shift_pc, strict=True)}
+
+
+@pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, False)])
+@pytest.mark.parametrize("cut", [0.5, 1.5, 2.5])
+def test_pairs_and_images_are_those_of_counting(periodic: tuple[bool, bool], cut: float) -> None:
+    """The box is shorter than two cutoffs for the largest: particles meet their own images."""
+    box = Box((-1.0, 0.0), (1.0, 3.0), periodic)
+    x_nc = np.random.default_rng(4).uniform([-1.0, 0.0], [1.0, 3.0], (12, 2))
+    found = directed_pairs(x_nc, box, cut)
+    assert as_set(found) == all_pairs(x_nc, box, cut)
+    assert len(found[0]) == len(as_set(found))
+    assert any(i == j for i, j in zip(*found[:2], strict=True)) == (periodic[0] and cut > 2)
+
+
+def test_three_axes_and_particles_outside_the_box() -> None:
+    box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False))
+    x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3))
+    found = as_set(directed_pairs(x_nc, box, 1.25))
+    assert found
+    assert found == all_pairs(x_nc, box, 1.25)
+
+
+def test_pairs_are_sorted_and_stand_twice() -> None:
+    box = Box((0.0, 0.0), (4.0, 4.0), (True, True))
+    i, j, shift_pc = directed_pairs(np.random.default_rng(6).uniform(0, 4, (20, 2)), box, 1.0)
+    keys = [(a, b, *s) for a, b, s in zip(i.tolist(), j.tolist(), shift_pc.tolist(), strict=True)]
+    assert keys == sorted(keys)
+    assert {(b, a, *(-s + 0.0 for s in shift)) for a, b, *shift in keys} == {
+        (a, b, *(s + 0.0 for s in shift)) for a, b, *shift in keys
+    }
+
+
+def test_a_pair_at_the_cutoff_does_not_count() -> None:
+    box = Box((0.0, 0.0), (8.0, 8.0), (False, False))
+    x_nc = np.array([[1.0, 1.0], [2.0, 1.0]])
+    assert not as_set(directed_pairs(x_nc, box, 1.0))
+    assert len(as_set(directed_pairs(x_nc, box, np.nextafter(1.0, 2.0)))) == 2
+
+
+def test_a_particle_far_away_is_nobodys_neighbour() -> None:
+    box = Box((0.0, 0.0), (1e12, 1.0), (False, True))
+    x_nc = np.array([[0.0, 0.1], [0.5, 0.1], [1e12, 0.1]])
+    assert {pair[:2] for pair in as_set(directed_pairs(x_nc, box, 0.75)) if pair[0] != pair[1]} == {(0, 1), (1, 0)}
+
+
+def test_empty_stretches_are_shortened_to_two_reaches() -> None:
+    x_n = np.array([100.0, 0.0, 1.0, 103.5, 3.0])
+    np.testing.assert_array_equal(compacted(x_n, 1.0), [5.0, 0.0, 1.0, 7.0, 3.0])

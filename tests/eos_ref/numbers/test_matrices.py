@@ -1,0 +1,69 @@
+"""Cholesky factors and solutions of many small matrices at once, for several number types."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.numbers.matrices import cholesky, solve_unit
+from eos_ref.numbers.rounded import Decision, Rounded, error, value
+
+SIZES = (1, 2, 3, 6, 10)
+
+
+def definite(n: int, size: int) -> Any:
+    """Positive definite matrices A A^T + 1, (n, size, size)."""
+    a_nij = np.random.default_rng(size).normal(size=(n, size, size))
+    return a_nij @ a_nij.transpose(0, 2, 1) + np.eye(size)
+
+
+def rows(m_nij: Any) -> list[list[Any]]:
+    """Rows of the lower triangles, one array per entry."""
+    size = m_nij.shape[-1]
+    return [[m_nij[:, a, b] for b in range(a + 1)] for a in range(size)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_factors_multiply_to_the_matrix(size: int) -> None:
+    m_nij = definite(5, size)
+    factor, definite_n = cholesky(rows(m_nij))
+    l_nij = np.array([[np.broadcast_to(entry, 5) for entry in row] for row in factor]).transpose(2, 0, 1)
+    assert definite_n.all()
+    assert not np.triu(l_nij, 1).any()
+    np.testing.assert_allclose(l_nij @ l_nij.transpose(0, 2, 1), m_nij, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_solutions_are_columns_of_the_inverse(size: int) -> None:
+    m_nij = definite(5, size)
+    factor, _ = cholesky(rows(m_nij))
+    for row in range(size):
+        found_ni = np.stack(solve_unit(factor, row), axis=-1)
+        np.testing.assert_allclose(found_ni, np.linalg.inv(m_nij)[:, :, row], rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("last", [0.0, -1.0])
+def test_matrices_without_a_factor_are_named_and_harm_no_other(last: float) -> None:
+    m_nij = np.stack([np.diag([2.0, 4.0]), np.diag([2.0, last]), np.diag([9.0, 1.0])])
+    factor, definite_n = cholesky(rows(m_nij))
+    assert definite_n.tolist() == [True, False, True]
+    np.testing.assert_allclose(factor[1][1][[0, 2]], [2.0, 1.0])
+    assert np.isfinite(solve_unit(factor, 1)[1]).all()
+
+
+def test_the_rounding_bound_covers_the_error_of_a_badly_conditioned_matrix() -> None:
+    m_nij = np.array([[[1.0, 1.0], [1.0, 1.0 + 2.0**-20]]])
+    exact = 2.0**20  # entry 1, 1 of the inverse: 1/determinant
+    m = [[Rounded(entry, np.zeros(1)) for entry in row] for row in rows(m_nij)]
+    factor, definite_n = cholesky(m)
+    assert isinstance(definite_n, Decision)
+    x = solve_unit(factor, 1)[1]
+    assert abs(value(x)[0] - exact) <= error(x)[0] <= 1e-7 * exact
+
+
+def test_whether_a_matrix_is_definite_is_open_where_rounding_decides() -> None:
+    one, almost = Rounded(np.ones(2), np.zeros(2)), Rounded(np.array([1.0, 2.0]), np.full(2, 1e-15))
+    _, definite_n = cholesky([[one], [one, almost]])
+    assert definite_n.open.tolist() == [True, False]

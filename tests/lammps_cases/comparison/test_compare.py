@@ -1,0 +1,187 @@
+"""The verdict on one field: bounds, numbers that are none, signed zeros, vectors, digits lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from eos_ref import EOS, EOSTable
+from eos_ref.eos.bounds import EPS
+from lammps_cases.comparison.compare import (
+    Comparison,
+    State,
+    compare_field,
+    compare_pressure,
+    digits_lost,
+    evaluate,
+    excess,
+    same_bits,
+    worst_component,
+)
+from lammps_cases.records.run_record import Verdict, digest
+
+Array = npt.NDArray[np.float64]
+NAN, INF = float("nan"), float("inf")
+TABLE = EOSTable([EOS("linear", rho0=1.0, cs=2.0), EOS("tait/general", rho0=1.2, cs=3.1, parameter=2.3)])
+
+
+def array(*values: float) -> Array:
+    return np.array(values, float)
+
+
+def compared(lammps_n: Array, reference_n: Array, bound_n: Array, same_order_n: Array | None = None) -> Comparison:
+    return compare_field("f", "pair", np.arange(11, 11 + len(lammps_n)), lammps_n, reference_n, bound_n, same_order_n)
+
+
+# --- one field
+
+
+@pytest.mark.parametrize(
+    ("lammps", "reference", "bound", "verdict", "ratio"),
+    [
+        (1.0, 1.0, 0.0, "exact", 0.0),
+        (1.0, 1.0, 1.0, "exact", 0.0),
+        (1.5, 1.0, 1.0, "pass", 0.5),
+        (2.0, 1.0, 1.0, "pass", 1.0),  # the bound itself is inside
+        (2.25, 1.0, 1.0, "differs", 1.25),
+        (1.5, 1.0, 0.0, "differs", INF),
+        (0.0, -0.0, 0.0, "pass", 0.0),  # equal, but not the same bits
+        (NAN, 1.0, 1.0, "differs", INF),
+        (1.0, NAN, 1.0, "differs", INF),
+        (NAN, NAN, 1.0, "differs", INF),
+        (INF, INF, 1.0, "differs", INF),
+        (-INF, 1.0, INF, "differs", INF),
+        (1.5, 1.0, INF, "differs", INF),  # no bound proves nothing
+        (1.5, 1.0, NAN, "differs", INF),
+        (1.0, 1.0, NAN, "differs", INF),
+    ],
+)
+def test_a_value_is_judged_by_its_bound(
+    lammps: float, reference: float, bound: float, verdict: Verdict, ratio: float
+) -> None:
+    record = compared(array(lammps), array(reference), array(bound)).record
+    assert (record.verdict, record.max_over_bound) == (verdict, ratio)
+    assert record.outside == (verdict == "differs")
+
+
+def test_a_field_without_values_differs() -> None:
+    record = compared(array(), array(), array()).record
+    assert record.verdict == "differs"
+    assert (record.max_abs, record.max_over_bound, record.outside) == (0.0, 0.0, 0)
+    assert record.bound is record.worst_id is record.first_id is None
+
+
+def test_the_record_names_the_worst_atom_and_the_first_outside() -> None:
+    lammps_n, bound_n = array(0.0, 3.0, 0.5, 8.0), array(1.0, 2.0, 1.0, 4.0)
+    comparison = compared(lammps_n, np.zeros(4), bound_n)
+    record = comparison.record
+    assert (record.worst_id, record.first_id, record.outside) == (14, 12, 2)
+    assert (record.max_abs, record.max_over_bound, record.bound) == (8.0, 2.0, 4.0)
+    assert record.digest == digest(lammps_n)
+    assert comparison.lammps_n is lammps_n
+
+
+def test_the_first_atom_outside_has_the_lowest_id() -> None:
+    record = compare_field("f", "pair", np.array([7, 3, 5]), array(9.0, 9.0, 0.0), np.zeros(3), np.ones(3)).record
+    assert (record.first_id, record.worst_id) == (3, 7)
+
+
+def test_one_component_outside_puts_the_particle_outside() -> None:
+    lammps_nc = np.array([[0.1, 0.0, 0.0], [0.0, 0.0, 0.3]])
+    bound_nc = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.2]])
+    record = compared(lammps_nc, np.zeros((2, 3)), bound_nc).record
+    assert (record.verdict, record.outside, record.worst_id, record.bound) == ("differs", 1, 12, 0.2)
+    assert record.max_over_bound == pytest.approx(1.5)
+
+
+def test_a_vector_inside_in_all_components_passes() -> None:
+    lammps_nc, bound_nc = np.array([[0.1, -0.2], [0.0, 0.3]]), np.full((2, 2), 0.3)
+    assert compared(lammps_nc, np.zeros((2, 2)), bound_nc).record.verdict == "pass"
+
+
+def test_lammps_order_of_operations_makes_a_field_exact_inside_the_bound_only() -> None:
+    lammps_n, reference_n = array(1.0, 2.0 + 4 * EPS), array(1.0, 2.0)
+    assert compared(lammps_n, reference_n, np.full(2, 1e-12), lammps_n.copy()).record.verdict == "exact"
+    assert compared(lammps_n, reference_n, np.full(2, 1e-12), reference_n.copy()).record.verdict == "pass"
+    assert compared(lammps_n, reference_n, np.full(2, 1e-18), lammps_n.copy()).record.verdict == "differs"
+
+
+# --- its parts
+
+
+def test_bits_are_the_same_with_their_signs_and_nan_never() -> None:
+    assert same_bits(array(1.0, -0.0), array(1.0, -0.0))
+    assert not same_bits(array(0.0), array(-0.0))
+    assert not same_bits(array(1.0), array(np.nextafter(1.0, 2.0)))
+    assert not same_bits(array(NAN), array(NAN))
+
+
+def test_excess_is_infinite_where_a_side_is_no_number() -> None:
+    difference, ratio = excess(array(3.0, NAN, INF, 2.0, 2.0), array(1.0, 1.0, INF, 2.0, 1.0), array(4.0, 1, 1, 0, 0))
+    np.testing.assert_array_equal(difference, [2.0, INF, INF, 0.0, 1.0])
+    np.testing.assert_array_equal(ratio, [0.5, INF, INF, 0.0, INF])
+
+
+def test_the_component_of_the_largest_ratio_stands_for_a_particle() -> None:
+    values_nc, ratio_nc = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[0.9, 0.1], [0.1, 0.9]])
+    np.testing.assert_array_equal(worst_component(values_nc, ratio_nc), [1.0, 4.0])
+    values_ncc, ratio_ncc = np.arange(8.0).reshape(2, 2, 2), np.zeros((2, 2, 2))
+    ratio_ncc[0, 1, 0] = ratio_ncc[1, 0, 1] = 1.0
+    np.testing.assert_array_equal(worst_component(values_ncc, ratio_ncc), [2.0, 5.0])
+    np.testing.assert_array_equal(worst_component(array(1.0, 2.0), array(5.0, 6.0)), [1.0, 2.0])
+
+
+# --- pressure
+
+
+def state(n: int = 8) -> State:
+    types_n = np.arange(n) % 2 + 1
+    return State(np.arange(1, n + 1), types_n, np.linspace(0.9, 1.4, n), np.ones(n))
+
+
+def test_every_particle_is_evaluated_by_the_law_of_its_type() -> None:
+    scene = state()
+    linear = scene.type_n == 1
+    p_n = evaluate(TABLE, scene)
+    np.testing.assert_allclose(p_n[linear], 4.0 * (scene.rho_n[linear] - 1.0), rtol=1e-14)
+    tait = 3.1**2 * 1.2 / 2.3 * ((scene.rho_n[~linear] / 1.2) ** 2.3 - 1)
+    np.testing.assert_allclose(p_n[~linear], tait, rtol=1e-12)
+
+
+def test_energy_is_counted_per_unit_mass() -> None:
+    scene = State(np.array([1]), np.array([1]), array(2.0), array(4.0), array(6.0))
+    assert scene.e_n is not None
+    np.testing.assert_array_equal(scene.e_n, [1.5])
+    assert evaluate(EOSTable([EOS("ideal/gas", parameter=1.4)]), scene) == pytest.approx(0.4 * 2.0 * 1.5)
+
+
+def test_pressure_of_the_reference_is_exact_and_a_wrong_law_differs() -> None:
+    scene = state()
+    right = compare_pressure(TABLE, scene, evaluate(TABLE, scene)).record
+    assert (right.verdict, right.stage) == ("exact", "eos")
+    swapped = evaluate(EOSTable([TABLE[2], TABLE[1]]), scene)
+    wrong = compare_pressure(TABLE, scene, swapped).record
+    assert (wrong.verdict, wrong.outside) == ("differs", len(scene.id_n))
+
+
+def test_digits_lost_count_the_decimal_places_of_each_side() -> None:
+    scene = state()
+    p_n = evaluate(TABLE, scene)
+    lost = digits_lost(TABLE, scene, p_n * (1 + 1e-9), p_n)
+    assert lost.lammps == pytest.approx(np.log10(1e-9 / EPS), abs=0.05)
+    assert lost.reference is not None
+    assert lost.reference < 2
+
+
+def test_no_digits_are_lost_where_nothing_is_evaluated() -> None:
+    empty = State(*(np.zeros(0, int) for _ in range(2)), *(np.zeros(0) for _ in range(2)))
+    assert digits_lost(TABLE, empty, np.zeros(0), np.zeros(0)).lammps is None
+
+
+def test_the_worst_atom_among_many_is_certified() -> None:
+    scene = state(1001)
+    p_n = evaluate(TABLE, scene)
+    damaged_n = p_n.copy()
+    damaged_n[377] *= 1 + 1e-6
+    assert digits_lost(TABLE, scene, damaged_n, p_n).lammps == pytest.approx(np.log10(1e-6 / EPS), abs=0.05)

@@ -1,0 +1,139 @@
+"""What documents and docstrings name exists: modules, names, files, sections, make targets."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("eos_ref", "lammps_cases")
+DOCUMENTS = ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md")
+SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+FOREIGN = ("np", "numpy", "math", "pow", "llvmlite", "numba", "scipy", "pytest", "pandas")
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def defined(path: Path) -> frozenset[str]:
+    """Return what a module defines, and what its classes do, as NAME and CLASS.NAME."""
+    names: set[str] = set()
+
+    def collect(body: list[ast.stmt], prefix: str) -> None:
+        for node in body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                names.add(f"{prefix}{node.name}")
+            if isinstance(node, ast.ClassDef):
+                collect(node.body, f"{prefix}{node.name}.")
+            elif isinstance(node, ast.Assign | ast.AnnAssign):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                names.update(f"{prefix}{t.id}" for target in targets for t in ast.walk(target) if isinstance(t, ast.Name))
+            elif isinstance(node, ast.ImportFrom):
+                names.update(f"{prefix}{alias.asname or alias.name}" for alias in node.names)
+            elif isinstance(node, ast.If | ast.Try):
+                collect(node.body, prefix)
+
+    collect(tree(path).body, "")
+    return frozenset(names)
+
+
+def exists(dotted: str) -> bool:
+    """Return whether a dotted name is a package, a module, or something that a module defines."""
+    parts = dotted.split(".")
+    for size in range(len(parts), 0, -1):
+        path = ROOT.joinpath(*parts[:size])
+        module = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        if module.is_file():
+            rest = ".".join(parts[size:])
+            return not rest or rest in defined(module)
+    return False
+
+
+@cache
+def words() -> frozenset[str]:
+    """Return every identifier, argument and short text of the packages' code."""
+    names: set[str] = set()
+    for path in SOURCES:
+        names.add(path.stem)
+        for node in ast.walk(tree(path)):
+            for name in ("id", "attr", "arg", "name", "asname", "module"):
+                names.update(str(getattr(node, name, "") or "").split("."))
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(node.value) < 60:
+                names.update(re.split(r"[\s,]+", node.value))
+    return frozenset(names)
+
+
+def docstrings() -> list[tuple[str, str]]:
+    """Return every docstring of the packages with its place."""
+    places = []
+    for path in SOURCES:
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+                places.append((f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}", text))
+    return places
+
+
+def test_names_in_docstrings_exist() -> None:
+    """`NAME` in a docstring is a name of the packages; a dotted one of ours can be followed."""
+    missing = []
+    for place, text in docstrings():
+        for name in re.findall(r"(?<!`)(?<!:)(?<!\w)`([A-Za-z_][\w.]*)`(?!`)", text):
+            ours = name.split(".")[0] in PACKAGES
+            if ours and not exists(name):
+                missing.append(f"{place} `{name}`")
+            elif not ours and name.split(".")[0] not in FOREIGN and not set(name.split(".")) <= words():
+                missing.append(f"{place} `{name}`")
+    assert missing == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_names_in_documents_exist(document: str) -> None:
+    """Files and modules that a document names in backticks or as links are there."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+    missing = [name for name in re.findall(r"`((?:eos_ref|lammps_cases)(?:\.\w+)+)`", prose) if not exists(name)]
+    files = re.findall(r"`((?:eos_ref|lammps_cases|tests|reports)/[\w./-]+)`", prose)
+    links = [link for link in re.findall(r"\]\(([^)#:]+)\)", prose) if "://" not in link]
+    missing += [name for name in files if not (ROOT / name).exists()]
+    missing += [link for link in links if not ((ROOT / document).parent / link).exists() and not (ROOT / link).exists()]
+    assert missing == []
+
+
+def test_the_tree_of_the_architecture_is_the_tree() -> None:
+    """Every room of either package stands in ARCHITECTURE.md, and no other."""
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    for package in PACKAGES:
+        block = re.search(rf"^{package}/.*?(?=^\S|\Z)", text, flags=re.MULTILINE | re.DOTALL)
+        assert block is not None
+        named = set(re.findall(r"^  (\w+)/", block[0], flags=re.MULTILINE))
+        rooms = {path.name for path in (ROOT / package).iterdir() if path.is_dir() and path.name != "__pycache__"}
+        assert named == rooms, package
+
+
+def test_cited_sections_exist() -> None:
+    """A section of NUMERICS.md that code or a document cites is one of its headings."""
+    numerics = (ROOT / "eos_ref" / "NUMERICS.md").read_text(encoding="utf-8")
+    sections = set(re.findall(r"^#+ (\d+)\.", numerics, flags=re.MULTILINE))
+    cited = []
+    for path in [*SOURCES, *(ROOT / name for name in DOCUMENTS)]:
+        text = path.read_text(encoding="utf-8")
+        assert "specification, " not in text, path
+        cited += re.findall(r"NUMERICS(?:\.md)?, sections? (\d+)", text)
+    assert cited
+    assert set(cited) <= sections
+
+
+def test_make_targets_in_documents_exist() -> None:
+    """`make TARGET` in a document is a target of the Makefile."""
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
+    for document in DOCUMENTS:
+        text = (ROOT / document).read_text(encoding="utf-8")
+        assert set(re.findall(r"(?:`|^)make ([a-z]+)", text, flags=re.MULTILINE)) <= targets, document

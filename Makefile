@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup validate quick test check bench claims versions power clean
+.PHONY: help setup validate quick fast test check bench claims versions power clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -26,6 +26,9 @@ quick: $(READY) ## the cases that take a few seconds, against the accepted basel
 
 test: $(READY) ## set up and run the tests
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+
+fast: $(READY) ## the tests that need neither LAMMPS nor patience
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 -m "not lammps and not slow"
 
 check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/ruff check .

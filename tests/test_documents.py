@@ -35,7 +35,9 @@ def defined(path: Path) -> frozenset[str]:
                 collect(node.body, f"{prefix}{node.name}.")
             elif isinstance(node, ast.Assign | ast.AnnAssign):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                names.update(f"{prefix}{t.id}" for target in targets for t in ast.walk(target) if isinstance(t, ast.Name))
+                names.update(
+                    f"{prefix}{t.id}" for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)
+                )
             elif isinstance(node, ast.ImportFrom):
                 names.update(f"{prefix}{alias.asname or alias.name}" for alias in node.names)
             elif isinstance(node, ast.If | ast.Try):
@@ -74,12 +76,12 @@ def words() -> frozenset[str]:
 
 def docstrings() -> list[tuple[str, str]]:
     """Return every docstring of the packages with its place."""
-    places = []
-    for path in SOURCES:
-        for node in ast.walk(tree(path)):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
-                places.append((f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}", text))
-    return places
+    nodes = ((path, node) for path in SOURCES for node in ast.walk(tree(path)))
+    return [
+        (f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}", text)
+        for path, node in nodes
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node))
+    ]
 
 
 def test_names_in_docstrings_exist() -> None:
@@ -87,10 +89,9 @@ def test_names_in_docstrings_exist() -> None:
     missing = []
     for place, text in docstrings():
         for name in re.findall(r"(?<!`)(?<!:)(?<!\w)`([A-Za-z_][\w.]*)`(?!`)", text):
-            ours = name.split(".")[0] in PACKAGES
-            if ours and not exists(name):
-                missing.append(f"{place} `{name}`")
-            elif not ours and name.split(".")[0] not in FOREIGN and not set(name.split(".")) <= words():
+            parts = name.split(".")
+            there = exists(name) if parts[0] in PACKAGES else parts[0] in FOREIGN or set(parts) <= words()
+            if not there:
                 missing.append(f"{place} `{name}`")
     assert missing == []
 

@@ -242,8 +242,8 @@ def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
     """A scene at another size: every parameter that is not one of density and velocity, times its own factor.
 
     So pressures, energies per mass, temperatures, specific heats and the parameters of all equations of state stay as
-    they are. The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D only,
-    and the normal of a surface a constant that does not scale (1e-10; NUMERICS.md, section 4).
+    they are. The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D
+    only, and the normal of a surface a constant that does not scale (1e-10; NUMERICS.md, section 4).
     """
     positions = scene.positions
     if isinstance(positions, Lattice):

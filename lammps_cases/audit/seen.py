@@ -22,8 +22,8 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.fields import corrected_by_hidden_densities, needs
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings import Entry
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
 
 Array = npt.NDArray[Any]
@@ -146,13 +146,13 @@ class Seen(Simulation):
 
 # The fields outside their bounds for stages of an evaluation; values without a bound are left out if so told.
 Outside = Callable[[type[Plain], bool], frozenset[str]]
-Explained = dict[str, list[Entry]]  # by field
+Explained = dict[str, list[Finding]]  # by field
 
 
 def explain(
     view: View,
     snapshot: Mapping[str, Any],
-    listed: Sequence[Entry],
+    listed: Sequence[Finding],
     before: frozenset[str],
     outside: Outside,
     last: Explained | None = None,
@@ -168,9 +168,9 @@ def explain(
     before : the fields outside their bounds by the reference
     last : the answer of an earlier look, tried first
     """
-    scene = Particles(view.model, view.box, view.state, 0.0, tuple(snapshot), (0,))
+    scene = Problem(view.model, view.box, view.state, 0.0, tuple(snapshot), (0,))
 
-    def after(entries: Sequence[Entry]) -> frozenset[str]:
+    def after(entries: Sequence[Finding]) -> frozenset[str]:
         variants = [entry.model_variant for entry in entries if entry.model_variant]
         made = combined(variants, scene, dict(snapshot))
         return outside(made[0], any(v.undefined for v in variants)) if made else frozenset(snapshot)

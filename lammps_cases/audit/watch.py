@@ -23,7 +23,7 @@ from lammps_cases.audit import fields, look
 from lammps_cases.audit.deck import HARMLESS, Deck
 from lammps_cases.audit.options import Facts, Look, Row
 from lammps_cases.audit.warn import SOLID, Questions
-from lammps_cases.comparison.compare import Comparison, State, compare_pressure
+from lammps_cases.comparison.compare import Comparison, EosState, compare_pressure
 from lammps_cases.records.run_record import FieldRecord, LawRecord
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.particle_model import derived
@@ -318,6 +318,6 @@ def by_type(table: EOSTable, now: dict[str, Array], digits: bool) -> dict[int, t
         law = EOSTable((table[t],))  # alone, as the comparison takes its time for every law of a table
         energy_n = now["energy"][of_type] if law.needs_energy else None
         rho_n = now["rho"][of_type]
-        state = State(now["id"][of_type], np.ones(rho_n.size, np.int32), rho_n, now["mass"][of_type], energy_n)
+        state = EosState(now["id"][of_type], np.ones(rho_n.size, np.int32), rho_n, now["mass"][of_type], energy_n)
         found[t] = of_type, compare_pressure(law, state, now["p"][of_type], digits=digits)
     return found

@@ -18,7 +18,7 @@ CERTIFIED = 24  # atoms per field whose error is certified with Arb: the worst b
 
 
 @dataclass(frozen=True)
-class State:
+class EosState:
     """Per-atom state on which the equation of state acts, sorted by id, as LAMMPS holds it.
 
     ``energy_n`` is the energy of the whole particle (LAMMPS' esph), ``mass_n`` its mass; e = energy/mass.
@@ -36,7 +36,7 @@ class State:
         return None if self.energy_n is None else self.energy_n / self.mass_n
 
 
-def evaluate(table: EOSTable, state: State, number: type[np.floating[Any]] = np.float64) -> npt.NDArray[Any]:
+def evaluate(table: EOSTable, state: EosState, number: type[np.floating[Any]] = np.float64) -> npt.NDArray[Any]:
     """Evaluate the reference's law of every particle, shape (n,), in a floating type.
 
     By the law's own formula in numpy (`eos_ref.EOS.evaluate`): loading the compiled loops takes longer than
@@ -139,7 +139,7 @@ def compare_field(
 
 def compare_pressure(
     table: EOSTable,
-    state: State,
+    state: EosState,
     pressure_n: FloatArray,
     field: str = "pressure",
     digits: bool = True,
@@ -159,7 +159,7 @@ def compare_pressure(
 
 
 def digits_lost(
-    table: EOSTable, state: State, lammps_n: FloatArray, reference_n: FloatArray, certified: int = CERTIFIED
+    table: EOSTable, state: EosState, lammps_n: FloatArray, reference_n: FloatArray, certified: int = CERTIFIED
 ) -> DigitsLost:
     """Decimal digits that each side loses against the rigorous value, worst atom.
 

@@ -18,7 +18,7 @@ from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Fields, Particles, Prediction, precise_setup, predict, visit, wanted
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, precise_setup, predict, visit, wanted
 
 Made = tuple[type[Plain], type[Simulation]]  # the stages and the stepping of a variant
 Arrays = dict[str, npt.NDArray[Any]]
@@ -38,53 +38,53 @@ class Predictor:
     computed: int = 0
     stored: int = 0
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
-    _named: list[tuple[Particles, str]] = field(default_factory=list, repr=False)
+    _named: list[tuple[Problem, str]] = field(default_factory=list, repr=False)
 
-    def predict(self, scene: Particles, made: Made | None = None, seed: int = 0) -> Prediction:
+    def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
         """Fields with bounds, of the reference or of a variant; see `lammps_cases.comparison.trajectory.predict`."""
 
         def compute() -> Arrays:
             stages, stepping = made or (None, Simulation)
-            found = predict(scene, stages, stepping, seed)
+            found = predict(problem, stages, stepping, seed)
             return _rows("value", found.fields) | _rows("bound", found.bounds)
 
-        arrays = self._recall(("prediction", self._name(scene), made, seed), compute)
-        return Prediction(*(tuple(_columns(of, scene, arrays)) for of in ("value", "bound")))
+        arrays = self._recall(("prediction", self._name(problem), made, seed), compute)
+        return Prediction(*(tuple(_columns(of, problem, arrays)) for of in ("value", "bound")))
 
-    def values(self, scene: Particles, made: Made) -> list[Fields]:
+    def values(self, problem: Problem, made: Made) -> list[Fields]:
         """Fields of a variant without their bounds."""
 
         def compute() -> Arrays:
             stages, stepping = made
-            sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
-            visited = visit(sim, scene.steps, scene.timestep)
-            return _rows("value", [{f: np.array(sim.output(f)) for f in scene.fields} for _ in visited])
+            sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+            visited = visit(sim, problem.steps, problem.timestep)
+            return _rows("value", [{f: np.array(sim.output(f)) for f in problem.fields} for _ in visited])
 
-        return _columns("value", scene, self._recall(("values", self._name(scene), made), compute))
+        return _columns("value", problem, self._recall(("values", self._name(problem), made), compute))
 
-    def precise(self, scene: Particles) -> Fields:
+    def precise(self, problem: Problem) -> Fields:
         """Fields of the first evaluation in extended precision."""
 
         def compute() -> Arrays:
-            return {f: np.asarray(x) for f, x in precise_setup(scene).items()}
+            return {f: np.asarray(x) for f, x in precise_setup(problem).items()}
 
-        return self._recall(("precise", self._name(scene)), compute)
+        return self._recall(("precise", self._name(problem)), compute)
 
-    def names(self, what: str, scene: Particles, compute: Callable[[], list[str]], seed: int) -> list[str]:
+    def names(self, what: str, problem: Problem, compute: Callable[[], list[str]], seed: int) -> list[str]:
         """Return names that follow from a scene and a seed, such as those of formulas it cannot tell apart."""
 
         def made() -> Arrays:
             return {"names": np.array(compute(), dtype=str)}
 
-        names: list[str] = self._recall((what, self._name(scene), seed), made)["names"].tolist()
+        names: list[str] = self._recall((what, self._name(problem), seed), made)["names"].tolist()
         return names
 
-    def _name(self, scene: Particles) -> str:
+    def _name(self, problem: Problem) -> str:
         """The fingerprint of a scene, taken once."""
         for known, name in self._named:
-            if known is scene:
+            if known is problem:
                 return name
-        self._named.append((scene, fingerprint(scene)))
+        self._named.append((problem, fingerprint(problem)))
         return self._named[-1][1]
 
     def _recall(self, what: tuple[object, ...], compute: Callable[[], Arrays]) -> Arrays:
@@ -111,5 +111,5 @@ def _rows(name: str, steps: Any) -> Arrays:
     return {f"{name} {k} {f}": np.asarray(array) for k, found in enumerate(steps) for f, array in found.items()}
 
 
-def _columns(name: str, scene: Particles, arrays: Arrays) -> list[Fields]:
-    return [{f: arrays[f"{name} {k} {f}"] for f in scene.fields} for k in range(len(scene.steps))]
+def _columns(name: str, problem: Problem, arrays: Arrays) -> list[Fields]:
+    return [{f: arrays[f"{name} {k} {f}"] for f in problem.fields} for k in range(len(problem.steps))]

@@ -31,7 +31,7 @@ COMPILED_ABOVE = int(0.456 / 7.92e-6)
 
 
 @dataclass(frozen=True)
-class Particles:
+class Problem:
     """A scene as the reference takes it: what it is, the fields compared and the steps at which they are."""
 
     model: Model
@@ -50,9 +50,9 @@ class Prediction:
     bounds: tuple[Fields, ...]
 
 
-def wanted(scene: Particles) -> tuple[str, ...]:
+def wanted(problem: Problem) -> tuple[str, ...]:
     """The fields compared, and what steps need if there are any."""
-    return tuple(dict.fromkeys((*scene.fields, *(needed_to_step(scene.model) if scene.steps[-1] else ()))))
+    return tuple(dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.steps[-1] else ()))))
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
@@ -66,7 +66,7 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
 
 
 def predict(
-    scene: Particles,
+    problem: Problem,
     evaluator: type[Plain] | None = None,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
@@ -81,30 +81,30 @@ def predict(
     seed : int
         Of the random signs of the moved runs.
     """
-    fields, steps, last = scene.fields, scene.steps, scene.steps[-1]
-    stages = evaluator or own_stages(scene)
-    sim = stepping(scene.model, scene.box, scene.state, wanted(scene), stages)
+    fields, steps, last = problem.fields, problem.steps, problem.steps[-1]
+    stages = evaluator or own_stages(problem)
+    sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     values, own, sizes = [], [], Sizes()
-    for step in visit(sim, steps, scene.timestep):
+    for step in visit(sim, steps, problem.timestep):
         values.append({field: sim.output(field).copy() for field in fields})
         errors = sim.rounded(at_cutoff(evaluator or Plain))
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-    runs = _moved_runs(scene, stages, stepping, sizes, seed) if last else []
-    spreads = _spread(runs, scene, values)
+    runs = _moved_runs(problem, stages, stepping, sizes, seed) if last else []
+    spreads = _spread(runs, problem, values)
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
     return Prediction(tuple(values), bounds)
 
 
-def evaluations(scene: Particles) -> int:
+def evaluations(problem: Problem) -> int:
     """Return how often a particle is evaluated in all runs that predict a scene."""
-    runs = 1 + MOVED_RUNS * bool(scene.steps[-1])
-    return len(scene.state.x_nc) * (1 + scene.steps[-1]) * runs
+    runs = 1 + MOVED_RUNS * bool(problem.steps[-1])
+    return len(problem.state.x_nc) * (1 + problem.steps[-1]) * runs
 
 
-def own_stages(scene: Particles) -> type[Stages]:
+def own_stages(problem: Problem) -> type[Stages]:
     """Return the reference's own evaluator: compiled if there are more than `COMPILED_ABOVE` evaluations."""
-    if evaluations(scene) <= COMPILED_ABOVE:
+    if evaluations(problem) <= COMPILED_ABOVE:
         return Plain
     from eos_ref.compiled.evaluator import Fast
 
@@ -172,10 +172,10 @@ def moved(evaluator: type[Stages], sizes: Sizes, random: np.random.Generator) ->
     return Moved
 
 
-def precise_setup(scene: Particles) -> Fields:
+def precise_setup(problem: Problem) -> Fields:
     """Fields of the first evaluation in extended precision."""
-    twin = Simulation(scene.model, scene.box, scene.state, wanted(scene)).precise()
-    return {field: twin.output(field) for field in scene.fields}
+    twin = Simulation(problem.model, problem.box, problem.state, wanted(problem)).precise()
+    return {field: twin.output(field) for field in problem.fields}
 
 
 def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
@@ -199,7 +199,7 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 
 def _moved_runs(
-    scene: Particles,
+    problem: Problem,
     evaluator: type[Stages],
     stepping: type[Simulation],
     sizes: Sizes,
@@ -210,16 +210,16 @@ def _moved_runs(
         random = np.random.default_rng((seed, k))
         steps = shaken(stepping, random)
         stages = moved(evaluator, sizes, random)
-        runs.append(steps(scene.model, scene.box, scene.state, wanted(scene), stages))
+        runs.append(steps(problem.model, problem.box, problem.state, wanted(problem), stages))
     return runs
 
 
-def _spread(runs: Sequence[Simulation], scene: Particles, values: Sequence[Fields]) -> list[Fields]:
+def _spread(runs: Sequence[Simulation], problem: Problem, values: Sequence[Fields]) -> list[Fields]:
     """Largest distance of the moved runs from the reference, per field and step; 0 at step 0."""
-    largest: list[Fields] = [dict.fromkeys(scene.fields, 0.0) for _ in scene.steps]
+    largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for run in runs:
-        for at, step in enumerate(visit(run, scene.steps, scene.timestep)):
-            for field in scene.fields if step else ():
+        for at, step in enumerate(visit(run, problem.steps, problem.timestep)):
+            for field in problem.fields if step else ():
                 distance = np.abs(run.output(field) - values[at][field])
                 distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
                 # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.

@@ -15,19 +15,19 @@ from pathlib import Path
 import numpy as np
 
 from eos_ref import EOSTable
-from lammps_cases.comparison.compare import Comparison, State, excess
-from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.comparison.compare import Comparison, EosState, excess
+from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import forces, kernels, refusals, shifting, surfaces, thermal, walls
-from lammps_cases.findings.entry import ALL, NEWEST, Entry
+from lammps_cases.findings.entry import ALL, NEWEST, Finding
 from lammps_cases.records.run_record import CaseRecord
 
-__all__ = ["ALL", "LEDGER", "NEWEST", "SHOWN_BY", "Entry", "accepted_cases", "explain_outcome", "explain_pressure"]
+__all__ = ["ALL", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "explain_outcome", "explain_pressure"]
 __all__ += ["ledger_of", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
 
-def ledger_of(subjects: Iterable[Sequence[Entry]]) -> tuple[Entry, ...]:
+def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
     """Findings of all subjects in the order of the ledger, by which variants are tried and named."""
     return tuple(sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number))
 
@@ -41,21 +41,23 @@ def accepted_cases() -> dict[str, list[str]]:
     return cases
 
 
-def shown_by(scene: Particles, engine: str, lists: bool = False) -> list[Entry]:
+def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding]:
     """The findings about the particle model that a scene shows on an engine.
 
     Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read.
     """
     listed = ((e, e.model_variant) for e in LEDGER if e.model_variant is not None and e.listed(engine))
-    return [e for e, variant in listed if (lists or not variant.lists) and variant.applies(scene)]
+    return [e for e, variant in listed if (lists or not variant.lists) and variant.applies(problem)]
 
 
-def explain_outcome(record: CaseRecord, engine: str) -> Entry | None:
+def explain_outcome(record: CaseRecord, engine: str) -> Finding | None:
     """Find the entry that predicts, for this engine, how a case ended without numbers."""
     return next((e for e in LEDGER if e.covers(record.case, engine) and e.predicts(record)), None)
 
 
-def explain_pressure(case: str, engine: str, table: EOSTable, state: State, comparison: Comparison) -> Entry | None:
+def explain_pressure(
+    case: str, engine: str, table: EOSTable, state: EosState, comparison: Comparison
+) -> Finding | None:
     """The entry, for this engine, whose variant is within the bound on every atom."""
     for entry in LEDGER:
         if entry.law_variant is not None and entry.covers(case, engine):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from eos_ref import EOSTable
 from eos_ref.eos.table import FloatArray
-from lammps_cases.comparison.compare import State
+from lammps_cases.comparison.compare import EosState
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
 
@@ -20,7 +20,7 @@ ALL = ("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0")
 BEFORE_2, SINCE_2 = ALL[:2], ALL[2:]  # wheels before and since forces and heat flow changed
 NEWEST = ALL[-1]
 Severity = Literal["low", "medium", "high"]
-Law = Callable[[EOSTable, State], FloatArray]
+Law = Callable[[EOSTable, EosState], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class AlarmDifference:
 
 
 @dataclass(frozen=True)
-class Entry:
+class Finding:
     """One finding.
 
     Attributes

@@ -6,8 +6,8 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.numbers.columns import Number
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings.entry import SINCE_2, Entry, MapDifference
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import SINCE_2, Finding, MapDifference
 from lammps_cases.findings.variants import Variant
 
 
@@ -19,18 +19,18 @@ class ForcePerVolume(Plain):
         return 0 * rho_i + 1.0
 
 
-def _unit_volumes(scene: Particles) -> bool:
-    mass_n = scene.model.mass[scene.state.type_n - 1]
-    return bool(np.all(mass_n == scene.state.rho_n)) and not scene.model.fix.rho_sum
+def _unit_volumes(problem: Problem) -> bool:
+    mass_n = problem.model.mass[problem.state.type_n - 1]
+    return bool(np.all(mass_n == problem.state.rho_n)) and not problem.model.fix.rho_sum
 
 
-def has_forces(scene: Particles) -> bool:
+def has_forces(problem: Problem) -> bool:
     """Whether forces show, and particles have, or come to have, volumes other than 1."""
-    return scene.steps[-1] > 0 or ("f" in scene.fields and not _unit_volumes(scene))
+    return problem.steps[-1] > 0 or ("f" in problem.fields and not _unit_volumes(problem))
 
 
 _VOLUME = "volumes leave 1 as the fluid is compressed or drawn out, and LAMMPS' forces lack the volume m/rho"
-FORCE_PER_VOLUME = Entry(
+FORCE_PER_VOLUME = Finding(
     id="force-per-volume",
     number=17,
     title="Pair forces lack the volume of the particle they act on",

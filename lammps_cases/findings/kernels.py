@@ -7,8 +7,8 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.numbers.columns import Number
 from eos_ref.numbers.rounded import Decision, Rounded
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings.entry import ALL, Entry, MapDifference
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import ALL, Finding, MapDifference
 from lammps_cases.findings.variants import Variant
 
 UNDEFINED = np.inf  # bound of what no reference can predict
@@ -29,17 +29,17 @@ class StaleGradient(Plain):
             ]
 
 
-def falls_back(scene: Particles) -> bool:
+def falls_back(problem: Problem) -> bool:
     """Whether some particle has fewer than zmin neighbours for a reproducing kernel."""
-    model = scene.model
+    model = problem.model
     if not model.corrects_gradients:
         return False
-    stages = Plain(model, scene.box, scene.state.type_n, scene.state.solid_n)
-    stages.move(scene.state.x_nc)
+    stages = Plain(model, problem.box, problem.state.type_n, problem.state.solid_n)
+    stages.move(problem.state.x_nc)
     return bool(np.any(stages.coordination_n < model.fix.zmin))
 
 
-STALE_GRADIENT_BELOW_ZMIN = Entry(
+STALE_GRADIENT_BELOW_ZMIN = Finding(
     id="stale-gradient-below-zmin",
     number=28,
     title="A particle with fewer than zmin neighbours uses memory nobody wrote",

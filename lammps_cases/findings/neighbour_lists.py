@@ -17,7 +17,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.columns import Number
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.variants import Snapshot
 
 
@@ -105,7 +105,7 @@ class CountingSteps(Simulation):
         self.evaluator.kept_sc = self.kept_sc
 
 
-def lists_of_neighbours(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+def lists_of_neighbours(problem: Problem, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
     """LAMMPS' list at every step, if they were read."""
     lists: tuple[Listed, ...] = snapshot.get("lists", ())
-    return {"lists": lists} if len(lists) > scene.steps[-1] else None
+    return {"lists": lists} if len(lists) > problem.steps[-1] else None

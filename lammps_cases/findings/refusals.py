@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from lammps_cases.findings.entry import ALL, BEFORE_2, Entry, MapDifference
+from lammps_cases.findings.entry import ALL, BEFORE_2, Finding, MapDifference
 
-ENTRIES: tuple[Entry, ...] = (
-    Entry(
+ENTRIES: tuple[Finding, ...] = (
+    Finding(
         id="no-pressure-segfault",
         number=1,
         title="Asking for the pressure without fix rheo/pressure ends in a segmentation fault",
@@ -22,7 +22,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="crashed",
         engine_error="SIGSEGV",
     ),
-    Entry(
+    Finding(
         id="stress-without-pressure-segfault",
         number=2,
         title="Asking for stress/t without the pressure ends in a segmentation fault",
@@ -39,7 +39,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="crashed",
         engine_error="SIGSEGV",
     ),
-    Entry(
+    Finding(
         id="self-mass-missing",
         number=3,
         title="The keyword self/mass does not exist",
@@ -60,7 +60,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="Illegal fix rheo command: self/mass",
     ),
-    Entry(
+    Finding(
         id="exclude-takes-one-range",
         number=4,
         title="shift exclude/type takes one range, not a list of types",
@@ -76,7 +76,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="Illegal fix rheo command: 2",
     ),
-    Entry(
+    Finding(
         id="reconstruct-refuses-cubic",
         number=5,
         title="interface/reconstruct refuses the cubic law, even for the fluid alone",
@@ -93,7 +93,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="incompatible with pressure equation of state",
     ),
-    Entry(
+    Finding(
         id="double-star-abort",
         number=6,
         title="A type range of two stars aborts the process",
@@ -111,7 +111,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="crashed",
         engine_error="SIGABRT",
     ),
-    Entry(
+    Finding(
         id="long-range-abort",
         number=7,
         title="A type range with a number of 20 digits aborts the process",
@@ -129,7 +129,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="crashed",
         engine_error="SIGABRT",
     ),
-    Entry(
+    Finding(
         id="hyphen-range-accepted",
         number=8,
         title="A type range with a hyphen is taken for its first number",
@@ -146,7 +146,7 @@ ENTRIES: tuple[Entry, ...] = (
         outcome="differs",
         ended="accepted",
     ),
-    Entry(
+    Finding(
         id="unknown-style-misnamed",
         number=9,
         title="The error for an unknown pressure style names the types instead",
@@ -163,7 +163,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="Illegal fix command, *",
     ),
-    Entry(
+    Finding(
         id="specific-heat-zero",
         number=10,
         title="A specific heat of 0 is accepted and gives NaN",
@@ -181,7 +181,7 @@ ENTRIES: tuple[Entry, ...] = (
         outcome="differs",
         ended="accepted",
     ),
-    Entry(
+    Finding(
         id="example-surface-detection",
         number=11,
         title="The manual's example of surface/detection is refused",
@@ -197,7 +197,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="surface/detection command: missing argument",
     ),
-    Entry(
+    Finding(
         id="example-rhosum",
         number=12,
         title="The manual's example of rho/sum is refused",
@@ -213,7 +213,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="Illegal fix rheo command: rhosum",
     ),
-    Entry(
+    Finding(
         id="style-taitwater",
         number=13,
         title="The description names a pressure style that does not exist",
@@ -229,7 +229,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="Illegal fix command",
     ),
-    Entry(
+    Finding(
         id="speed-sound-count",
         number=14,
         title="The syntax lists one speed of sound too many",
@@ -245,7 +245,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="refused",
         engine_error="Illegal fix rheo command",
     ),
-    Entry(
+    Finding(
         id="cubic-unit",
         number=15,
         title="The unit that the syntax gives the cubic prefactor does not fit its formula",
@@ -262,7 +262,7 @@ ENTRIES: tuple[Entry, ...] = (
         ended="answered",
         differing="pressure",
     ),
-    Entry(
+    Finding(
         id="support-unit",
         number=16,
         title="The threshold wmin is not the pure number that the syntax says",

@@ -11,8 +11,8 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.columns import Axes, Number, axes, dot
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings.entry import ALL, AlarmDifference, Entry
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import ALL, AlarmDifference, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
 
 
@@ -24,9 +24,9 @@ class SupportTimesDistance(Plain):
         return self.total(where(other, 0.0, self.w * self.r))
 
 
-def asks_for_support(scene: Particles) -> bool:
+def asks_for_support(problem: Problem) -> bool:
     """Whether shifting needs support by particles of the same type."""
-    shift = scene.model.fix.shift
+    shift = problem.model.fix.shift
     return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[2] > 0
 
 
@@ -50,22 +50,22 @@ class NormalOfLastPair(Plain):
         return [(x_a / size)[same] for x_a in x]
 
 
-def scales_across_types(scene: Particles) -> bool:
+def scales_across_types(problem: Problem) -> bool:
     """Whether shifting is scaled along the normal between types, with a kernel whose gradient has one direction."""
-    shift = scene.model.fix.shift
+    shift = problem.model.fix.shift
     return (
-        not scene.model.corrects_gradients
+        not problem.model.corrects_gradients
         and shift is not None
         and shift.scale_cross_type is not None
         and shift.scale_cross_type[0] != 1
     )
 
 
-def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+def last_pair(problem: Problem, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
     """The pair whose direction LAMMPS took out of the shift of the particle that changed most."""
     if "shift/v" not in snapshot:
         return None
-    sim = Simulation(scene.model, scene.box, scene.state, ("shift/v",), stages)
+    sim = Simulation(problem.model, problem.box, problem.state, ("shift/v",), stages)
     with np.errstate(invalid="ignore"):
         sim.setup()
     plain = sim.evaluator
@@ -83,7 +83,7 @@ def last_pair(scene: Particles, stages: type[Plain], snapshot: Snapshot) -> dict
     return {"pair": (int(plain.i[p]), int(plain.j[p]))}
 
 
-CROSS_TYPE_SUPPORT = Entry(
+CROSS_TYPE_SUPPORT = Finding(
     id="cross-type-support",
     number=22,
     title="shift scale/cross/type sums W r for the same-type support",
@@ -101,7 +101,7 @@ CROSS_TYPE_SUPPORT = Entry(
 )
 
 
-CROSS_TYPE_NORMAL = Entry(
+CROSS_TYPE_NORMAL = Finding(
     id="cross-type-normal",
     number=23,
     title="shift scale/cross/type uses one direction for all interfaces",
@@ -123,7 +123,7 @@ CROSS_TYPE_NORMAL = Entry(
     expected_in_alarms=(
         AlarmDifference(
             ("ranks",),
-            lambda scene: scene.rheo.shifting is not None and scene.rheo.shifting.scale_cross_type is not None,
+            lambda problem: problem.rheo.shifting is not None and problem.rheo.shifting.scale_cross_type is not None,
             "on several ranks every particle has a mixture of directions of its own, which no variant reproduces",
         ),
     ),

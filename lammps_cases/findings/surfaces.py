@@ -9,8 +9,8 @@ import numpy as np
 from eos_ref.evaluation.time_step import BULK, LAYER
 from eos_ref.model.parameters import BoolArray
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings.entry import ALL, AlarmDifference, Entry
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import ALL, AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -35,12 +35,12 @@ class StatusOfLayers(CountingSteps):
         return np.where((found == LAYER) & ~met_n, float(BULK), found)
 
 
-def shows_layers(scene: Particles) -> bool:
+def shows_layers(problem: Problem) -> bool:
     """Whether the status of particles beside a surface shows."""
-    return "status" in scene.fields and scene.model.fix.surface_detection is not None
+    return "status" in problem.fields and problem.model.fix.surface_detection is not None
 
 
-LAYER_DEPENDS_ON_PAIR_ORDER = Entry(
+LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
     id="layer-depends-on-pair-order",
     number=26,
     title="Which particles beside a surface are its layer depends on the order in which pairs are listed",
@@ -66,7 +66,7 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Entry(
     expected_in_alarms=(
         AlarmDifference(
             ("relabelled", "reordered", "unsorted", "newton", "skin", "rebuilt", "ranks", "seed"),
-            lambda scene: "status" in scene.compare and scene.rheo.surface_detection is not None,
+            lambda problem: "status" in problem.compare and problem.rheo.surface_detection is not None,
             "which of two particles is listed first decides whether one of them is of the layer; lists are not read "
             "here",
         ),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.numbers.columns import Number
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings.entry import BEFORE_2, SINCE_2, Entry
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import BEFORE_2, SINCE_2, Finding
 from lammps_cases.findings.variants import Variant
 
 
@@ -39,12 +39,12 @@ class TemperatureWithoutMass(Plain):
         return energy_n
 
 
-def has_heat(scene: Particles) -> bool:
+def has_heat(problem: Problem) -> bool:
     """Whether heat is conducted."""
-    return scene.model.thermal is not None
+    return problem.model.thermal is not None
 
 
-HEAT_IS_TEMPERATURE_RATE = Entry(
+HEAT_IS_TEMPERATURE_RATE = Finding(
     id="heat-is-temperature-rate",
     number=19,
     title="The heat flow is a rate of temperature that is added to the energy",
@@ -64,7 +64,7 @@ HEAT_IS_TEMPERATURE_RATE = Entry(
 )
 
 
-HEAT_OVER_DENSITY = Entry(
+HEAT_OVER_DENSITY = Finding(
     id="heat-over-density",
     number=20,
     title="The heat flow of a pair is divided by its mean density",
@@ -82,7 +82,7 @@ HEAT_OVER_DENSITY = Entry(
 )
 
 
-TEMPERATURE_WITHOUT_MASS = Entry(
+TEMPERATURE_WITHOUT_MASS = Finding(
     id="temperature-without-mass",
     number=21,
     title="The temperature is taken from the energy of the particle, not per mass",

@@ -13,7 +13,7 @@ from typing import Any
 
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.trajectory import Particles
+from lammps_cases.comparison.trajectory import Problem
 
 # LAMMPS' fields at one step, by the names of `eos_ref.model.quantities`; the first one may hold `lists`, of all steps.
 Snapshot = dict[str, Any]
@@ -32,22 +32,22 @@ class Variant:
     lists : whether it follows LAMMPS' lists of neighbours, which are read for it alone
     """
 
-    applies: Callable[[Particles], bool]
+    applies: Callable[[Problem], bool]
     stages: type[Plain] | None = None
     stepping: type[Simulation] | None = None
-    fit: Callable[[Particles, type[Plain], Snapshot], dict[str, Any] | None] | None = None
+    fit: Callable[[Problem, type[Plain], Snapshot], dict[str, Any] | None] | None = None
     undefined: bool = False
     lists: bool = False
 
 
 def combined(
-    variants: Sequence[Variant], scene: Particles, snapshot: Snapshot
+    variants: Sequence[Variant], problem: Problem, snapshot: Snapshot
 ) -> tuple[type[Plain], type[Simulation]] | None:
     """Evaluator and simulation with several variants at once; None if one cannot be fitted to LAMMPS' numbers."""
     stages: type[Plain] = _joined("Stages", (v.stages for v in variants), Plain)
     for variant in variants:
         if variant.fit:
-            fitted = variant.fit(scene, stages, snapshot)
+            fitted = variant.fit(problem, stages, snapshot)
             if fitted is None:
                 return None
             stages = type("Fitted", (stages,), {**fitted, "__module__": __name__})

@@ -14,8 +14,8 @@ from eos_ref.model.parameters import Model, PairTerms
 from eos_ref.numbers.columns import Number, axes, dot
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Particles
-from lammps_cases.findings.entry import ALL, BEFORE_2, AlarmDifference, Entry
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import ALL, BEFORE_2, AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -28,11 +28,11 @@ class WallVelocityLost(Plain):
         return (v_solid - v_fluid) * ratio
 
 
-def has_moving_walls(scene: Particles) -> bool:
+def has_moving_walls(problem: Problem) -> bool:
     """Whether reconstructed solids move, or may come to move."""
-    solid_n = scene.state.solid_n
-    free = solid_n & ~_held(scene.model, scene.state.type_n)
-    return scene.model.fix.interface_reconstruct and bool(np.any(scene.state.v_nc[solid_n]) or free.any())
+    solid_n = problem.state.solid_n
+    free = solid_n & ~_held(problem.model, problem.state.type_n)
+    return problem.model.fix.interface_reconstruct and bool(np.any(problem.state.v_nc[solid_n]) or free.any())
 
 
 def _held(model: Model, type_n: Any) -> Any:
@@ -53,10 +53,10 @@ class WallsSummedAfterSetup(Simulation):
         s.rho_n = where(s.solid_n, self.evaluator.density_sum(), s.rho_n)
 
 
-def sums_walls(scene: Particles) -> bool:
+def sums_walls(problem: Problem) -> bool:
     """Whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
-    fix = scene.model.fix
-    return 0 in scene.steps and fix.rho_sum and fix.interface_reconstruct and bool(scene.state.solid_n.any())
+    fix = problem.model.fix
+    return 0 in problem.steps and fix.rho_sum and fix.interface_reconstruct and bool(problem.state.solid_n.any())
 
 
 class AccelerationsOfOldImages(FollowingLists):
@@ -87,9 +87,9 @@ class AccelerationsOfOldImages(FollowingLists):
         return np.where(entry_p[:, None] >= 0, difference_pc, np.nan)
 
 
-def has_kept_images(scene: Particles) -> bool:
+def has_kept_images(problem: Problem) -> bool:
     """Whether accelerations are kept for walls that may have periodic images."""
-    return any(scene.box.periodic) and keeps_forces(scene)
+    return any(problem.box.periodic) and keeps_forces(problem)
 
 
 class GradientOfSecond(FollowingLists):
@@ -108,17 +108,17 @@ class GradientOfSecond(FollowingLists):
         return replace(found, pressure_force_nc=kept.pressure_force_nc)
 
 
-def keeps_corrected_forces(scene: Particles) -> bool:
+def keeps_corrected_forces(problem: Problem) -> bool:
     """Whether accelerations without pressure are kept for walls, with a kernel whose pairs have two gradients."""
-    return scene.model.corrects_gradients and keeps_forces(scene)
+    return problem.model.corrects_gradients and keeps_forces(problem)
 
 
-def keeps_forces(scene: Particles) -> bool:
+def keeps_forces(problem: Problem) -> bool:
     """Whether accelerations are kept from step to step to reconstruct the densities of walls."""
-    return scene.model.fix.interface_reconstruct and scene.steps[-1] > 0 and bool(scene.state.solid_n.any())
+    return problem.model.fix.interface_reconstruct and problem.steps[-1] > 0 and bool(problem.state.solid_n.any())
 
 
-WALL_VELOCITY_LOST = Entry(
+WALL_VELOCITY_LOST = Finding(
     id="wall-velocity-lost",
     number=18,
     title="interface/reconstruct forgets that a wall moves",
@@ -137,7 +137,7 @@ WALL_VELOCITY_LOST = Entry(
 )
 
 
-WALLS_SUMMED_AFTER_SETUP = Entry(
+WALLS_SUMMED_AFTER_SETUP = Finding(
     id="walls-summed-after-setup",
     number=24,
     title="After the set-up of a run solids show a density that was not used",
@@ -155,7 +155,7 @@ WALLS_SUMMED_AFTER_SETUP = Entry(
 )
 
 
-WALLS_AFTER_REBUILD = Entry(
+WALLS_AFTER_REBUILD = Finding(
     id="walls-after-rebuild",
     number=25,
     title="Densities of walls are wrong in single steps after neighbour lists are rebuilt",
@@ -184,7 +184,7 @@ WALLS_AFTER_REBUILD = Entry(
     expected_in_alarms=(
         AlarmDifference(
             ("rebuilt",),
-            lambda scene: scene.rheo.interface_reconstruct,
+            lambda problem: problem.rheo.interface_reconstruct,
             "the first step that is wrong is the first in which the list of periodic images changes, and only "
             "densities of solids are wrong in it; scenes whose images stay the same are right",
         ),
@@ -192,7 +192,7 @@ WALLS_AFTER_REBUILD = Entry(
 )
 
 
-WALLS_DEPEND_ON_PAIR_ORDER = Entry(
+WALLS_DEPEND_ON_PAIR_ORDER = Finding(
     id="walls-depend-on-pair-order",
     number=27,
     title="With RK1 and RK2, densities of walls depend on the order in which pairs are listed",

@@ -16,7 +16,7 @@ SHARED = Path(__file__).parent / "assets"
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """A cell of a table: its text, its CSS classes, what a pointer over it says, where it leads."""
 
     text: object
@@ -26,11 +26,11 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A row of a table, headed by a name; ``data`` are its ``data-`` attributes, for the page's script."""
 
     name: str
-    cells: Sequence[Cell | None]
+    cells: Sequence[TableCell | None]
     css: str = ""
     data: Mapping[str, str] = field(default_factory=dict)
     hidden: bool = False

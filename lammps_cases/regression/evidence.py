@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import get_args
 
-from lammps_cases.findings import ALL, LEDGER, SHOWN_BY, Entry
+from lammps_cases.findings import ALL, LEDGER, SHOWN_BY, Finding
 from lammps_cases.findings.entry import Severity
 from lammps_cases.records.files import write_atomically
 from lammps_cases.regression import baseline
@@ -24,7 +24,7 @@ BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
 Shown = Mapping[str, Sequence[str]]  # id of a finding: cases
 
 
-def shown_by(baselines: Path, ledger: Sequence[Entry] = LEDGER) -> dict[str, list[str]]:
+def shown_by(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> dict[str, list[str]]:
     """Cases of the accepted runs, of whichever engine, that show each finding.
 
     Raises
@@ -40,7 +40,7 @@ def shown_by(baselines: Path, ledger: Sequence[Entry] = LEDGER) -> dict[str, lis
     return {entry.id: sorted(cases[entry.id]) for entry in ledger}
 
 
-def table(shown: Shown, ledger: Sequence[Entry] = LEDGER) -> str:
+def table(shown: Shown, ledger: Sequence[Finding] = LEDGER) -> str:
     """The findings as a table in Markdown, the most severe first."""
     order = get_args(Severity)
     rows = [
@@ -50,11 +50,11 @@ def table(shown: Shown, ledger: Sequence[Entry] = LEDGER) -> str:
     return "".join(["| severity | finding | wheels | cases |\n", "|---|---|---|---|\n", *rows])
 
 
-def _wheels(entry: Entry) -> str:
+def _wheels(entry: Finding) -> str:
     return "all" if entry.engines == ALL else ", ".join(engine.removeprefix("2025.7.22") for engine in entry.engines)
 
 
-def documents(baselines: Path = BASELINES, ledger: Sequence[Entry] = LEDGER) -> dict[Path, str]:
+def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -> dict[Path, str]:
     """The files that follow from the ledger and the accepted runs, and their content."""
     shown = shown_by(baselines, ledger)
     head, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lammps_cases.pages import frame
-from lammps_cases.pages.frame import Cell, Row
+from lammps_cases.pages.frame import TableCell, TableRow
 from lammps_cases.records import wording
 from lammps_cases.regression import pairs
 from lammps_cases.regression.groups import Group
@@ -44,7 +44,7 @@ class View:
 
     pair: Pair
     columns: list[str]
-    rows: list[Row]
+    rows: list[TableRow]
     lines: list[Line]
     kinds: dict[Kind, int]
     groups: list[Group]
@@ -114,19 +114,19 @@ def _row(
     found: dict[str, Change],
     anchors: dict[tuple[str, str], str],
     closer: dict[str, str],
-) -> Row:
+) -> TableRow:
     cells = [None if field not in found else _cell(found[field], anchors, closer) for field in columns]
     kinds = sorted({change.kind for change in found.values()}, key=KINDS.index)
     quiet = not any(change.fault for change in found.values())
-    return Row(case, cells, data={"kinds": "|".join(kinds)} | ({"quiet": ""} if quiet else {}), hidden=quiet)
+    return TableRow(case, cells, data={"kinds": "|".join(kinds)} | ({"quiet": ""} if quiet else {}), hidden=quiet)
 
 
-def _cell(change: Change, anchors: dict[tuple[str, str], str], closer: dict[str, str]) -> Cell:
+def _cell(change: Change, anchors: dict[tuple[str, str], str], closer: dict[str, str]) -> TableCell:
     anchor = anchors.get((change.case, change.field), "")
     mark = MARKS.get(change.kind, closer[change.closer])
     if not anchor:
-        return Cell(mark, "dot")
-    return Cell(mark, f"k-{change.kind.replace(' ', '-')}", pairs.fault(change), f"#{anchor}")
+        return TableCell(mark, "dot")
+    return TableCell(mark, f"k-{change.kind.replace(' ', '-')}", pairs.fault(change), f"#{anchor}")
 
 
 def _side(change: Change, side: int) -> str:

@@ -14,7 +14,7 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import RunRecord
 
 if TYPE_CHECKING:
-    from lammps_cases.findings import Entry
+    from lammps_cases.findings import Finding
     from lammps_cases.history.reported import Past
     from lammps_cases.report.drawn import Drawn
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def write_report(
     run: RunRecord,
     directory: Path,
-    ledger: Sequence[Entry] | None = None,
+    ledger: Sequence[Finding] | None = None,
     known: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
 ) -> Path:
@@ -34,7 +34,7 @@ def write_report(
         The run, of cases or of an audit.
     directory : Path
         Report folder; ``fields/CASE.npz`` is read from it where a case has fields and the file exists.
-    ledger : sequence of Entry, optional
+    ledger : sequence of Finding, optional
         The findings to look for in the run; the project's own unless given.
     known : mapping, optional
         What is shown of cases whose arrays were at hand; those of the others are read.

@@ -11,7 +11,7 @@ from lammps_cases.scene.fields import FIELDS, in_step_order
 
 
 @dataclass
-class Worst:
+class WorstCase:
     """Number of cases with some verdict, the largest difference/bound among them and whose it is."""
 
     cases: int = 0
@@ -26,13 +26,13 @@ class Worst:
 
 
 @dataclass
-class Cell:
+class AgreementCell:
     """A field at a step: cases with the same bits, inside the bound, explained, and outside it."""
 
-    exact: Worst = field(default_factory=Worst)
-    inside: Worst = field(default_factory=Worst)
-    explained: Worst = field(default_factory=Worst)
-    outside: Worst = field(default_factory=Worst)
+    exact: WorstCase = field(default_factory=WorstCase)
+    inside: WorstCase = field(default_factory=WorstCase)
+    explained: WorstCase = field(default_factory=WorstCase)
+    outside: WorstCase = field(default_factory=WorstCase)
 
     def add(self, case: str, at: StepRecord) -> None:
         """Count a case by its verdict."""
@@ -58,12 +58,12 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class AgreementRow:
     """A field with the stage of a step that it comes from."""
 
     field: str
     stage: str
-    cells: list[Cell | None]
+    cells: list[AgreementCell | None]
 
     @property
     def exact(self) -> bool:
@@ -79,7 +79,7 @@ class Matrix:
     twins: bool
     cases: int
     steps: list[int]
-    rows: list[Row]
+    rows: list[AgreementRow]
     explained: list[str]
 
 
@@ -95,13 +95,15 @@ def matrices(run: RunRecord) -> list[Matrix]:
 
 def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
     """All fields that are compared at steps, in the order of a step."""
-    found: dict[str, dict[int, Cell]] = {}
+    found: dict[str, dict[int, AgreementCell]] = {}
     for case in cases:
         for record in case.fields:
             for at in record.steps:
-                found.setdefault(record.field, {}).setdefault(at.step, Cell()).add(case.case, at)
+                found.setdefault(record.field, {}).setdefault(at.step, AgreementCell()).add(case.case, at)
     steps = sorted({step for of_field in found.values() for step in of_field})
-    rows = [Row(name, _stage(name), [found[name].get(step) for step in steps]) for name in in_step_order(found)]
+    rows = [
+        AgreementRow(name, _stage(name), [found[name].get(step) for step in steps]) for name in in_step_order(found)
+    ]
     explained = dict.fromkeys(entry for case in cases for entry in wording.explained_by(case))
     return Matrix(title, bool(cases[0].twin), len(cases), steps, rows, sorted(explained))
 

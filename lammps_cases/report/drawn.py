@@ -17,7 +17,7 @@ from lammps_cases.report.arrays import one_per_atom, read_arrays
 
 
 @dataclass(frozen=True)
-class Worst:
+class WorstAtom:
     """Exact numbers of the worst atom of a field."""
 
     field: str
@@ -30,7 +30,7 @@ class Drawn:
 
     data: Markup | None = None
     fields: tuple[str, ...] = ()
-    worst: tuple[Worst, ...] = ()
+    worst: tuple[WorstAtom, ...] = ()
 
 
 def drawn(case: CaseRecord, arrays: plots.Arrays) -> Drawn:
@@ -67,7 +67,9 @@ def _moved(found: plots.Differences) -> list[str]:
     return [name for name, (difference_n, _) in found.items() if difference_n.any()]
 
 
-def _worst(case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: FloatArray, ratio_n: FloatArray) -> Worst:
+def _worst(
+    case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: FloatArray, ratio_n: FloatArray
+) -> WorstAtom:
     at = int(np.argmax(ratio_n))
     names = ("id", "type", "rho", "e", f"{field}.lammps", f"{field}.reference", f"{field}.bound")
     values = {name.removeprefix(f"{field}."): repr(arrays[name][at].item()) for name in names if name in arrays}
@@ -75,4 +77,4 @@ def _worst(case: CaseRecord, arrays: plots.Arrays, field: str, difference_n: Flo
     delta_n = plots.offsets(case, arrays["type"][at : at + 1], np.asarray(arrays["rho"][at : at + 1], float))
     values |= {"(rho - rho0)/rho0": repr(delta_n[0].item())}
     values["position"] = ", ".join(repr(float(c)) for c in arrays["x"][at])
-    return Worst(field, values)
+    return WorstAtom(field, values)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.findings import Entry
+from lammps_cases.findings import Finding
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
@@ -17,10 +17,10 @@ SEVERITIES = ("high", "medium", "low")
 
 
 @dataclass(frozen=True)
-class Finding:
+class RunFinding:
     """A ledger entry with the cases of a run that show it, and those that would if it were still there."""
 
-    entry: Entry
+    entry: Finding
     cases: list[str]
     unseen: list[str]
     listed: bool
@@ -42,14 +42,14 @@ class Finding:
         )
 
 
-def of_run(run: RunRecord, ledger: Sequence[Entry]) -> list[Finding]:
+def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     """Every finding, the most severe first; of equal severity those that the run shows first."""
     explained = [(case, set(wording.explained_by(case))) for case in run.cases]
     found = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
     return sorted(found, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 
 
-def _finding(entry: Entry, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str) -> Finding:
+def _finding(entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str) -> RunFinding:
     seen, unseen = [], []
     for case, entries in explained:
         shown = entry.id in entries
@@ -62,4 +62,4 @@ def _finding(entry: Entry, explained: Sequence[tuple[CaseRecord, set[str]]], eng
             seen.append(case.case)
         elif would:
             unseen.append(case.case)
-    return Finding(entry, seen, unseen, entry.listed(engine))
+    return RunFinding(entry, seen, unseen, entry.listed(engine))

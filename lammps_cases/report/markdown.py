@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from lammps_cases.findings import LEDGER, Entry
+from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import agreement, findings
@@ -15,7 +15,7 @@ LONGEST = 300  # characters of a message
 EXTREMES = 5  # rows of the tables of extremes
 
 
-def summary(run: RunRecord, ledger: Sequence[Entry] = LEDGER) -> str:
+def summary(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> str:
     """A run as GitHub-flavoured Markdown."""
     blocks = [
         f"## eos-ref: {wording.stamp(run)}",
@@ -57,7 +57,7 @@ def _failure(case: CaseRecord) -> Sequence[str]:
     )
 
 
-def _findings(found: Sequence[findings.Finding]) -> str:
+def _findings(found: Sequence[findings.RunFinding]) -> str:
     """One line per finding that the run shows or could have shown."""
     rows = [
         (f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.cases), len(f.unseen) or "")
@@ -99,11 +99,11 @@ def _twins(matrix: agreement.Matrix) -> str:
     return f"{matrix.title} ({matrix.cases} cases), fields at steps: {counts}."
 
 
-def _fields_row(row: agreement.Row) -> Sequence[str]:
+def _fields_row(row: agreement.AgreementRow) -> Sequence[str]:
     return (text(row.field), *("" if cell is None else _cell(cell) for cell in row.cells))
 
 
-def _cell(cell: agreement.Cell) -> str:
+def _cell(cell: agreement.AgreementCell) -> str:
     words = []
     if cell.agree:
         words.append(f"{cell.agree} (0)" if not cell.inside.cases else f"{cell.agree} ({_ratio(cell.inside)})")
@@ -113,7 +113,7 @@ def _cell(cell: agreement.Cell) -> str:
     return ", ".join(words)
 
 
-def _ratio(worst: agreement.Worst) -> str:
+def _ratio(worst: agreement.WorstCase) -> str:
     return wording.brief(worst.ratio)
 
 

@@ -14,13 +14,13 @@ from markupsafe import Markup
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.findings import LEDGER, Entry
+from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, findings, plots
-from lammps_cases.report.drawn import Drawn, Worst, drawn_from
+from lammps_cases.report.drawn import Drawn, WorstAtom, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
@@ -51,7 +51,7 @@ class Shown:
     styles: str
     text: str
     checks: list[CheckRecord]
-    worst: tuple[Worst, ...]
+    worst: tuple[WorstAtom, ...]
     data: Markup | None
     message: str
     explained: list[str]
@@ -62,7 +62,7 @@ class Shown:
 def render(
     run: RunRecord,
     fields: Path,
-    ledger: Sequence[Entry] = LEDGER,
+    ledger: Sequence[Finding] = LEDGER,
     known: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
 ) -> str:

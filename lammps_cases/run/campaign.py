@@ -46,7 +46,7 @@ Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and i
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedCase:
     """A case ready to run: its particles and, unless LAMMPS is to refuse it, its laws."""
 
     case: Case
@@ -67,7 +67,7 @@ class Prepared:
         return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
 
 
-def prepare(case: Case) -> Prepared:
+def prepare(case: Case) -> PreparedCase:
     """Build a case's particles and laws, checking them against each other.
 
     Raises
@@ -78,7 +78,7 @@ def prepare(case: Case) -> Prepared:
     atoms = build(case, eos)
     if case.scene.whole_model and not case.scene.expect:
         reference_side.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
-    return Prepared(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
+    return PreparedCase(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)
 
 
 def run_cases(
@@ -144,7 +144,7 @@ def run_cases(
 
 
 def report(
-    site: str | None, folder: Path, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None
+    site: str | None, folder: Path, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None
 ) -> tuple[CaseRecord, Drawn]:
     """Task: judge a case, write its arrays into the folder of the report, and take from them what the page shows."""
     from lammps_cases.report.drawn import drawn
@@ -156,7 +156,7 @@ def report(
 
 
 def judge(
-    site: str | None, ready: Prepared, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
+    site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None = None
 ) -> tuple[CaseRecord, Arrays]:
     """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
     from lammps_cases.comparison.prediction_keys import current
@@ -182,7 +182,7 @@ def judge(
 
 
 def _evaluated(
-    ready: Prepared, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
+    ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
 ) -> tuple[CaseRecord, Arrays]:
     from lammps_cases.verdict.judgement import evaluate, evaluate_twin
 
@@ -191,7 +191,7 @@ def _evaluated(
     return evaluate(ready.case, ready.eos, ready.atoms, outcomes[0], engine, predictor)
 
 
-def _with_lists(site: str | None, ready: Prepared, outcomes: Outcomes, engine: str) -> Outcomes:
+def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: str) -> Outcomes:
     """The answers with LAMMPS' lists of neighbours, from runs read at every step; empty if no finding follows them."""
     from lammps_cases.verdict.judgement import asks_for_lists
 
@@ -213,7 +213,7 @@ def _same(arrays: Arrays, others: Arrays) -> bool:
     return all(arrays[name].tobytes() == others[name].tobytes() for name in arrays)
 
 
-def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predictor) -> Reason | None:
+def _first_step(site: str | None, ready: PreparedCase, engine: str, predictor: Predictor) -> Reason | None:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
@@ -225,7 +225,7 @@ def _first_step(site: str | None, ready: Prepared, engine: str, predictor: Predi
     return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
 
 
-def _lost(ready: Prepared, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
+def _lost(ready: PreparedCase, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
     """The record of a case that was not judged."""
     from lammps_cases.report.drawn import Drawn
     from lammps_cases.verdict.judgement import blank_record

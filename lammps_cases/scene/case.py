@@ -15,18 +15,18 @@ from eos_ref.model.quantities import keyword_of
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.fields import FieldName
 from lammps_cases.scene.manual import ExampleSettings
-from lammps_cases.scene.materials import AtomType, Law, PowerLaw
+from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings, Violation
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.values import Model
+from lammps_cases.scene.values import SceneModel
 
 Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
 MAX_ATOMS = 10_000_000
 
 
-class Scene(Model):
+class Scene(SceneModel):
     """One case. See `lammps_cases/cases` for examples."""
 
     units: Units = "lj"
@@ -36,7 +36,7 @@ class Scene(Model):
     arrangement: Literal["shuffled", "blocks"] = Field(
         "shuffled", description="how types, in equal shares, are dealt out to the particles"
     )
-    pressure: tuple[Law, ...] = Field(description="entries of fix rheo/pressure, in order")
+    pressure: tuple[LawSettings, ...] = Field(description="entries of fix rheo/pressure, in order")
     rho: Values | None = Field(None, description="density; not given if a file or the summation sets it")
     energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
     velocity: Velocity = Velocity()

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lammps_cases.scene.values import Model
+from lammps_cases.scene.values import SceneModel
 
 Page = Literal["rheo", "pressure"]
 EXAMPLES: dict[Page, tuple[str, ...]] = {
@@ -24,7 +24,7 @@ EXAMPLES: dict[Page, tuple[str, ...]] = {
 Number = Annotated[int, Field(strict=True, ge=1, le=3)]
 
 
-class ExampleSettings(Model):
+class ExampleSettings(SceneModel):
     """An example of the manual, by its place: LAMMPS gets the line as it stands, in place of the scene's own.
 
     The scene still says the same in its keys, for the reference; see `lammps_cases.scene.case`.

@@ -9,10 +9,10 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from eos_ref import EOS
 from eos_ref.eos.registry import LAWS, PARAMETER, Style
 from eos_ref.syntax.fixes import PressureEntry
-from lammps_cases.scene.values import Finite, Model, NonNegative, Positive, TypeRange, Vector
+from lammps_cases.scene.values import Finite, NonNegative, Positive, SceneModel, TypeRange, Vector
 
 
-class PowerLaw(Model):
+class PowerLaw(SceneModel):
     """Arguments of fix rheo/viscosity power."""
 
     eta: NonNegative
@@ -28,7 +28,7 @@ ViscosityLaw = Annotated[
 ]
 
 
-class AtomType(Model):
+class AtomType(SceneModel):
     """One atom type: mass, phase, and per-type values of the RHEO fixes (rho0 and cs: default 1)."""
 
     mass: Positive
@@ -61,7 +61,7 @@ def entries(law: EOS) -> list[dict[str, Any]]:
     return [{"types": "*", "style": law.style, **argument}, *background]
 
 
-class Law(Model):
+class LawSettings(SceneModel):
     """One entry of fix rheo/pressure: a type range, a style and its argument."""
 
     types: TypeRange = Field(description="*, n, *n, m* or m*n, as in the manual")
@@ -71,7 +71,7 @@ class Law(Model):
     P_b: Finite | None = None
 
     @model_validator(mode="after")
-    def _one_argument(self) -> Law:
+    def _one_argument(self) -> LawSettings:
         wanted = PARAMETER.get(self.style)
         for name in dict.fromkeys(PARAMETER.values()):
             given = getattr(self, name) is not None

@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from lammps_cases.scene.values import Finite, LocalFile, Model, NonNegative, Positive, Vector
+from lammps_cases.scene.values import Finite, LocalFile, NonNegative, Positive, SceneModel, Vector
 
 LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]
 PLANAR = ("sq", "hex")
 
 
-class Region(Model):
+class Region(SceneModel):
     """A block of the lattice whose particles have one type, or are removed."""
 
     type: int | None = Field(ge=1, strict=True, description="null removes the particles")
@@ -20,7 +20,7 @@ class Region(Model):
     high: Vector = Field(description="opposite corner; sites on it lie outside")
 
 
-class Lattice(Model):
+class Lattice(SceneModel):
     """Particles on a lattice that fills the box, moved by seeded uniform disorder."""
 
     lattice: LatticeStyle
@@ -50,7 +50,7 @@ class Lattice(Model):
         return self
 
 
-class FromFile(Model):
+class FromFile(SceneModel):
     """Particles from an extended XYZ file, read by ASE; its cell is the box."""
 
     extxyz: LocalFile = Field(
@@ -69,7 +69,7 @@ Positions = Annotated[
 ]
 
 
-class Offset(Model):
+class Offset(SceneModel):
     """Relative distances from the equilibrium density: rho = rho0 (1 +/- d), d spaced logarithmically."""
 
     low: Positive
@@ -83,14 +83,14 @@ class Offset(Model):
         return self
 
 
-class Table(Model):
+class ValueTable(SceneModel):
     """A column of a CSV file with a header line; one row per particle."""
 
     csv: LocalFile
     column: str
 
 
-class Values(Model):
+class Values(SceneModel):
     """Per-atom values of a field: exactly one of the keys; sequences are dealt out in a seeded random order."""
 
     constant: Finite | None = None
@@ -99,7 +99,7 @@ class Values(Model):
     ratio: tuple[Finite, Finite] | None = Field(None, description="from, to, in units of the type's rho0")
     offset: Offset | None = None
     values: tuple[Finite, ...] | None = Field(None, description="one value per particle, in order of id")
-    table: Table | None = None
+    table: ValueTable | None = None
     spacing: Literal["linear", "log"] = Field("linear", description="of range and ratio")
 
     @model_validator(mode="after")
@@ -114,7 +114,7 @@ class Values(Model):
         return self
 
 
-class Velocity(Model):
+class Velocity(SceneModel):
     """Initial velocities: a seeded random part, which solid types do not get, and one common to all."""
 
     random: Finite = Field(0.0, description="largest component")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lammps_cases.scene.values import Finite, Model, Positive, Vector
+from lammps_cases.scene.values import Finite, Positive, SceneModel, Vector
 
 # Rules of the manual that a scene may break on purpose, to see LAMMPS refuse it.
 Violation = Literal[
@@ -28,7 +28,7 @@ Violation = Literal[
 ]
 
 
-class Rebuild(Model):
+class Rebuild(SceneModel):
     """When neighbour lists are built anew."""
 
     every: int = Field(1, ge=1, strict=True)
@@ -51,7 +51,7 @@ class EngineSettings(Rebuild):
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
 
 
-class TwinSettings(Model):
+class TwinSettings(SceneModel):
     """A second run of LAMMPS, its own first one the reference: exactly one of the keys; see `lammps_cases.setup`."""
 
     translate: Vector | None = Field(None, description="displacement of all particles, wrapped in periodic axes")
@@ -81,7 +81,7 @@ class TwinSettings(Model):
         return next(key for key in type(self).model_fields if getattr(self, key) is not None)
 
 
-class Expect(Model):
+class Expect(SceneModel):
     """How LAMMPS must refuse the scene."""
 
     refused: str = Field(min_length=8, description="text that LAMMPS' error message must contain")

@@ -8,12 +8,12 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema,
 
 from eos_ref.kernels.styles import KernelStyle
 from eos_ref.syntax.fixes import SurfaceStyle
-from lammps_cases.scene.values import RANGE_SCHEMA, Finite, Model, NonNegative, Positive, TypeRange
+from lammps_cases.scene.values import RANGE_SCHEMA, Finite, NonNegative, Positive, SceneModel, TypeRange
 
 SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding
 
 
-class SurfaceDetectionSettings(Model):
+class SurfaceDetectionSettings(SceneModel):
     """Arguments of surface/detection."""
 
     style: SurfaceStyle
@@ -34,7 +34,7 @@ def _several(types: object) -> object:
 _ONE_OR_MORE = {"oneOf": [RANGE_SCHEMA, {"type": "array", "items": RANGE_SCHEMA}]}
 
 
-class ShiftSettings(Model):
+class ShiftSettings(SceneModel):
     """Arguments of shift."""
 
     exclude: Annotated[tuple[TypeRange, ...], BeforeValidator(_several), WithJsonSchema(_ONE_OR_MORE)] = Field(
@@ -49,7 +49,7 @@ OnOrShift = Annotated[
 ]
 
 
-class RheoSettings(Model):
+class RheoSettings(SceneModel):
     """Arguments of fix rheo, but for those of the types."""
 
     kernel: KernelStyle = "quintic"
@@ -75,7 +75,7 @@ class RheoSettings(Model):
         return self.shift
 
 
-class PairSettings(Model):
+class PairSettings(SceneModel):
     """Arguments of pair_style rheo; 0 turns a term off."""
 
     artificial_visc: NonNegative = 0.0
@@ -83,7 +83,7 @@ class PairSettings(Model):
     harmonic_means: bool = False
 
 
-class ForceSettings(Model):
+class ForceSettings(SceneModel):
     """A fix gravity, addforce or setforce, in the order of the list."""
 
     style: Literal["gravity", "addforce", "setforce"]
@@ -97,7 +97,7 @@ class ForceSettings(Model):
         return self
 
 
-class Evolve(Model):
+class Evolve(SceneModel):
     """Time steps that LAMMPS takes."""
 
     steps: int = Field(ge=1, le=100_000, strict=True)

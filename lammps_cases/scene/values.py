@@ -39,13 +39,13 @@ TypeRange = Annotated[
 LocalFile = Annotated[str, AfterValidator(_inside)]
 
 
-class Model(BaseModel):
+class SceneModel(BaseModel):
     """Part of a scene: immutable, and without keys that it does not know."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def models(base: type[Model] = Model) -> Iterator[type[Model]]:
+def models(base: type[SceneModel] = SceneModel) -> Iterator[type[SceneModel]]:
     """All models of the file format."""
     for model in base.__subclasses__():
         yield model

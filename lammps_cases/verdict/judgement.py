@@ -12,12 +12,12 @@ import numpy as np
 from eos_ref import EOSTable
 from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.compare import Comparison, State, compare_field, compare_pressure
+from lammps_cases.comparison.compare import Comparison, EosState, compare_field, compare_pressure
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.findings import Entry, explain_outcome, explain_pressure, shown_by
+from lammps_cases.findings import Finding, explain_outcome, explain_pressure, shown_by
 from lammps_cases.findings.neighbour_lists import Listed
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records import wording
@@ -138,7 +138,7 @@ def _explain_outcome(record: CaseRecord, engine: str) -> None:
 def _judge_fields(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
     got = answer.arrays
     comparisons = _inputs(case, atoms, got, unchanged=case.scene.evolve is None)
-    state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
+    state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     # Twice: the array that the forces read, and the output, which LAMMPS evaluates anew from the density.
     used = compare_pressure(eos, state, got["pressure"], "pressure_used", digits=False)
     pressure = compare_pressure(eos, state, got["q.pressure"])
@@ -194,9 +194,9 @@ def _judge_particles(
     return _arrays(atoms, answer.arrays, comparisons)
 
 
-def particles_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Particles:
+def particles_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Problem:
     """The scene as the reference takes it, to be compared at some steps."""
-    return Particles(
+    return Problem(
         reference_side.model(scene, atoms, where),
         reference_side.box(scene, atoms),
         reference_side.state(scene, atoms, where),
@@ -259,7 +259,7 @@ def evaluate_twin(
 class _Side:
     """One of two runs: what the reference predicts, and LAMMPS' fields at the steps compared."""
 
-    scene: Particles
+    problem: Problem
     prediction: Prediction
     snapshots: list[Snapshot]
     random: int
@@ -275,11 +275,11 @@ def _judge_twin(
         comparison.record.stage = "twin"
         own = comparison.record.derivation
         comparison.record.derivation = f"LAMMPS against itself ({twin.kind}): the bounds of both runs, added ({own})"
-    first = particle_model.first_outside(one.scene, table, id_n)
+    first = particle_model.first_outside(one.problem, table, id_n)
     record.ended, record.blame = "answered", first
     if first:
         _explain_twin(record, twin, one, other, table, engine, predictor)
-    comparisons = [particle_model.over_steps(table[field], steps) for field in in_step_order(one.scene.fields)]
+    comparisons = [particle_model.over_steps(table[field], steps) for field in in_step_order(one.problem.fields)]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     return _arrays(twin.atoms, answers[0].arrays, comparisons)
@@ -308,11 +308,11 @@ def _against(
     """
     returned, bounds = [], []
     for at, step in enumerate(twin.steps):
-        returned.append(twin.back({field: theirs[at][field] for field in one.scene.fields}, step))
+        returned.append(twin.back({field: theirs[at][field] for field in one.problem.fields}, step))
         rounding, their_bounds = twin.rounding(returned[at], step), twin.in_place(other.prediction.bounds[at])
         our_bounds = one.prediction.bounds[at]
         bounds.append({f: our_bounds[f] + their_bounds[f] + rounding.get(f, 0.0) for f in our_bounds})
-    return particle_model.compare_all(one.scene, twin.atoms.id_n, ours, Prediction(tuple(returned), tuple(bounds)))
+    return particle_model.compare_all(one.problem, twin.atoms.id_n, ours, Prediction(tuple(returned), tuple(bounds)))
 
 
 def _explain_twin(
@@ -326,19 +326,19 @@ def _explain_twin(
 ) -> None:
     """Explain a difference by the findings that make it, if findings reproduce both runs."""
     id_n = twin.atoms.id_n
-    needed: list[Entry] = []
+    needed: list[Finding] = []
 
     def same(ours: Sequence[Snapshot], theirs: Sequence[Snapshot]) -> bool:
-        return particle_model.first_outside(one.scene, _against(twin, one, other, ours, theirs), id_n) is None
+        return particle_model.first_outside(one.problem, _against(twin, one, other, ours, theirs), id_n) is None
 
     if not same(one.prediction.fields, other.prediction.fields):
         record.not_same_problem = True
         return
     for side in (one, other):
-        own = particle_model.compare_all(side.scene, id_n, side.snapshots, side.prediction)
-        if particle_model.first_outside(side.scene, own, id_n):
-            listed = shown_by(side.scene, engine, "lists" in side.snapshots[0])
-            given = (side.scene, side.snapshots, listed, side.prediction, side.random, predictor)
+        own = particle_model.compare_all(side.problem, id_n, side.snapshots, side.prediction)
+        if particle_model.first_outside(side.problem, own, id_n):
+            listed = shown_by(side.problem, engine, "lists" in side.snapshots[0])
+            given = (side.problem, side.snapshots, listed, side.prediction, side.random, predictor)
             found = particle_model.explain(*given)
             if not found:
                 return
@@ -352,11 +352,11 @@ def _explain_twin(
             comparison.record.verdict, comparison.record.explained_by = "explained", names
 
 
-def _with_finding(side: _Side, entry: Entry, predictor: Predictor) -> list[Snapshot]:
+def _with_finding(side: _Side, entry: Finding, predictor: Predictor) -> list[Snapshot]:
     """The reference's fields of a run with one finding alone."""
     assert entry.model_variant is not None
-    made = combined([entry.model_variant], side.scene, side.snapshots[0])
-    return predictor.values(side.scene, made or (Plain, Simulation))
+    made = combined([entry.model_variant], side.problem, side.snapshots[0])
+    return predictor.values(side.problem, made or (Plain, Simulation))
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:
@@ -389,7 +389,7 @@ def _inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comp
     ]
 
 
-def _blame(comparisons: list[Comparison], state: State) -> Blame | None:
+def _blame(comparisons: list[Comparison], state: EosState) -> Blame | None:
     """The first stage, field and atom that leave the bound, with the numbers."""
     for comparison in comparisons:
         record = comparison.record
@@ -411,8 +411,8 @@ def _blame(comparisons: list[Comparison], state: State) -> Blame | None:
     return None
 
 
-def _lint(eos: EOSTable, state: State, pressure: Comparison) -> list[str]:
+def _lint(eos: EOSTable, state: EosState, pressure: Comparison) -> list[str]:
     every = slice(None, None, max(1, len(state.id_n) // LINT_ATOMS))
     energy_n = None if state.energy_n is None else state.energy_n[every]
-    thinned = State(state.id_n[every], state.type_n[every], state.rho_n[every], state.mass_n[every], energy_n)
+    thinned = EosState(state.id_n[every], state.type_n[every], state.rho_n[every], state.mass_n[every], energy_n)
     return unseen(eos, thinned, pressure.reference_n[every], pressure.bound_n[every])

@@ -14,15 +14,15 @@ import numpy as np
 
 from eos_ref import EOS, EOSTable
 from eos_ref.eos.table import FloatArray
-from lammps_cases.comparison.compare import State, evaluate, excess
+from lammps_cases.comparison.compare import EosState, evaluate, excess
 
-Mutant = Callable[[EOSTable, State], FloatArray | None]
+Mutant = Callable[[EOSTable, EosState], FloatArray | None]
 
 
 def _each_law(change: Callable[[EOS], EOS | None]) -> Mutant:
     """A mistake in the parameters of the laws it applies to."""
 
-    def mutant(table: EOSTable, state: State) -> FloatArray | None:
+    def mutant(table: EOSTable, state: EosState) -> FloatArray | None:
         changed = [change(law) for law in table.laws]
         if all(law is None for law in changed):
             return None
@@ -45,7 +45,7 @@ def _as_linear(law: EOS) -> EOS | None:
     return None if law.needs_energy or law == linear or law.exponent == 1 else linear
 
 
-def _exchanged_types(table: EOSTable, state: State) -> FloatArray | None:
+def _exchanged_types(table: EOSTable, state: EosState) -> FloatArray | None:
     if len(table) == 1:
         return None
     rolled = EOSTable((*table.laws[1:], table.laws[0]))
@@ -54,23 +54,23 @@ def _exchanged_types(table: EOSTable, state: State) -> FloatArray | None:
     return evaluate(rolled, state)
 
 
-def _energy_of_particle(table: EOSTable, state: State) -> FloatArray | None:
+def _energy_of_particle(table: EOSTable, state: EosState) -> FloatArray | None:
     if not table.needs_energy or state.energy_n is None:
         return None
     return evaluate(table, replace(state, mass_n=np.ones_like(state.mass_n)))
 
 
-def _float32_density(table: EOSTable, state: State) -> FloatArray | None:
+def _float32_density(table: EOSTable, state: EosState) -> FloatArray | None:
     return evaluate(table, replace(state, rho_n=state.rho_n.astype(np.float32).astype(float)))
 
 
-def _float32_pressure(table: EOSTable, state: State) -> FloatArray | None:
+def _float32_pressure(table: EOSTable, state: EosState) -> FloatArray | None:
     p_n = evaluate(table, state)
     with np.errstate(over="ignore"):
         return p_n.astype(np.float32).astype(float)
 
 
-def _sign(table: EOSTable, state: State) -> FloatArray | None:
+def _sign(table: EOSTable, state: EosState) -> FloatArray | None:
     return -evaluate(table, state)
 
 
@@ -114,7 +114,7 @@ MUTANTS: dict[str, Mutant] = {
 }
 
 
-def unseen(table: EOSTable, state: State, reference_n: FloatArray, bound_n: FloatArray) -> list[str]:
+def unseen(table: EOSTable, state: EosState, reference_n: FloatArray, bound_n: FloatArray) -> list[str]:
     """Names of the mistakes that stay within the bound on every particle: the scene is blind to them."""
     blind = []
     for name, mutant in MUTANTS.items():

@@ -16,7 +16,7 @@ from eos_ref.evaluation.array_evaluator import Plain
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.compare import excess
-from lammps_cases.comparison.trajectory import Particles, Prediction, wanted
+from lammps_cases.comparison.trajectory import Prediction, Problem, wanted
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatOverDensity, TemperatureWithoutMass
 from lammps_cases.findings.walls import WallVelocityLost
@@ -100,38 +100,38 @@ MUTANTS: dict[str, ModelMutant] = {
 }
 
 
-def unseen_in_model(scene: Particles, prediction: Prediction) -> list[str]:
+def unseen_in_model(problem: Problem, prediction: Prediction) -> list[str]:
     """Names of the mistakes to which the first evaluation of a scene is blind although it compares what they change."""
-    compared = set(_shown(scene))
-    walls = scene.model.fix.interface_reconstruct and bool(scene.state.solid_n.any())
+    compared = set(_shown(problem))
+    walls = problem.model.fix.interface_reconstruct and bool(problem.state.solid_n.any())
     return [
         name
         for name, mutant in MUTANTS.items()
-        if compared & set(mutant.changes) and (walls or not mutant.needs_walls) and _blind(scene, prediction, mutant)
+        if compared & set(mutant.changes) and (walls or not mutant.needs_walls) and _blind(problem, prediction, mutant)
     ]
 
 
-def _shown(scene: Particles) -> Iterator[str]:
+def _shown(problem: Problem) -> Iterator[str]:
     """Quantities that a scene compares in a way that a mistake in them could show."""
-    model, state = scene.model, scene.state
+    model, state = problem.model, problem.state
     several = len(set(state.type_n[~state.solid_n].tolist())) > 1
-    for name in scene.fields:
+    for name in problem.fields:
         if name == "rho" and not model.fix.rho_sum:
             continue
         if name == "drho" and (not model.pair.rho_damp or model.corrects_gradients or not several):
             continue  # rho0 of a single type cancels, and RK1 and RK2 do without
         yield name
-    if "f" in scene.fields and model.pair.artificial_viscosity:
+    if "f" in problem.fields and model.pair.artificial_viscosity:
         yield "artificial"
-    if "grad/v" in scene.fields and np.any(state.v_nc[state.solid_n]):
+    if "grad/v" in problem.fields and np.any(state.v_nc[state.solid_n]):
         yield "moving walls"
 
 
-def _blind(scene: Particles, prediction: Prediction, mutant: ModelMutant) -> bool:
-    sim = Simulation(scene.model, scene.box, scene.state, wanted(scene), mutant.stages)
+def _blind(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> bool:
+    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), mutant.stages)
     with np.errstate(all="ignore"):
         sim.setup()
-        for field in scene.fields:
+        for field in problem.fields:
             reference_n = np.asarray(prediction.fields[0][field], float)
             bound_n = np.broadcast_to(prediction.bounds[0][field], reference_n.shape)
             if not np.all(excess(np.asarray(sim.output(field), float), reference_n, bound_n)[1] <= 1):

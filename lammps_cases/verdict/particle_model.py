@@ -18,8 +18,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Fields, Particles, Prediction
-from lammps_cases.findings import Entry, shown_by
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
+from lammps_cases.findings import Finding, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
 from lammps_cases.records.run_record import Beyond, Blame, StepRecord, Verdict, digest, worst
 from lammps_cases.scene.atoms import seed
@@ -28,12 +28,12 @@ from lammps_cases.verdict.model_mistakes import unseen_in_model
 
 
 @dataclass(frozen=True)
-class Judged:
+class ModelVerdict:
     """Comparisons of a case, one per field with its worst step; what explains them; the blame."""
 
     comparisons: list[Comparison]
-    entries: list[Entry]
-    unseen: list[Entry]
+    entries: list[Finding]
+    unseen: list[Finding]
     first: Blame | None
     lint: list[str]
 
@@ -47,32 +47,32 @@ class Reason:
 
 
 def judge(
-    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
-) -> Judged:
+    problem: Problem, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+) -> ModelVerdict:
     """Compare all fields at all steps, and explain what is outside by the ledger."""
     random = seed(f"{name}/moved runs")
-    prediction = predictor.predict(scene, seed=random)
-    table = compare_all(scene, id_n, snapshots, prediction)
-    listed = shown_by(scene, engine, "lists" in snapshots[0])
-    first = first_outside(scene, table, id_n)
-    entries = explain(scene, snapshots, listed, prediction, random, predictor) if first else []
+    prediction = predictor.predict(problem, seed=random)
+    table = compare_all(problem, id_n, snapshots, prediction)
+    listed = shown_by(problem, engine, "lists" in snapshots[0])
+    first = first_outside(problem, table, id_n)
+    entries = explain(problem, snapshots, listed, prediction, random, predictor) if first else []
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = [entry.id for entry in entries]
     others = [entry for entry in listed if entry not in entries] if entries or not first else []
-    unseen = [entry for entry in others if would_show(scene, entry, snapshots, prediction, predictor)]
-    comparisons = [over_steps(table[field], scene.steps) for field in in_step_order(scene.fields)]
-    if scene.steps[0] == 0:
-        _add_digits_lost(predictor.precise(scene), table, comparisons)
-    lint = _unseen(scene, random, predictor) if scene.steps[0] == 0 else []
-    return Judged(comparisons, entries, unseen, first, lint)
+    unseen = [entry for entry in others if would_show(problem, entry, snapshots, prediction, predictor)]
+    comparisons = [over_steps(table[field], problem.steps) for field in in_step_order(problem.fields)]
+    if problem.steps[0] == 0:
+        _add_digits_lost(predictor.precise(problem), table, comparisons)
+    lint = _unseen(problem, random, predictor) if problem.steps[0] == 0 else []
+    return ModelVerdict(comparisons, entries, unseen, first, lint)
 
 
-def _unseen(scene: Particles, random: int, predictor: Predictor) -> list[str]:
+def _unseen(problem: Problem, random: int, predictor: Predictor) -> list[str]:
     """Name the mistakes that a scene cannot tell apart; see `lammps_cases.verdict.model_mistakes`."""
     return predictor.names(
-        "unseen", scene, lambda: unseen_in_model(scene, predictor.predict(scene, seed=random)), random
+        "unseen", problem, lambda: unseen_in_model(problem, predictor.predict(problem, seed=random)), random
     )
 
 
@@ -96,46 +96,46 @@ def digits(values: FloatArray, exact: Any) -> float:
 
 
 def reason(
-    scene: Particles, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
+    problem: Problem, name: str, id_n: Any, snapshots: Sequence[Snapshot], engine: str, predictor: Predictor
 ) -> Reason | None:
     """Find the first step, stage, field and atom that leave the bound, and those that do beyond the findings known."""
     random = seed(f"{name}/moved runs")
-    first = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, seed=random)), id_n)
-    return Reason(first, beyond(scene, id_n, snapshots, engine, random, predictor)) if first else None
+    first = first_outside(problem, compare_all(problem, id_n, snapshots, predictor.predict(problem, seed=random)), id_n)
+    return Reason(first, beyond(problem, id_n, snapshots, engine, random, predictor)) if first else None
 
 
 def beyond(
-    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
+    problem: Problem, id_n: Any, snapshots: Sequence[Snapshot], engine: str, random: int, predictor: Predictor
 ) -> Beyond | None:
     """Find what leaves the bound although every finding that the scene shows is taken over; None if none is known."""
-    listed = shown_by(scene, engine, "lists" in snapshots[0])
-    made = combined([entry.model_variant for entry in listed if entry.model_variant], scene, snapshots[0])
+    listed = shown_by(problem, engine, "lists" in snapshots[0])
+    made = combined([entry.model_variant for entry in listed if entry.model_variant], problem, snapshots[0])
     if not listed or made is None:
         return None
-    rest = first_outside(scene, compare_all(scene, id_n, snapshots, predictor.predict(scene, made, random)), id_n)
+    rest = first_outside(problem, compare_all(problem, id_n, snapshots, predictor.predict(problem, made, random)), id_n)
     return Beyond(findings=[entry.id for entry in listed], blame=rest) if rest else None
 
 
 def compare_all(
-    scene: Particles, id_n: Any, snapshots: Sequence[Snapshot], prediction: Prediction
+    problem: Problem, id_n: Any, snapshots: Sequence[Snapshot], prediction: Prediction
 ) -> dict[str, list[Comparison]]:
     """One comparison per field and step."""
-    table: dict[str, list[Comparison]] = {field: [] for field in scene.fields}
-    for at, step in enumerate(scene.steps):
-        for field in scene.fields:
-            sides = _sides(scene, field, snapshots[at], prediction, at)
+    table: dict[str, list[Comparison]] = {field: [] for field in problem.fields}
+    for at, step in enumerate(problem.steps):
+        for field in problem.fields:
+            sides = _sides(problem, field, snapshots[at], prediction, at)
             table[field].append(compare_field(field, FIELDS[field].stage, id_n, *sides, None, derived(step)))
     return table
 
 
 def _sides(
-    scene: Particles, field: str, snapshot: Snapshot, prediction: Prediction, at: int
+    problem: Problem, field: str, snapshot: Snapshot, prediction: Prediction, at: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A field of LAMMPS, of the reference, and its bound, at one of the steps."""
     lammps_n = np.asarray(snapshot[field], float)
     reference_n = np.asarray(prediction.fields[at][field], float)
     if field == "x":
-        lammps_n = nearest_image(scene, lammps_n, reference_n)
+        lammps_n = nearest_image(problem, lammps_n, reference_n)
     return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
 
 
@@ -145,10 +145,10 @@ def derived(step: int) -> str:
     return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
 
 
-def nearest_image(scene: Particles, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
+def nearest_image(problem: Problem, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
     """Positions moved by whole periods to where the reference, which does not wrap, has them."""
-    edge_c = np.array(scene.box.edge_c)
-    turns_nc = np.where(scene.box.periodic, np.round((reference_nc - x_nc) / edge_c), 0.0)
+    edge_c = np.array(problem.box.edge_c)
+    turns_nc = np.where(problem.box.periodic, np.round((reference_nc - x_nc) / edge_c), 0.0)
     return np.asarray(x_nc + turns_nc * edge_c)
 
 
@@ -178,10 +178,10 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
     return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
 
 
-def first_outside(scene: Particles, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
+def first_outside(problem: Problem, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
     """The first step, then the first field in the order of a step, then the first atom outside the bound."""
-    for at, step in enumerate(scene.steps):
-        for field in in_step_order(scene.fields):
+    for at, step in enumerate(problem.steps):
+        for field in in_step_order(problem.fields):
             comparison = table[field][at]
             record = comparison.record
             if record.verdict != "differs" or record.first_id is None:
@@ -214,15 +214,15 @@ def _values(comparison: Comparison, atom: int) -> tuple[float, float, float]:
 
 
 def would_show(
-    scene: Particles, entry: Entry, snapshots: Sequence[Snapshot], prediction: Prediction, predictor: Predictor
+    problem: Problem, entry: Finding, snapshots: Sequence[Snapshot], prediction: Prediction, predictor: Predictor
 ) -> bool:
     """Whether a finding takes some field of a scene out of the reference's bound."""
-    made = combined([entry.model_variant] if entry.model_variant else [], scene, snapshots[0])
+    made = combined([entry.model_variant] if entry.model_variant else [], problem, snapshots[0])
     if made is None:
         return False
-    shown = predictor.values(scene, made)
+    shown = predictor.values(problem, made)
     for fields, reference, bounds in zip(shown, prediction.fields, prediction.bounds, strict=True):
-        for field in scene.fields:
+        for field in problem.fields:
             shown_n, own_n = np.asarray(fields[field], float), np.asarray(reference[field], float)
             if np.any(excess(shown_n, own_n, np.broadcast_to(bounds[field], own_n.shape))[1] > 1):
                 return True
@@ -230,32 +230,32 @@ def would_show(
 
 
 def explain(
-    scene: Particles,
+    problem: Problem,
     snapshots: Sequence[Snapshot],
-    listed: Sequence[Entry],
+    listed: Sequence[Finding],
     reference: Prediction,
     random: int,
     predictor: Predictor,
-) -> list[Entry]:
+) -> list[Finding]:
     """The findings whose variants together are inside the bounds everywhere, without any that is not needed."""
 
-    def inside(entries: Sequence[Entry], of: Particles = scene) -> bool:
+    def inside(entries: Sequence[Finding], of: Problem = problem) -> bool:
         variants = [entry.model_variant for entry in entries if entry.model_variant]
         return bool(variants) and reproduced(of, snapshots, variants, reference, random, predictor)
 
     needed = list(listed)
     if not inside(needed):
         return []
-    first = replace(scene, steps=scene.steps[:1])  # most findings show in the first evaluation, without moved runs
+    first = replace(problem, steps=problem.steps[:1])  # most findings show in the first evaluation, without moved runs
     for entry in listed:
         fewer = [other for other in needed if other is not entry]
-        if (scene.steps[0] or inside(fewer, first)) and inside(fewer):
+        if (problem.steps[0] or inside(fewer, first)) and inside(fewer):
             needed = fewer
     return needed
 
 
 def reproduced(
-    scene: Particles,
+    problem: Problem,
     snapshots: Sequence[Snapshot],
     variants: Sequence[Variant],
     reference: Prediction,
@@ -263,16 +263,16 @@ def reproduced(
     predictor: Predictor,
 ) -> bool:
     """Whether some variants together reproduce LAMMPS on every atom whose value they define."""
-    made = combined(variants, scene, snapshots[0])
+    made = combined(variants, problem, snapshots[0])
     if made is None:
         return False
     try:
-        prediction = predictor.predict(scene, made, random)
+        prediction = predictor.predict(problem, made, random)
     except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
         return False
     undefined = any(variant.undefined for variant in variants)
-    for at, field in itertools.product(range(len(scene.steps)), scene.fields):
-        sides = _sides(scene, field, snapshots[at], prediction, at)
+    for at, field in itertools.product(range(len(problem.steps)), problem.fields):
+        sides = _sides(problem, field, snapshots[at], prediction, at)
         if not np.all(excess(*sides)[1] <= 1):
             own_n = np.broadcast_to(reference.bounds[at][field], sides[2].shape)
             if not (undefined and _defined_part_inside(*sides, own_n)):

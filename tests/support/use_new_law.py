@@ -11,7 +11,7 @@ from eos_ref.eos import bounds, lammps_rounding, rigorous, rounded_eos
 from eos_ref.eos.table import examples
 from eos_ref.methods import choice
 from eos_ref.numbers.rounded import Rounded
-from lammps_cases.comparison.compare import State, compare_pressure
+from lammps_cases.comparison.compare import EosState, compare_pressure
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
@@ -84,7 +84,7 @@ assert next(item.why for item in of_scene.reference if item.name == "energy") ==
 commands = "\n".join(job(scene, atoms, of_scene).commands)
 assert f"rheo/pressure * {STYLE} 1.7 * background 0.3" in commands, commands
 one, every_n = EOSTable((law,)), np.ones(rho_n.size, int)
-state = State(np.arange(rho_n.size) + 1, every_n, rho_n, mass_n, e_n * mass_n)
+state = EosState(np.arange(rho_n.size) + 1, every_n, rho_n, mass_n, e_n * mass_n)
 own_n = bounds.comparison(one, rho_n, every_n, e_n)
 blind = law_mistakes.unseen(one, state, one.pressure(rho_n, every_n, e_n), own_n)
 assert blind == [], blind

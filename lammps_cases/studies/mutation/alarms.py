@@ -24,7 +24,7 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run.campaign import Prepared, prepare
+from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
@@ -121,7 +121,7 @@ class AlarmRun:
 # --- what LAMMPS is given
 
 
-def perturbed_case(kind: Kind, ready: Prepared) -> PerturbedCase:
+def perturbed_case(kind: Kind, ready: PreparedCase) -> PerturbedCase:
     """Return a case with the jobs of a kind."""
     p_n = np.random.default_rng(seed(f"{ready.case.name}/{kind}")).permutation(len(ready.atoms))
     jobs, row_n = ready.jobs, None
@@ -144,7 +144,7 @@ def perturbed_case(kind: Kind, ready: Prepared) -> PerturbedCase:
     return PerturbedCase(ready, tuple(jobs), row_n)
 
 
-def prepared_anew(case: Case) -> Prepared:
+def prepared_anew(case: Case) -> PreparedCase:
     """A case with another seed; it keeps its name, by which the ledger knows it."""
     return replace(prepare(replace(case, name=f"{case.name}/another seed")), case=case)
 
@@ -160,7 +160,7 @@ def _permuted(job: Job, p_n: Rows, id_n: Rows) -> Job:
     )
 
 
-def _with_settings(kind: Kind, ready: Prepared) -> Prepared:
+def _with_settings(kind: Kind, ready: PreparedCase) -> PreparedCase:
     """A case with other settings of LAMMPS, in the original and the twin alike."""
 
     def other(scene: Scene) -> Scene:

@@ -10,7 +10,7 @@ from pathlib import Path
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.files import write_atomically
-from lammps_cases.run.campaign import Prepared
+from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 
@@ -21,7 +21,7 @@ Outcome = Answer | Failure
 class AnsweredCase:
     """A case, and how LAMMPS answered its one or two jobs."""
 
-    ready: Prepared
+    ready: PreparedCase
     outcomes: tuple[Outcome, ...]
 
     @property

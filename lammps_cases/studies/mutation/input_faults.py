@@ -13,7 +13,7 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Job
-from lammps_cases.run.campaign import Prepared
+from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job
@@ -32,7 +32,7 @@ class InputFault(Fault):
     change_job: JobChange | None = None
 
 
-def jobs(fault: InputFault, ready: Prepared) -> list[Job] | None:
+def jobs(fault: InputFault, ready: PreparedCase) -> list[Job] | None:
     """Return the jobs of a case, or of both runs of a twin, with a fault; None if it does not apply."""
     right_jobs, faulty = ready.jobs, []
     for (scene, atoms), right in zip(ready.sides, right_jobs, strict=True):

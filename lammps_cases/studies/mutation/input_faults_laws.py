@@ -7,7 +7,7 @@ from typing import Any
 
 from eos_ref.eos.registry import PARAMETER
 from lammps_cases.scene import AtomType, PowerLaw, Scene
-from lammps_cases.scene.materials import Law
+from lammps_cases.scene.materials import LawSettings
 from lammps_cases.studies.mutation.fault import Kind
 from lammps_cases.studies.mutation.input_faults import InputFault, SceneChange
 
@@ -45,7 +45,7 @@ def dealt_on(name: str) -> SceneChange:
     return change_scene
 
 
-def laws(change: Callable[[Law], dict[str, Any] | None]) -> SceneChange:
+def laws(change: Callable[[LawSettings], dict[str, Any] | None]) -> SceneChange:
     """Every entry of fix rheo/pressure with some keys changed; None drops it."""
 
     def change_scene(scene: Scene) -> Scene:
@@ -56,17 +56,17 @@ def laws(change: Callable[[Law], dict[str, Any] | None]) -> SceneChange:
     return change_scene
 
 
-def entry(style: str, change: Callable[[Law], dict[str, Any] | None]) -> SceneChange:
+def entry(style: str, change: Callable[[LawSettings], dict[str, Any] | None]) -> SceneChange:
     """Entries of one style changed."""
     return laws(lambda law: change(law) if law.style == style else {})
 
 
-def order(change: Callable[[tuple[Law, ...]], tuple[Law, ...]]) -> SceneChange:
+def order(change: Callable[[tuple[LawSettings, ...]], tuple[LawSettings, ...]]) -> SceneChange:
     """Entries of fix rheo/pressure in another order, or some of them."""
     return lambda scene: scene.model_copy(update={"pressure": change(scene.pressure)})
 
 
-def as_style(style: str, **values: float) -> Callable[[Law], dict[str, Any]]:
+def as_style(style: str, **values: float) -> Callable[[LawSettings], dict[str, Any]]:
     """An entry of another style."""
     blank = dict.fromkeys(PARAMETER.values())
     return lambda law: {"style": style, **blank, **values}
@@ -75,14 +75,14 @@ def as_style(style: str, **values: float) -> Callable[[Law], dict[str, Any]]:
 def _range(change: Callable[[str, str], tuple[str, str]]) -> SceneChange:
     """Ranges m*n with other ends; empty where there is none."""
 
-    def of(law: Law) -> dict[str, Any]:
+    def of(law: LawSettings) -> dict[str, Any]:
         low, star, high = law.types.partition("*")
         return {"types": "*".join(change(low, high))} if star else {}
 
     return laws(of)
 
 
-def _single(law: Law) -> dict[str, Any]:
+def _single(law: LawSettings) -> dict[str, Any]:
     return {"types": str(3 - int(law.types))} if law.types in ("1", "2") else {}
 
 
@@ -90,7 +90,7 @@ def _less(number: str) -> str:
     return str(int(number) - 1) if number and int(number) > 1 else number
 
 
-def _all(law: Law) -> Law:
+def _all(law: LawSettings) -> LawSettings:
     return law.model_copy(update={"types": "*"})
 
 

@@ -12,14 +12,14 @@ from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, Run
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run.campaign import Prepared, engine_record
+from lammps_cases.run.campaign import PreparedCase, engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict import particle_model
@@ -40,7 +40,7 @@ class PerturbedCase:
     row_n : row of every particle of the case in the answers; None: the same
     """
 
-    ready: Prepared
+    ready: PreparedCase
     jobs: tuple[Job, ...]
     row_n: Rows | None = None
 
@@ -121,7 +121,7 @@ class RepeatedCase:
         The case is not as expected even so.
     """
 
-    def __init__(self, site: str | None, judge: Judge, ready: Prepared) -> None:
+    def __init__(self, site: str | None, judge: Judge, ready: PreparedCase) -> None:
         self.site, self.ready, self.engine = site, ready, judge.engine
         self.predictor = judge.predictor
         case, scene = ready.case, ready.case.scene
@@ -129,7 +129,7 @@ class RepeatedCase:
         record = self._judged(answer)
         if not record.as_expected or not isinstance(answer, Answer):
             raise ValueError(f"{case.name} is {record.verdict}: {record.message}")
-        self.fitting: tuple[Particles, Prediction] | None = None
+        self.fitting: tuple[Problem, Prediction] | None = None
         if scene.whole_model:
             self.fitting = self._fitting(record, self._snapshots(answer)[0])
 
@@ -137,7 +137,7 @@ class RepeatedCase:
         ready = self.ready
         return evaluate(ready.case, ready.eos, ready.atoms, answer, self.engine, self.predictor)[0]
 
-    def _fitting(self, record: CaseRecord, first: Snapshot) -> tuple[Particles, Prediction]:
+    def _fitting(self, record: CaseRecord, first: Snapshot) -> tuple[Problem, Prediction]:
         case, scene = self.ready.case, self.ready.case.scene
         of = particles_of(scene, self.ready.atoms, case.where, scene.snapshots)
         named = {name for field in record.fields for name in field.explained_by}
@@ -168,7 +168,7 @@ class RepeatedCase:
         return ratios
 
 
-def _ratio(of: Particles, name: str, lammps: Any, fitting: Any, bound: Any) -> float:
+def _ratio(of: Problem, name: str, lammps: Any, fitting: Any, bound: Any) -> float:
     """The largest ratio of difference to bound, where there is a bound."""
     fitting_n, lammps_n = np.asarray(fitting, float), np.asarray(lammps, float)
     if name == "x":

@@ -16,7 +16,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.run.campaign import Prepared, prepare
+from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation.perturbed import Judge, RepeatedCase, judge_of
 from lammps_cases.studies.mutation.scene_numbers import Number, numbers
@@ -90,7 +90,7 @@ class Probe:
 # --- in a worker
 
 
-def probes(site: str | None, judge: Judge, ready: Prepared, parameters: Sequence[str]) -> list[Probe]:
+def probes(site: str | None, judge: Judge, ready: PreparedCase, parameters: Sequence[str]) -> list[Probe]:
     """Task: try every number of a case once, of some parameters or of all."""
     wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
     if not wanted:
@@ -124,7 +124,7 @@ def _estimate(case: RepeatedCase, number: Number) -> float:
     return math.inf
 
 
-def smallest(site: str | None, judge: Judge, ready: Prepared, places: Sequence[Probe]) -> list[tuple[str, Change]]:
+def smallest(site: str | None, judge: Judge, ready: PreparedCase, places: Sequence[Probe]) -> list[tuple[str, Change]]:
     """Task: the smallest change seen of some numbers of a case, up or down."""
     case = RepeatedCase(site, judge, ready)
     known = {(n.parameter, n.place): n for n in numbers(ready)}
@@ -253,7 +253,7 @@ def _of(parameter: str, tried: dict[str, list[Probe]]) -> dict[str, Probe]:
     return found
 
 
-def _chosen(tried: dict[str, list[Probe]], quick: set[str], ready: dict[str, Prepared]) -> dict[str, list[Probe]]:
+def _chosen(tried: dict[str, list[Probe]], quick: set[str], ready: dict[str, PreparedCase]) -> dict[str, list[Probe]]:
     """The most promising cases of every parameter, smaller ones first among equals."""
     chosen: dict[str, list[Probe]] = {}
     for parameter in _parameters(tried):

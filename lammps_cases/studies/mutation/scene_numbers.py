@@ -10,7 +10,7 @@ import numpy as np
 
 from eos_ref.eos.registry import PARAMETER
 from lammps_cases.engine.session import Job
-from lammps_cases.run.campaign import Prepared
+from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import AtomType, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.setup.commands import job
@@ -43,7 +43,7 @@ class Number:
 DECIDES = ("T_freeze", "cmin", "wmin", "surface limit", "splash", "zmin", "gd0")
 
 
-def numbers(ready: Prepared) -> list[Number]:
+def numbers(ready: PreparedCase) -> list[Number]:
     """All numbers of a case but zeros, of which no change is relative; none where LAMMPS is not to answer once."""
     scene = ready.case.scene
     if scene.expect or scene.twin:
@@ -54,19 +54,19 @@ def numbers(ready: Prepared) -> list[Number]:
     return [n for n in found if n.value != 0 and np.isfinite(n.value)]
 
 
-def _scene(ready: Prepared, alter: Callable[[float], Scene]) -> Put:
+def _scene(ready: PreparedCase, alter: Callable[[float], Scene]) -> Put:
     """Jobs of another scene, with the particles of the given one."""
     items = plan(ready.case.scene)
     return lambda value: job(alter(value), ready.atoms, items)
 
 
-def _atoms(ready: Prepared, alter: Callable[[float], Atoms]) -> Put:
+def _atoms(ready: PreparedCase, alter: Callable[[float], Atoms]) -> Put:
     """Jobs of other particles, in the given scene."""
     items = plan(ready.case.scene)
     return lambda value: job(ready.case.scene, alter(value), items)
 
 
-def _of_types(ready: Prepared) -> Iterator[Number]:
+def _of_types(ready: PreparedCase) -> Iterator[Number]:
     scene = ready.case.scene
     names = ["mass", "rho0", "cs"]
     names += ["conductivity", "specific_heat", "latent_heat", "T_freeze"] if scene.thermal and scene.interacts else []
@@ -91,7 +91,7 @@ def _term(law: PowerLaw, name: str) -> Callable[[float], dict[str, Any]]:
     return lambda value: {"viscosity": law.model_copy(update={name: value})}
 
 
-def _type(ready: Prepared, t: int, change: Callable[[float], dict[str, Any]]) -> Put:
+def _type(ready: PreparedCase, t: int, change: Callable[[float], dict[str, Any]]) -> Put:
     scene = ready.case.scene
 
     def alter(value: float) -> Scene:
@@ -102,7 +102,7 @@ def _type(ready: Prepared, t: int, change: Callable[[float], dict[str, Any]]) ->
     return _scene(ready, alter)
 
 
-def _of_laws(ready: Prepared) -> Iterator[Number]:
+def _of_laws(ready: PreparedCase) -> Iterator[Number]:
     laws = ready.case.scene.pressure
     for k, law in enumerate(laws):
         if (name := PARAMETER.get(law.style)) is not None:
@@ -110,7 +110,7 @@ def _of_laws(ready: Prepared) -> Iterator[Number]:
             yield Number(name, place, getattr(law, name), _law(ready, k, name))
 
 
-def _law(ready: Prepared, k: int, name: str) -> Put:
+def _law(ready: PreparedCase, k: int, name: str) -> Put:
     scene = ready.case.scene
 
     def alter(value: float) -> Scene:
@@ -121,7 +121,7 @@ def _law(ready: Prepared, k: int, name: str) -> Put:
     return _scene(ready, alter)
 
 
-def _part(ready: Prepared, part: str, change: Callable[[float], dict[str, Any]]) -> Put:
+def _part(ready: PreparedCase, part: str, change: Callable[[float], dict[str, Any]]) -> Put:
     """A number of the scene's part ``rheo``, ``pair`` or ``evolve``."""
     scene = ready.case.scene
     return _scene(
@@ -129,7 +129,7 @@ def _part(ready: Prepared, part: str, change: Callable[[float], dict[str, Any]])
     )
 
 
-def _of_model(ready: Prepared) -> Iterator[Number]:
+def _of_model(ready: PreparedCase) -> Iterator[Number]:
     scene, rheo = ready.case.scene, ready.case.scene.rheo
     yield Number("cut", "", kernel_cut(scene, ready.atoms.spacing), _part(ready, "rheo", _setter("cut")))
     if rheo.kernel.startswith("RK"):
@@ -152,7 +152,7 @@ def _of_model(ready: Prepared) -> Iterator[Number]:
         yield Number("splash", "", surface.splash, detecting("splash"), whole=True)
 
 
-def _of_shift(ready: Prepared) -> Iterator[Number]:
+def _of_shift(ready: PreparedCase) -> Iterator[Number]:
     shift = ready.case.scene.rheo.shifting
     if shift is None or shift.scale_cross_type is None:
         return
@@ -169,7 +169,7 @@ def _of_shift(ready: Prepared) -> Iterator[Number]:
         yield Number(name, "", given[k], put(k), decides=name in DECIDES)
 
 
-def _of_forces(ready: Prepared) -> Iterator[Number]:
+def _of_forces(ready: PreparedCase) -> Iterator[Number]:
     scene = ready.case.scene
 
     def put(k: int, axis: int) -> Put:
@@ -187,7 +187,7 @@ def _of_forces(ready: Prepared) -> Iterator[Number]:
             yield Number(force.style, f"force {k + 1}, {'xyz'[axis]}", value or 0.0, put(k, axis))
 
 
-def _of_atoms(ready: Prepared) -> Iterator[Number]:
+def _of_atoms(ready: PreparedCase) -> Iterator[Number]:
     """Of one particle, the one in the middle of the list; of a wall; of the box."""
     atoms, scene = ready.atoms, ready.case.scene
     k = len(atoms) // 2

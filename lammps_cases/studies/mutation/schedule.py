@@ -18,7 +18,7 @@ from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import Progress
-from lammps_cases.run.campaign import Prepared, prepare
+from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import formula, source, substitute, tasks, unmutated
 from lammps_cases.studies.mutation.fault import Detection, Fault
@@ -128,7 +128,7 @@ class MutationPool:
             return Control(case.name, False, None, (f"{outcome.verdict}: {outcome.message}",))
         return outcome
 
-    def _answered(self, ready: Prepared, failed: str = "") -> Future[Control]:
+    def _answered(self, ready: PreparedCase, failed: str = "") -> Future[Control]:
         return self._workers.call(unmutated.answer_case, self.folder, self.judge, ready, failed, time_limit=LIMIT)
 
     # --- faults

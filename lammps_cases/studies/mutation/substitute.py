@@ -179,10 +179,10 @@ def answer_side(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
 
 def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer) -> Answer:
     """Pressures of LAMMPS' own densities."""
-    from lammps_cases.comparison.compare import State
+    from lammps_cases.comparison.compare import EosState
 
     got = answer.arrays
-    state = State(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
+    state = EosState(got["id"], got["type"], got["rho"], atoms.mass_n, got.get("esph"))
     eos, p_n = scene.eos(where), None
     if mutation.table == "law":
         from lammps_cases.verdict.law_mistakes import MUTANTS

@@ -11,7 +11,7 @@ from pathlib import Path
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
-from lammps_cases.run.campaign import Prepared, faulty
+from lammps_cases.run.campaign import PreparedCase, faulty
 from lammps_cases.studies.mutation import substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep
 from lammps_cases.studies.mutation.fault import Detection
@@ -34,7 +34,7 @@ class Control:
     red: tuple[str, ...] = ()
 
 
-def answer_case(site: str | None, folder: Path, judge: Judge, ready: Prepared, failed: str = "") -> Control:
+def answer_case(site: str | None, folder: Path, judge: Judge, ready: PreparedCase, failed: str = "") -> Control:
     """Task: have LAMMPS and the reference answer a case, judge both, and keep the answers.
 
     ``failed`` says how LAMMPS' process ended, where an earlier attempt took its worker with it.

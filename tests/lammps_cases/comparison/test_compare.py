@@ -10,7 +10,7 @@ from eos_ref import EOS, EOSTable
 from eos_ref.eos.bounds import EPS
 from lammps_cases.comparison.compare import (
     Comparison,
-    State,
+    EosState,
     compare_field,
     compare_pressure,
     digits_lost,
@@ -135,9 +135,9 @@ def test_the_component_of_the_largest_ratio_stands_for_a_particle() -> None:
 # --- pressure
 
 
-def state(n: int = 8) -> State:
+def state(n: int = 8) -> EosState:
     types_n = np.arange(n) % 2 + 1
-    return State(np.arange(1, n + 1), types_n, np.linspace(0.9, 1.4, n), np.ones(n))
+    return EosState(np.arange(1, n + 1), types_n, np.linspace(0.9, 1.4, n), np.ones(n))
 
 
 def test_every_particle_is_evaluated_by_the_law_of_its_type() -> None:
@@ -150,7 +150,7 @@ def test_every_particle_is_evaluated_by_the_law_of_its_type() -> None:
 
 
 def test_energy_is_counted_per_unit_mass() -> None:
-    scene = State(np.array([1]), np.array([1]), array(2.0), array(4.0), array(6.0))
+    scene = EosState(np.array([1]), np.array([1]), array(2.0), array(4.0), array(6.0))
     assert scene.e_n is not None
     np.testing.assert_array_equal(scene.e_n, [1.5])
     assert evaluate(EOSTable([EOS("ideal/gas", parameter=1.4)]), scene) == pytest.approx(0.4 * 2.0 * 1.5)
@@ -175,7 +175,7 @@ def test_digits_lost_count_the_decimal_places_of_each_side() -> None:
 
 
 def test_no_digits_are_lost_where_nothing_is_evaluated() -> None:
-    empty = State(*(np.zeros(0, int) for _ in range(2)), *(np.zeros(0) for _ in range(2)))
+    empty = EosState(*(np.zeros(0, int) for _ in range(2)), *(np.zeros(0) for _ in range(2)))
     assert digits_lost(TABLE, empty, np.zeros(0), np.zeros(0)).lammps is None
 
 

@@ -21,7 +21,7 @@ from lammps_cases.comparison import prediction_keys, store
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Particles, Prediction
+from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity
@@ -34,13 +34,13 @@ Run = Callable[..., Outcome]
 ROOT = Path(prediction_keys.__file__).parents[2]
 
 
-def _scene(name: str = "thermal.latent.2d") -> Particles:
+def _scene(name: str = "thermal.latent.2d") -> Problem:
     case = casefile.select(casefile.load(), (name,))[0]
     return particles_of(case.scene, campaign.prepare(case).atoms, case.where, (0, 1))
 
 
 @pytest.fixture(scope="module")
-def scene() -> Particles:
+def problem() -> Problem:
     return _scene()
 
 
@@ -84,16 +84,16 @@ def _nudged(value: Any, path: tuple[str, ...]) -> Any:
 
 @pytest.mark.parametrize("name", ["thermal.latent.2d", "walls.reconstructed.gravity", "cross-type.both.2d"])
 def test_any_change_of_the_problem_is_another_key(name: str) -> None:
-    scene = _scene(name)
-    leaves = _leaves(scene)
+    problem = _scene(name)
+    leaves = _leaves(problem)
     assert ("state", "x_nc") in leaves
     assert ("model", "eos", "laws", "0", "cs") in leaves
-    found = {fingerprint(_nudged(scene, leaf)) for leaf in leaves}
-    assert len(found | {fingerprint(scene)}) == len(leaves) + 1
+    found = {fingerprint(_nudged(problem, leaf)) for leaf in leaves}
+    assert len(found | {fingerprint(problem)}) == len(leaves) + 1
 
 
-def test_every_element_counts(scene: Particles) -> None:
-    x_nc = scene.state.x_nc.copy()
+def test_every_element_counts(problem: Problem) -> None:
+    x_nc = problem.state.x_nc.copy()
     found = {fingerprint(x_nc)}
     for at in np.ndindex(x_nc.shape):
         moved_nc = x_nc.copy()
@@ -115,7 +115,7 @@ def test_variants_are_told_apart() -> None:
     assert len({fingerprint(kind) for kind in kinds}) == len(kinds)
 
 
-def test_a_variant_from_elsewhere_is_never_kept(scene: Particles, tmp_path: Path) -> None:
+def test_a_variant_from_elsewhere_is_never_kept(problem: Problem, tmp_path: Path) -> None:
     class Foreign(Plain):
         pass
 
@@ -125,7 +125,7 @@ def test_a_variant_from_elsewhere_is_never_kept(scene: Particles, tmp_path: Path
         fingerprint(np.array([object()]))
     for _ in range(2):
         predictor = Predictor(Store(tmp_path))
-        predictor.predict(scene, (Foreign, Simulation))
+        predictor.predict(problem, (Foreign, Simulation))
         assert (predictor.computed, predictor.stored) == (1, 0)
     assert list(tmp_path.iterdir()) == []
 
@@ -162,11 +162,13 @@ def test_libraries_and_processor_are_part_of_the_context(
 
 
 def _imported(module: str) -> set[str]:
-    """Modules of lammps_cases that one of them imports anywhere in its text."""
+    """Return the modules of lammps_cases that one of them imports anywhere in its text, but for annotations alone."""
     path = ROOT.joinpath(*module.split("."))
     text = (path / "__init__.py" if path.is_dir() else path.with_suffix(".py")).read_text()
-    imported = set()
-    for node in ast.walk(ast.parse(text)):
+    tree, imported = ast.parse(text), set()
+    for_types = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+    annotations = {inner for node in for_types for inner in ast.walk(node)}
+    for node in set(ast.walk(tree)) - annotations:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lammps_cases"):
             for name in [f"{node.module}.{alias.name}" for alias in node.names]:
                 here = ROOT.joinpath(*name.split("."))
@@ -191,36 +193,36 @@ def _bits(prediction: Prediction) -> list[bytes]:
     ]
 
 
-def test_what_is_found_has_the_bits_of_what_was_computed(scene: Particles, tmp_path: Path) -> None:
+def test_what_is_found_has_the_bits_of_what_was_computed(problem: Problem, tmp_path: Path) -> None:
     kept = Store(tmp_path, "context")
     made = ForcePerVolume, Simulation
     first, second, alone = Predictor(kept), Predictor(kept), Predictor()
     for predictor in (first, second, alone):
-        predictor.predict(scene, seed=5)
-        predictor.names("lint", scene, lambda: ["one"], 5)
+        predictor.predict(problem, seed=5)
+        predictor.names("lint", problem, lambda: ["one"], 5)
     assert [(p.computed, p.stored) for p in (first, second, alone)] == [(2, 0), (0, 2), (2, 0)]
     for one, other in ((first, second), (first, alone)):
-        assert _bits(one.predict(scene, seed=5)) == _bits(other.predict(scene, seed=5))
-        assert _bits(one.predict(scene, made, 5)) == _bits(other.predict(scene, made, 5))
-        assert one.names("lint", scene, list, 5) == other.names("lint", scene, list, 5) == ["one"]
-        digits = [p.precise(scene) for p in (one, other)]
-        assert all(np.array_equal(digits[0][f], digits[1][f], equal_nan=True) for f in scene.fields)
-        assert all(digits[0][f].dtype == digits[1][f].dtype for f in scene.fields)
-        for a, b in zip(one.values(scene, made), other.values(scene, made), strict=True):
-            assert all(a[f].tobytes() == b[f].tobytes() for f in scene.fields)
+        assert _bits(one.predict(problem, seed=5)) == _bits(other.predict(problem, seed=5))
+        assert _bits(one.predict(problem, made, 5)) == _bits(other.predict(problem, made, 5))
+        assert one.names("lint", problem, list, 5) == other.names("lint", problem, list, 5) == ["one"]
+        digits = [p.precise(problem) for p in (one, other)]
+        assert all(np.array_equal(digits[0][f], digits[1][f], equal_nan=True) for f in problem.fields)
+        assert all(digits[0][f].dtype == digits[1][f].dtype for f in problem.fields)
+        for a, b in zip(one.values(problem, made), other.values(problem, made), strict=True):
+            assert all(a[f].tobytes() == b[f].tobytes() for f in problem.fields)
     assert first.computed == alone.computed == 5
-    assert _bits(first.predict(scene, seed=6)) != _bits(first.predict(scene, seed=5))
+    assert _bits(first.predict(problem, seed=6)) != _bits(first.predict(problem, seed=5))
     assert Predictor(replace(kept, context="another")).store != kept
 
 
 @pytest.mark.parametrize("spoil", ["truncated", "empty", "one bit", "another's"])
-def test_damaged_entry_is_computed_anew(spoil: str, scene: Particles, tmp_path: Path) -> None:
+def test_damaged_entry_is_computed_anew(spoil: str, problem: Problem, tmp_path: Path) -> None:
     kept = Store(tmp_path)
-    right = _bits(Predictor(kept).predict(scene, seed=1))
+    right = _bits(Predictor(kept).predict(problem, seed=1))
     (file,) = tmp_path.iterdir()
     content = file.read_bytes()
     if spoil == "another's":
-        Predictor(kept).predict(scene, seed=2)
+        Predictor(kept).predict(problem, seed=2)
         (other,) = set(tmp_path.iterdir()) - {file}
         file.write_bytes(other.read_bytes())
     else:
@@ -228,25 +230,25 @@ def test_damaged_entry_is_computed_anew(spoil: str, scene: Particles, tmp_path: 
         flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
         file.write_bytes({"truncated": content[:-1], "empty": b"", "one bit": flipped}[spoil])
     again = Predictor(kept)
-    assert _bits(again.predict(scene, seed=1)) == right
+    assert _bits(again.predict(problem, seed=1)) == right
     assert (again.computed, again.stored) == (1, 0)
     assert file.read_bytes() == content
 
 
-def test_context_and_fresh_hide_what_is_there(scene: Particles, tmp_path: Path) -> None:
-    Predictor(Store(tmp_path, "a")).predict(scene)
+def test_context_and_fresh_hide_what_is_there(problem: Problem, tmp_path: Path) -> None:
+    Predictor(Store(tmp_path, "a")).predict(problem)
     for kept in (Store(tmp_path, "b"), Store(tmp_path, "a", fresh=True)):
         predictor = Predictor(kept)
-        predictor.predict(scene)
+        predictor.predict(problem)
         assert (predictor.computed, predictor.stored) == (1, 0)
     assert prediction_keys.current(prediction_keys.open_store())
     assert not prediction_keys.current(Store(tmp_path, "sources of another time"))
 
 
-def test_folder_that_cannot_be_written_costs_no_result(scene: Particles, tmp_path: Path) -> None:
+def test_folder_that_cannot_be_written_costs_no_result(problem: Problem, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     predictor = Predictor(Store(tmp_path / "file" / "below"))
-    assert _bits(predictor.predict(scene)) == _bits(Predictor().predict(scene))
+    assert _bits(predictor.predict(problem)) == _bits(Predictor().predict(problem))
 
 
 def test_the_longest_unused_goes_first(tmp_path: Path) -> None:

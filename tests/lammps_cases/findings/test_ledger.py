@@ -16,7 +16,7 @@ from eos_ref.numbers.columns import Number
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.findings import LEDGER, accepted_cases, forces, ledger_of
-from lammps_cases.findings.entry import Entry
+from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.regression import acceptance, evidence
@@ -114,7 +114,7 @@ class HalfVolume(Plain):
         return 0.5 * super().collecting_volume(rho_i)
 
 
-HALVED = Entry(
+HALVED = Finding(
     id="halved",
     number=len(LEDGER) + 1,
     title="Forces are halved",

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Particles, visit, wanted
+from lammps_cases.comparison.trajectory import Problem, visit, wanted
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import shown_by
@@ -33,7 +34,7 @@ OLDER = EngineRecord(distribution="2025.7.22.1.0")  # whose order of pairs matte
 NEWER = EngineRecord(distribution="2099.1.1")
 FIRST = 6  # the first step of the scene of walls-after-rebuild whose list has other images than the one before
 
-Make = Callable[..., campaign.Prepared]
+Make = Callable[..., campaign.PreparedCase]
 Solver = Callable[[Job], Answer]
 
 
@@ -64,12 +65,12 @@ def _walls(steps: int, columns: int, **rheo: Any) -> dict[str, Any]:
 class Seen:
     """A case, LAMMPS' answer to it, and the one with every step and list."""
 
-    ready: campaign.Prepared
+    ready: campaign.PreparedCase
     answer: Answer
     every: Answer
 
     @property
-    def problem(self) -> Particles:
+    def problem(self) -> Problem:
         """The scene with all its steps."""
         steps = tuple(range(len(self.every.snapshots)))
         return judgement.particles_of(self.ready.case.scene, self.ready.atoms, "", steps)
@@ -93,7 +94,7 @@ def seen(solver: Solver, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
             # The name of the shipped case, as it seeds the particles.
             matrix = {"what": {"walls-after-rebuild": {}}}
             text = {"name": "open", "about": "x", "tags": ["model"], "matrix": matrix, "scene": scene}
-            path.write_text(casefile.yaml.safe_dump(text))
+            path.write_text(yaml.safe_dump(text))
             ready = campaign.prepare(casefile.load_file(path)[0])
             told = job(ready.case.scene, ready.atoms, plan(ready.case.scene), every_step=True, lists=True)
             known[name] = Seen(ready, solver(ready.jobs[0]), solver(told))

@@ -19,7 +19,7 @@ from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
-from lammps_cases.findings import Entry
+from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records import files, wording
 from lammps_cases.records.run_record import (
@@ -189,10 +189,10 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
     return record
 
 
-def _entry(name: str, **more: Any) -> Entry:
+def _entry(name: str, **more: Any) -> Finding:
     texts = {"title": f"title of {name}", "documented": "this", "observed": "that", "argument": "so", "workaround": "-"}
     known: dict[str, Any] = {"number": 0, "severity": "low", "engines": ("2025.7.22.4.0",)}
-    return Entry(id=name, **(texts | known | more))
+    return Finding(id=name, **(texts | known | more))
 
 
 FINDINGS = (

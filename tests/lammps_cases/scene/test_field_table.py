@@ -68,14 +68,14 @@ def model_of(case: Case) -> Model:
     return particles_of(case.scene, campaign.prepare(case).atoms, case.where, (0,)).model
 
 
-def answered(workers: Workers, case: Case) -> tuple[campaign.Prepared, Answer]:
+def answered(workers: Workers, case: Case) -> tuple[campaign.PreparedCase, Answer]:
     ready = campaign.prepare(case)
     answer = workers.outcome(workers.submit(ready.jobs[0], 60.0))
     assert isinstance(answer, Answer), answer
     return ready, answer
 
 
-def judged(ready: campaign.Prepared, answer: Answer) -> CaseRecord:
+def judged(ready: campaign.PreparedCase, answer: Answer) -> CaseRecord:
     return campaign.judge(None, ready, [answer], ENGINE)[0]
 
 

@@ -91,7 +91,7 @@ def make(case_file: Callable[..., Path]) -> Make:
     return case
 
 
-def answers(workers: Workers, ready: campaign.Prepared) -> list[Answer | Failure]:
+def answers(workers: Workers, ready: campaign.PreparedCase) -> list[Answer | Failure]:
     found: list[Answer | Failure] = []
     for future in [workers.submit(told, 60.0) for told in ready.jobs]:
         outcome = workers.outcome(future)

@@ -11,7 +11,7 @@ import pytest
 from eos_ref import EOSTable
 from eos_ref.eos import laws
 from lammps_cases.comparison import compare
-from lammps_cases.comparison.compare import State, compare_field
+from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import explain_outcome
@@ -24,7 +24,7 @@ from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
-Solved = list[tuple[campaign.Prepared, Answer]]
+Solved = list[tuple[campaign.PreparedCase, Answer]]
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
 def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     right = compare.evaluate
 
-    def planted(table: EOSTable, state: State, number: Any = np.float64) -> Any:
+    def planted(table: EOSTable, state: EosState, number: Any = np.float64) -> Any:
         wrong_n = MUTANTS[mistake](table, state) if number is np.float64 else None
         return right(table, state, number) if wrong_n is None else wrong_n
 
@@ -191,12 +191,12 @@ def test_lint_names_what_a_blind_scene_cannot_tell() -> None:
     rho_n = np.linspace(0.5, 1.5, n)
     ids, types, masses = np.arange(1, n + 1), np.ones(n, int), np.ones(n)
     blind = EOSTable((EOS("linear"),))
-    state = State(ids, types, rho_n, masses)
+    state = EosState(ids, types, rho_n, masses)
     p_n = compare.evaluate(blind, state)
     assert {"cs instead of cs^2", "rho0 and cs exchanged"} <= set(unseen(blind, state, p_n, 1e-15 * np.ones(n)))
     sharp = EOSTable((EOS("linear", 1.2, 3.4),))
     p_n = compare.evaluate(sharp, state)
     assert unseen(sharp, state, p_n, 1e-14 * np.ones(n)) == []
     gas = EOSTable((EOS("ideal/gas", parameter=1.4),))
-    state = State(ids, types, rho_n, masses, np.ones(n))
+    state = EosState(ids, types, rho_n, masses, np.ones(n))
     assert "energy not per unit mass" in unseen(gas, state, compare.evaluate(gas, state), 1e-14 * np.ones(n))

@@ -41,11 +41,11 @@ def solver() -> Iterator[Solver]:
 
 
 @pytest.fixture(scope="module")
-def answers(solver: Solver) -> Callable[[str], tuple[campaign.Prepared, Answer]]:
+def answers(solver: Solver) -> Callable[[str], tuple[campaign.PreparedCase, Answer]]:
     """LAMMPS' answer to a case, asked once."""
-    known: dict[str, tuple[campaign.Prepared, Answer]] = {}
+    known: dict[str, tuple[campaign.PreparedCase, Answer]] = {}
 
-    def answer(name: str) -> tuple[campaign.Prepared, Answer]:
+    def answer(name: str) -> tuple[campaign.PreparedCase, Answer]:
         if name not in known:
             ready = campaign.prepare(CASES[name])
             known[name] = ready, solver(ready.jobs[0])
@@ -56,7 +56,7 @@ def answers(solver: Solver) -> Callable[[str], tuple[campaign.Prepared, Answer]]
 
 @pytest.fixture
 def judge(
-    answers: Callable[[str], tuple[campaign.Prepared, Answer]], solver: Solver, monkeypatch: pytest.MonkeyPatch
+    answers: Callable[[str], tuple[campaign.PreparedCase, Answer]], solver: Solver, monkeypatch: pytest.MonkeyPatch
 ) -> Judge:
     monkeypatch.setattr(campaign, "solve", lambda site, job: solver(job))
 
@@ -180,7 +180,7 @@ def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: py
 @pytest.mark.parametrize("field", ["q.coordination", "q.grad/v", "q.viscosity", "pressure", "f", "drho", "x", "v"])
 def test_one_wrong_number_of_lammps_is_seen(
     field: str,
-    answers: Callable[[str], tuple[campaign.Prepared, Answer]],
+    answers: Callable[[str], tuple[campaign.PreparedCase, Answer]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, answer = answers(FORCES)
@@ -215,7 +215,7 @@ def test_lint_names_what_a_scene_of_unit_volumes_cannot_tell(judge: Judge) -> No
     ],
 )
 def test_what_cannot_be_predicted_hides_nothing_else(
-    case: str, field: str, spoil: float, answers: Callable[[str], tuple[campaign.Prepared, Answer]]
+    case: str, field: str, spoil: float, answers: Callable[[str], tuple[campaign.PreparedCase, Answer]]
 ) -> None:
     ready, answer = answers(case)
     assert campaign.judge(None, ready, [answer], ENGINE)[0].as_expected
@@ -225,7 +225,7 @@ def test_what_cannot_be_predicted_hides_nothing_else(
     assert campaign.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
 
 
-def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[campaign.Prepared, Answer]]) -> None:
+def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[campaign.PreparedCase, Answer]]) -> None:
     ready, answer = answers(FORCES)
     other = Answer(answer.arrays, answer.seconds, answer.snapshots, (0, 2, 10))
     record = campaign.judge(None, ready, [other], ENGINE)[0]
@@ -234,7 +234,7 @@ def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[campaign.P
 
 
 def test_finding_that_cannot_be_fitted_explains_nothing(
-    answers: Callable[[str], tuple[campaign.Prepared, Answer]],
+    answers: Callable[[str], tuple[campaign.PreparedCase, Answer]],
 ) -> None:
     ready, answer = answers("cross-type.both.2d")
     fields = tuple(field for field in ready.case.scene.compare if field != "shift/v")

@@ -111,7 +111,7 @@ SCENES: dict[str, dict[str, Any]] = {
 VECTORS, TENSORS = ("surface/n", "shift/v"), ("grad/v", "stress/v", "stress/t")
 
 Make = Callable[..., Case]
-Told = tuple[campaign.Prepared, Job]
+Told = tuple[campaign.PreparedCase, Job]
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,8 @@ from eos_ref import InputError
 from eos_ref.errors import nearest
 from lammps_cases.records.yaml_files import read_yaml
 
-PROBE = "probes."  # the names of probes begin so, and those of no case
 FOLDER = Path(__file__).parent
 Page = Literal["fix rheo", "fix rheo/pressure"]
-PAGES: tuple[Page, ...] = get_args(Page)
 Kind = Literal[
     "syntax",
     "style",

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lammps_cases.claims.model import KINDS, PROBE, Claim
+from lammps_cases.claims.model import KINDS, Claim
 from lammps_cases.claims.trace import Trace
 from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
 from lammps_cases.findings import LEDGER
 from lammps_cases.pages import frame
+from lammps_cases.probes import PREFIX
 
 ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
@@ -105,7 +106,7 @@ def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:
 
 def _link(case: str, columns: Sequence[Column], folder: Path, engine: str = "") -> str:
     """Where the report of a run shows a case; nothing for a probe."""
-    if case.startswith(PROBE):
+    if case.startswith(PREFIX):
         return ""
     for column in columns:
         if column.report is not None and engine in ("", column.engine):

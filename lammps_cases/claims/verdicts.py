@@ -14,8 +14,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from lammps_cases.claims.model import PROBE, Claim, claims
+from lammps_cases.claims.model import Claim, claims
 from lammps_cases.findings import LEDGER
+from lammps_cases.probes import PREFIX
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
 from lammps_cases.records.wording import INSIDE, counted, number, own_words
 
@@ -250,7 +251,7 @@ def summary(run: RunRecord) -> Summary | None:
     if not refuted and not found.get("holds"):
         return None
     waiting = [one for one in judged if one.verdict == "not run"]
-    probes = sum(any(pattern.startswith(PROBE) for pattern in one.claim.cases) for one in waiting)
+    probes = sum(any(pattern.startswith(PREFIX) for pattern in one.claim.cases) for one in waiting)
     return Summary(refuted, found.get("holds", 0), len(waiting), probes, found.get("cannot be tested", 0))
 
 

@@ -60,13 +60,14 @@ def claims_command(
 
     if not runs and not traceability:
         forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
-    from lammps_cases.claims import model, probes
+    from lammps_cases.claims import model
     from lammps_cases.claims.trace import trace
+    from lammps_cases.probes import manual
     from lammps_cases.scene import casefile
 
     chosen = model.select(names)
     cases = casefile.load()
-    known = [*(case.name for case in cases), *(probe.name for probe in probes.probes())]
+    known = [*(case.name for case in cases), *(probe.name for probe in manual.probes())]
     leads = trace(model.claims(), known)
     if traceability:
         return _traceability(leads, as_json)
@@ -111,20 +112,20 @@ def _ask(
     engine: str, chosen: Sequence[Claim], cases: Sequence[Case], everything: bool, out: Path, jobs: int, quiet: bool
 ) -> tuple[RunRecord, Path]:
     """Run the cases and probes of some claims on an engine; the record of both, and the folder of the cases' report."""
-    from lammps_cases.claims import probes
     from lammps_cases.claims.verdicts import Names
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
     from lammps_cases.engine.workers import Failure, Workers
+    from lammps_cases.probes import manual
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.wording import folder_name
     from lammps_cases.run import campaign
 
     resolved = installations.resolve(engine)
-    names = Names([case.name for case in cases] + [probe.name for probe in probes.probes()])
+    names = Names([case.name for case in cases] + [probe.name for probe in manual.probes()])
     wanted = {name for claim in chosen for name in names.of(claim)}
     needed = [case for case in cases if case.name in wanted]
-    asked = [probe for probe in probes.probes() if everything or probe.name in wanted]
+    asked = [probe for probe in manual.probes() if everything or probe.name in wanted]
     folder = out / folder_name(engine)
     with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
@@ -137,7 +138,7 @@ def _ask(
             record = campaign.engine_record(resolved, {} if isinstance(who, Failure) else who)
             told = campaign.provenance(record, campaign.command_line())
             version = record.distribution
-            told.cases = probes.put(asked, workers, version, bar)
+            told.cases = manual.put(asked, workers, version, bar)
     write_atomically(_probes_file(folder), told.counted().to_json())
     run = run or told.model_copy(update={"cases": []})
     return run.model_copy(update={"cases": [*run.cases, *told.cases]}), folder

@@ -56,7 +56,7 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.campaign import command_line
-    from lammps_cases.studies.stability import atlas, expected, page, record, select, tables
+    from lammps_cases.studies.stability import atlas, expected, inputs, page, record, select
     from lammps_cases.studies.stability.maps import maps
 
     chosen = select.maps(maps(), names, tag or ("quick" if quick and not names else None))
@@ -65,8 +65,8 @@ def stability_command(
         record.cells(out).forget()
     with Bar(quiet=as_json) as bar:
         found = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
-        inputs = tables.inputs(out, site, jobs, bar) if not names and tag is None else tables.read(out)
-        page.write(found, out, maps(), inputs)
+        rows = inputs.write(out, site, jobs, bar) if not names and tag is None else inputs.read(out)
+        page.write(found, out, maps(), rows)
     if save_limits:
         from lammps_cases.studies.stability import limits
 

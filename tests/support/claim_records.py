@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lammps_cases.claims import probes
 from lammps_cases.findings import LEDGER
+from lammps_cases.probes import manual
 from lammps_cases.records.run_record import CaseRecord, FieldRecord
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 
 CASES: dict[str, Case] = {case.name: case for case in casefile.load()}
-PROBES = {probe.name: probe for probe in probes.probes()}
+PROBES = {probe.name: probe for probe in manual.probes()}
 KNOWN = (*CASES, *PROBES)
 # Cases that LAMMPS refuses, or does not survive, although nothing in the scene says so.
 WITHOUT_NUMBERS = {

@@ -1,134 +1,47 @@
-"""Inputs that the project refuses: the list (``inputs.yaml``), and what is said here to each."""
+"""What this project says to an input that it refuses."""
 
 from __future__ import annotations
 
-import functools
 import math
-import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-import yaml
-from pydantic import TypeAdapter
 
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity, check_state
-from lammps_cases.records.yaml_files import read_yaml
-from lammps_cases.scene import atoms, casefile
-from lammps_cases.setup import reference_side
-
-Base = Literal["one", "two", "warm", "open"]
-_FILE = Path(__file__).with_name("inputs.yaml")
+from lammps_cases.probes.probe import Probe, commands, load_scene
 
 
-@dataclass(frozen=True)
-class BadInput:
-    """An input, and how to put it to LAMMPS.
-
-    Attributes
-    ----------
-    id : the name of the refusal in words joined by hyphens
-    area : what the input is about
-    names : the manual's words for the quantity that is wrong; a clear error has one of them, or the offending word
-    edits : texts replaced in the commands of the base; each stands in exactly one of them
-    promise : what LAMMPS' manual says to it, if anything
-    base : the harmless scene that is changed
-    scene : keys of the scene that say the same here; without them, and without a check, the fixes edited are parsed
-    add : commands in front of the others, when the particles exist
-    drop : per-atom arrays that are not given, ``atoms`` for all particles
-    """
-
-    id: str
-    area: str
-    names: tuple[str, ...]
-    edits: tuple[tuple[str, str], ...] = ()
-    promise: str = ""
-    base: Base = "one"
-    scene: dict[str, Any] | None = None
-    add: tuple[str, ...] = ()
-    drop: tuple[str, ...] = ()
-
-
-@functools.cache
-def _data() -> dict[str, Any]:
-    data: dict[str, Any] = read_yaml(_FILE, "bad inputs")
-    return data
-
-
-@functools.cache
-def bad_inputs() -> tuple[BadInput, ...]:
-    """All inputs, in the order of the list."""
-    return TypeAdapter(tuple[BadInput, ...]).validate_python(_data()["inputs"])
-
-
-def not_for_lammps() -> dict[str, str]:
-    """Refusals of a scene that cannot be put to LAMMPS, and why."""
-    return dict(_data()["not_for_lammps"])
-
-
-def base_scene(base: Base) -> dict[str, Any]:
-    """Keys of a harmless scene: particles of unit volume and some disorder."""
-    bases = _data()["bases"]
-    merged: dict[str, Any] = casefile.merge(bases["one"], bases[base])
-    return merged
-
-
-def load_scene(base: Base, changes: Mapping[str, Any]) -> tuple[casefile.Case, atoms.Atoms]:
-    """A changed scene as ``eos-ref run`` takes it: read from a file, its particles laid, its state checked.
-
-    Raises
-    ------
-    InputError
-    """
-    content = casefile.merge(base_scene(base), changes)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "input.yaml"
-        file.write_text(yaml.safe_dump({"name": "input", "about": "An input.", "scene": content}))
-        case = casefile.load_file(file)[0]
-    laid = atoms.build(case, case.scene.eos())
-    reference_side.state(case.scene, laid)
-    return case, laid
-
-
-def edited(line: str, edits: tuple[tuple[str, str], ...]) -> str:
-    """A command with the texts of an input replaced."""
-    for old, new in edits:
-        line = line.replace(old, new)
-    return line
-
-
-def refusal(bad: BadInput, commands: tuple[str, ...]) -> str:
-    """What is said here to an input: its rule and value, without the place; empty if nothing is.
+def refusal(bad: Probe, scene: Mapping[str, Any] | None) -> str:
+    """Return the rule that refuses an input, and its value, without the place; empty if nothing does.
 
     Parameters
     ----------
-    commands : tuple of str
-        Those of the base, in LAMMPS' words.
+    scene : mapping, optional
+        Keys of the scene that say the same as the edits; without them, and without a check, the fixes are parsed.
     """
     try:
-        if bad.scene is not None:
-            load_scene(bad.base, bad.scene)
+        if scene is not None:
+            load_scene(bad.base, scene)
         elif bad.id in CHECKS:
             CHECKS[bad.id]()
         else:
-            parse(bad, commands)
+            parse(bad)
     except InputError as error:
         return str(InputError(error.what, error.rule, error.found))
     return ""
 
 
-def parse(bad: BadInput, commands: tuple[str, ...]) -> None:
+def parse(bad: Probe) -> None:
     """Read the fixes of an input as the reference does.
 
     Raises
     ------
     InputError
     """
-    ntypes = len(base_scene(bad.base)["types"])
-    lines = {" ".join(line.split()[:2]): edited(line, bad.edits) for line in commands}
+    lines = {" ".join(line.split()[:2]): line for line in commands(bad.input)}
+    ntypes = sum(name.startswith("mass") for name in lines)
     fix = parse_fix_rheo(lines["fix rheo"], ntypes)
     resolve(parse_fix_rheo_pressure(lines["fix pressure"]), ntypes, fix.rho0, fix.cs)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import get_args
 
 import pytest
 
 from eos_ref import InputError
 from lammps_cases.claims import model
-from lammps_cases.claims.model import KINDS, PAGES, Claim, claims
+from lammps_cases.claims.model import KINDS, Claim, Page, claims
 from lammps_cases.claims.trace import trace
 from lammps_cases.claims.verdicts import Names
 from lammps_cases.findings import LEDGER
@@ -20,7 +21,7 @@ BY_ID = {claim.id: claim for claim in claims()}
 
 def test_list() -> None:
     assert len(claims()) >= 170
-    assert {claim.page for claim in claims()} == set(PAGES)
+    assert {claim.page for claim in claims()} == set(get_args(Page))
     assert {claim.kind for claim in claims()} == set(KINDS)
     texts = Counter((claim.page, claim.text) for claim in claims())
     assert max(texts.values()) == 1, texts.most_common(1)

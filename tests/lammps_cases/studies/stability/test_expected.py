@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from lammps_cases.findings import LEDGER
+from lammps_cases.studies.stability.inputs import bad_inputs
 from lammps_cases.studies.stability.maps import maps
-from lammps_cases.studies.stability.refusals import bad_inputs
 
 PLACES = [where for entry in LEDGER for where in entry.expected_in_maps]
 

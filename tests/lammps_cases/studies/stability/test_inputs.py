@@ -18,28 +18,49 @@ from pydantic import TypeAdapter
 import eos_ref
 from eos_ref import InputError
 from lammps_cases import scene
-from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.engine.workers import Workers
+from lammps_cases.probes import probe
+from lammps_cases.probes.probe import base
+from lammps_cases.probes.reaction import names_it, offending, reaction, said
+from lammps_cases.probes.run import Reply, put
 from lammps_cases.studies.stability import inputs
-from lammps_cases.studies.stability.inputs import (
-    Ended,
-    InputRow,
-    base_job,
-    commands,
-    names_it,
-    offending,
-    put,
-    reaction,
-    said,
-)
-from lammps_cases.studies.stability.refusals import BadInput, bad_inputs, not_for_lammps, parse, refusal
+from lammps_cases.studies.stability.inputs import BadInput, InputRow, bad_inputs
+from lammps_cases.studies.stability.refusals import parse
 from tests.lammps_cases.cli.test_bad_input import BAD
 from tests.support.progress import Steps
 
 BY_ID = {bad.id: bad for bad in bad_inputs()}
 
-
-def our(bad: BadInput) -> str:
-    return refusal(bad, commands(base_job(bad.base)))
+# Refusals of a scene that cannot be put to LAMMPS, and why.
+NOT_FOR_LAMMPS = {
+    "method-of-a-scene": "how the reference evaluates",
+    "tolerance-of-a-scene": "how the reference evaluates",
+    "missing-key": "a scene needs positions; without particles it is empty-scene",
+    "two-ways-to-give-a-field": "densities are given to LAMMPS one by one",
+    "values-of-wrong-length": "densities are given to LAMMPS one by one",
+    "log-through-zero": "densities are given to LAMMPS one by one",
+    "too-many-particles": "ten billion particles fit into no memory here",
+    "file-outside": "files of the scene",
+    "file-missing": "files of the scene",
+    "table-missing": "files of the scene",
+    "raw-commands": "keys of the scene file",
+    "quoted-number": "LAMMPS' words have no types",
+    "nothing-to-compare": "what is compared",
+    "field-twice": "what is compared",
+    "expectation-that-fits-any-error": "what is compared",
+    "time-limit": "limits of the harness",
+    "three-ranks": "limits of the harness",
+    "viscosity-of-the-engine": "keys of the scene file",
+    "velocity-of-a-type": "LAMMPS' velocities always have three components",
+    "velocity-in-evolve": "keys of the scene file",
+    "unknown-force": "LAMMPS has more forces than the reference",
+    "steps-out-of-order": "what is compared",
+    "steps-beyond-the-end": "what is compared",
+    "nothing-to-compare-at": "what is compared",
+    "region-of-three-axes": "particles are given to LAMMPS one by one",
+    "region-without-type": "particles are given to LAMMPS one by one",
+    "everything-removed": "the same as empty-scene",
+}
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +81,7 @@ def slug(what: str) -> str:
 
 
 def test_every_refusal_of_a_scene_has_a_row_or_a_reason() -> None:
-    names, reasons = {slug(what) for what in BAD}, not_for_lammps()
+    names, reasons = {slug(what) for what in BAD}, NOT_FOR_LAMMPS
     assert names - set(BY_ID) == set(reasons), "a refusal without a row, or a reason without a refusal"
     assert not set(reasons) & set(BY_ID)
     assert all(reasons.values())
@@ -69,7 +90,7 @@ def test_every_refusal_of_a_scene_has_a_row_or_a_reason() -> None:
 def test_list() -> None:
     assert len(BY_ID) == len(bad_inputs()) >= 60
     for bad in bad_inputs():
-        put(bad)  # every text to be replaced is there
+        assert bad.input  # every text to be replaced is there
         assert bad.names or offending(bad), bad.id
 
 
@@ -77,7 +98,7 @@ def test_list() -> None:
 def test_input_is_refused_here_with_a_clear_error(id: str) -> None:
     """By the rule that LAMMPS is measured with: a refusal for another reason would not name the quantity."""
     bad = BY_ID[id]
-    text = our(bad)
+    text = bad.refusal
     assert text, f"{id} is not refused here"
     place, _, rest = text.partition(":")
     assert names_it(f"{place.replace('.', ' ')}:{rest}", (*bad.names, *offending(bad), *(bad.scene or {}))), text
@@ -88,7 +109,7 @@ def test_refusal_is_that_of_the_scene(id: str) -> None:
     """The row that bears the name of a refusal has its first words, where it is a scene that says it."""
     bad = BY_ID[id]
     _, parts = next(found for what, found in BAD.items() if slug(what) == id)
-    assert all(part in our(bad) for part in parts[:1]), (parts, our(bad))
+    assert all(part in bad.refusal for part in parts[:1]), (parts, bad.refusal)
 
 
 # --- every rule of the reference and of scenes
@@ -188,11 +209,11 @@ def test_rules_of_the_reference_are_covered() -> None:
     assert len(rules) > 40
     traced = Traced({str(path) for path in files})
     for bad in bad_inputs():
-        base = commands(base_job(bad.base))
+        base(bad.base)  # kept from here on: what reads the base itself is no refusal
         with traced:
-            refusal(bad, base)
+            assert bad.refusal
             with contextlib.suppress(InputError):
-                parse(bad, base)
+                parse(bad)
     uncovered = {
         f"{Path(path).name}:{line} {text}"
         for (path, line), text in rules.items()
@@ -217,7 +238,7 @@ def test_rules_of_scenes_are_covered() -> None:
     traced = Traced({str(path) for path in files})
     for bad in bad_inputs():
         with traced:
-            our(bad)
+            assert bad.refusal
     uncovered = [text for key, text in rules.items() if key not in traced.lines]
     # About files, twins, comparisons and the harness' limits.
     other = re.compile(
@@ -260,40 +281,46 @@ def arrays(**values: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("end", "wanted"),
+    ("reply", "wanted"),
     [
-        (Ended("error", "ERROR: Illegal fix rheo command: missing zmin"), "clear error"),
-        (Ended("error", "ERROR: Invalid -1"), "clear error"),
-        (Ended("error", "ERROR: Something went wrong\nLast input line: zmin -1"), "misleading error"),
-        (Ended("error", "LAMMPS kept 1 of 2 atoms: some lie outside the box"), "silent acceptance"),
-        (Ended("arrays", arrays=arrays()), "silent acceptance"),
-        (Ended("arrays", arrays=arrays(x=np.array([[0, 0, 0], [0, np.nan, 0]]))), "silent NaN"),
-        (Ended("arrays", arrays=arrays(**{"q.pressure": np.array([1.0, np.inf])})), "silent NaN"),
-        (Ended("crash", "SIGSEGV"), "crash"),
-        (Ended("hang", "time limit"), "hang"),
+        (Reply("refused", "ERROR: Illegal fix rheo command: missing zmin"), "clear error"),
+        (Reply("refused", "ERROR: Invalid -1"), "clear error"),
+        (Reply("refused", "ERROR: Something went wrong\nLast input line: zmin -1"), "misleading error"),
+        (Reply("refused", "LAMMPS kept 1 of 2 atoms: some lie outside the box"), "silent acceptance"),
+        (Reply("answered", arrays=arrays()), "silent acceptance"),
+        (Reply("answered", arrays=arrays(x=np.array([[0, 0, 0], [0, np.nan, 0]]))), "silent NaN"),
+        (Reply("answered", arrays=arrays(**{"q.pressure": np.array([1.0, np.inf])})), "silent NaN"),
+        (Reply("crashed", "SIGSEGV"), "crash"),
+        (Reply("timeout", "time limit"), "hang"),
     ],
 )
-def test_planted_ends_are_told_apart(end: Ended, wanted: str) -> None:
-    assert reaction(BY_ID["zmin-negative"], end)[0] == wanted
+def test_planted_ends_are_told_apart(reply: Reply, wanted: str) -> None:
+    bad = BY_ID["zmin-negative"]
+    assert reaction(reply, (*bad.names, *offending(bad)))[0] == wanted
 
 
 def test_candidate_needs_a_promise() -> None:
-    silent = Ended("arrays", arrays=arrays())
+    silent = Reply("answered", arrays=arrays())
     assert not inputs.row(BY_ID["zmin-negative"], silent).candidate
     assert inputs.row(BY_ID["range-with-hyphen"], silent).candidate
-    assert not inputs.row(BY_ID["range-with-hyphen"], Ended("error", "ERROR: Invalid range string")).candidate
+    assert not inputs.row(BY_ID["range-with-hyphen"], Reply("refused", "ERROR: Invalid range string")).candidate
 
 
 def test_fault_of_the_harness_is_not_lammps() -> None:
     with pytest.raises(RuntimeError, match="KeyError"):
-        inputs.ended(Failure("error", "KeyError: 'x'"))
+        reaction(Reply("error", "KeyError: 'x'"), ())
 
 
 def test_a_text_that_is_not_there_is_seen() -> None:
-    with pytest.raises(ValueError, match="stands 0 times"):
-        put(BadInput("x", "law", ("x",), (("no such text", "y"),)))
-    with pytest.raises(ValueError, match="times in the commands"):
-        put(BadInput("x", "law", ("x",), (("fix", "y"),)))
+    with pytest.raises(InputError, match="edit 'no such text': must stand once in the commands of one, found 0"):
+        probe.edited("one", (("no such text", "y"),))
+    with pytest.raises(InputError, match="edit 'fix': must stand once in the commands of deck, found"):
+        probe.edited("deck", (("fix", "y"),))
+
+
+def test_edits_leave_out_and_add_lines() -> None:
+    lines = probe.replaced(("fix 1 a", "fix 2 b"), (("fix 1 a", ""), ("fix 2", "fix 3 c\nfix 2")))
+    assert lines == ("fix 3 c", "fix 2 b")
 
 
 # --- LAMMPS itself
@@ -309,11 +336,9 @@ def test_table(rows: dict[str, InputRow]) -> None:
 def test_harmless_scenes_are_accepted() -> None:
     """Else an error would speak of the base, not of the input."""
     with Workers(None, 1) as workers:
-        for base in ("one", "two", "warm", "open"):
-            outcome = workers.outcome(workers.call(inputs.ask, base_job(base), time_limit=10.0))
-            end = inputs.ended(outcome)
-            assert end.how == "arrays", (base, end)
-            assert reaction(BY_ID["zmin-negative"], end)[0] == "silent acceptance"
+        for reply in put(workers, [base(name) for name in ("one", "two", "warm", "open")], 10.0):
+            assert reply.ended == "answered", reply
+            assert reaction(reply, ())[0] == "silent acceptance"
 
 
 @pytest.mark.parametrize(
@@ -334,7 +359,8 @@ def test_what_lammps_is_known_to_do(rows: dict[str, InputRow], id: str, wanted: 
 
 
 def test_an_input_that_hangs_costs_itself_alone() -> None:
-    long = BadInput("long", "run", ("run",), (("run 2 pre", "run 100000000 pre"),), scene={"evolve": {"steps": -2}})
+    edits = (("run 2 pre", "run 100000000 pre"),)
+    long = BadInput(id="long", area="run", names=("run",), edits=edits, scene={"evolve": {"steps": -2}})
     with Workers(None, 1) as workers:
         found = inputs.table(workers, inputs=(long, BY_ID["gamma-0"]), time_limit=1.0)
     assert [row.reaction for row in found] == ["hang", "silent NaN"]

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.claims import probes
-from lammps_cases.claims.model import PROBE
-from lammps_cases.claims.probes import Probe, Ran, deck, judge, put, record
-from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER
+from lammps_cases.probes import PREFIX, manual
+from lammps_cases.probes.manual import ManualProbe, judge, put
+from lammps_cases.probes.run import Reply
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import error_text
 from tests.support.progress import Steps
 
 NEW = "2025.7.22.4.0"
-BY_ID = {probe.id: probe for probe in probes.probes()}
+BY_ID = {probe.id: probe for probe in manual.probes()}
 # Probes of statements that the manual makes and that are wrong.
 REFUTED = {
     "rheo-sound-cs0-to-csn": "speed-sound-count",
@@ -29,15 +29,15 @@ REFUTED = {
 
 
 # Probes gone wrong on purpose: the other expectation, or the control in the place of the deck.
-def planted() -> list[Probe]:
+def planted() -> list[ManualProbe]:
     found = []
-    for probe in probes.probes():
+    for probe in manual.probes():
         if probe.refused:
-            changes: dict[str, Any] = {"id": f"{probe.id}-planted", "change": None}
+            changes: dict[str, Any] = {"id": f"{probe.id}-planted", "edits": ()}
         elif probe.accepted:
-            changes = {"id": f"{probe.id}-planted", "change": {"more": "fix 9 all nosuchstyle"}}
+            changes = {"id": f"{probe.id}-planted", "edits": (("run 3", "fix 9 all nosuchstyle\nrun 3"),)}
         else:
-            changes = {"id": f"{probe.id}-planted", "change": probe.control}
+            changes = {"id": f"{probe.id}-planted", "edits": probe.control}
         found.append(probe.model_copy(update=changes))
     return found
 
@@ -46,11 +46,11 @@ def planted() -> list[Probe]:
 def records() -> dict[str, CaseRecord]:
     """All probes and their planted faults, on LAMMPS."""
     progress = Steps()
-    chosen = [*probes.probes(), *planted()]
+    chosen = [*manual.probes(), *planted()]
     with Workers(None, 2) as workers:
         found = put(chosen, workers, NEW, progress)
     assert progress.done == [(k + 1, len(chosen), "probes") for k in range(len(chosen))]
-    return {one.case.removeprefix(PROBE): one for one in found}
+    return {one.case.removeprefix(PREFIX): one for one in found}
 
 
 @pytest.mark.parametrize("id", BY_ID)
@@ -67,7 +67,7 @@ def test_probe_sees_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
 
 
 def test_no_finding_of_a_probe_is_stale() -> None:
-    named = {p.removeprefix(PROBE) for e in LEDGER for p in e.applies_to if p.startswith(PROBE)}
+    named = {p.removeprefix(PREFIX) for e in LEDGER for p in e.applies_to if p.startswith(PREFIX)}
     assert named == set(REFUTED)
 
 
@@ -76,31 +76,40 @@ def test_error_is_lammps_words_alone() -> None:
     assert error_text(text) == "ERROR: Illegal fix rheo command: 1"
 
 
-def test_deck_refuses_parts_that_the_base_has_not() -> None:
-    with pytest.raises(ValueError, match="viscous"):
-        deck("two", {"viscous": "fix 2 all rheo/viscosity * constant 0.1"})
-    assert "fix 2 all rheo/viscosity" not in deck("two", {"viscosity": None})
-
-
 def test_probe_needs_one_expectation_and_a_control() -> None:
     with pytest.raises(ValueError, match="exactly one"):
-        Probe(id="x", about="X.")
+        ManualProbe(id="x", about="X.")
     with pytest.raises(ValueError, match="exactly one"):
-        Probe(id="x", about="X.", accepted=True, refused="no")
+        ManualProbe(id="x", about="X.", accepted=True, refused="no")
     with pytest.raises(ValueError, match="control"):
-        Probe(id="x", about="X.", same={})
+        ManualProbe(id="x", about="X.", same=())
 
 
-def ran(**arrays: list[float]) -> Ran:
-    return Ran({name: np.array(values) for name, values in arrays.items()})
+def ran(log: str = "", **arrays: list[float]) -> Reply:
+    return Reply("answered", arrays={name: np.array(values) for name, values in arrays.items()}, log=log)
 
 
-SAME = Probe(id="x", about="X.", same={}, control={}, times={"p": 2.0})
+def error(text: str) -> Reply:
+    return Reply("refused", text)
 
 
-def said(probe: Probe, outcome: Ran | Failure, other: Ran | None = None, control: Ran | None = None) -> str:
+SAME = ManualProbe(id="x", about="X.", same=(), control=(), times={"p": 2.0})
+
+
+def said(probe: ManualProbe, *replies: Reply) -> str:
     """The message of a probe's record."""
-    return record(probe, judge(probe, outcome, other, control), None, NEW).message
+    return judge(probe, replies, NEW).message
+
+
+def test_inputs_are_the_deck_the_other_and_the_control() -> None:
+    probe = BY_ID["rheo-unit-cut"]
+    edits = [line for deck in probe.inputs for line in deck if line.startswith("fix 1")]  # type: ignore[union-attr]
+    assert [line.split()[4:8] for line in edits] == [
+        ["3.0", "quintic", "0", "shift"],
+        ["6.0", "quintic", "0", "shift"],
+        ["3.0", "quintic", "0", "shift"],
+    ]
+    assert "exclude/type" in edits[2] and "exclude/type" not in edits[0]
 
 
 def test_comparison() -> None:
@@ -115,41 +124,48 @@ def test_comparison() -> None:
 def test_blind_control() -> None:
     blind = "the probe is blind: its control passes"
     assert said(SAME, ran(p=[1.0]), ran(p=[2.0]), ran(p=[1.0])) == f"{blind} (no difference)"
-    assert said(SAME, ran(p=[1.0]), ran(p=[2.0]), Ran({}, error="ERROR: no")) == f"{blind} (ERROR: no)"
+    assert said(SAME, ran(p=[1.0]), ran(p=[2.0]), error("ERROR: no")) == f"{blind} (ERROR: no)"
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_decks_compared_must_run(at: int) -> None:
+    replies = [ran(p=[1.0]), ran(p=[2.0]), ran(p=[3.0])]
+    replies[at] = error("ERROR: no")
+    assert judge(SAME, replies, NEW).verdict == "refused"
+    replies[at] = Reply("timeout", "too long")
+    assert judge(SAME, replies, NEW).verdict == "timeout"
 
 
 def test_numbers_must_be_finite() -> None:
-    accepted = Probe(id="x", about="X.", accepted=True)
-    assert judge(accepted, ran(p=[1.0]), None, None).verdict == "pass"
+    accepted = ManualProbe(id="x", about="X.", accepted=True)
+    assert judge(accepted, [ran(p=[1.0])], NEW).verdict == "pass"
     assert said(accepted, ran(p=[np.inf])) == "p come out as NaN or infinite"
 
 
 def test_log_must_not_hold_a_text() -> None:
-    quiet = Probe(id="x", about="X.", lacks="WARNING", control={})
-    assert said(quiet, Ran({}, log="WARNING: no"), None, Ran({})) == "the log holds 'WARNING'"
-    assert judge(quiet, Ran({}), None, Ran({}, log="WARNING: no")).verdict == "pass"
+    quiet = ManualProbe(id="x", about="X.", lacks="WARNING", control=())
+    assert said(quiet, ran(log="WARNING: no"), ran()) == "the log holds 'WARNING'"
+    assert judge(quiet, [ran(), ran(log="WARNING: no")], NEW).verdict == "pass"
 
 
 def test_refusal_must_be_the_one_promised() -> None:
-    refused = Probe(id="x", about="X.", refused="out of bounds")
-    right = judge(refused, Ran({}, error="ERROR: Numeric index 3 is out of bounds"), None, None)
+    refused = ManualProbe(id="x", about="X.", refused="out of bounds")
+    right = judge(refused, [error("ERROR: Numeric index 3 is out of bounds")], NEW)
     assert (right.verdict, right.ended) == ("pass", "refused")
-    assert said(refused, Ran({}, error="ERROR: Illegal fix command")).endswith(
-        "LAMMPS said: ERROR: Illegal fix command"
-    )
+    assert said(refused, error("ERROR: Illegal fix command")).endswith("LAMMPS said: ERROR: Illegal fix command")
     assert said(refused, ran(p=[np.nan])).startswith("LAMMPS accepts what the manual refuses, and p")
 
 
 def test_style_that_is_missing_is_seen() -> None:
     probe = BY_ID["rheo-oxidation"]
-    missing = {"more": (probe.change or {})["more"].replace("rheo/oxidation", "rheo/nonsense")}  # type: ignore[union-attr]
+    missing = [(old, new.replace("rheo/oxidation", "rheo/nonsense")) for old, new in probe.edits]
+    assert missing != list(probe.edits)
     with Workers(None, 1) as workers:
-        (found,) = put([probe.model_copy(update={"change": missing})], workers, NEW)
+        (found,) = put([probe.model_copy(update={"edits": missing})], workers, NEW)
     assert not found.as_expected and "is_available" in found.message
 
 
 def test_record_of_a_death() -> None:
-    probe = Probe(id="x", about="X.", refused="not a range")
-    died = Failure("crashed", "killed by SIGABRT")
-    found = record(probe, judge(probe, died, None, None), "crashed", NEW)
+    probe = ManualProbe(id="x", about="X.", refused="not a range")
+    found = judge(probe, [Reply("crashed", "killed by SIGABRT")], NEW)
     assert (found.case, found.verdict, found.message) == ("probes.x", "crashed", "killed by SIGABRT")

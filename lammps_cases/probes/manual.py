@@ -1,0 +1,176 @@
+"""Probes of the manual (``probes.yaml``): restarts, minimisation, outputs, the order and form of commands.
+
+The record of a probe is that of a case named ``probes.ID``, so that claims and findings speak of probes as they do of
+cases.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import model_validator
+
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import explain_outcome
+from lammps_cases.probes import PREFIX, run
+from lammps_cases.probes.probe import Edits, Input, Probe, edited, load
+from lammps_cases.probes.run import Reply
+from lammps_cases.records import wording
+from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.records.run_record import CaseRecord, Mismatch, Verdict
+
+TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
+FILE = "probes.yaml"
+
+
+class ManualProbe(Probe):
+    """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks`` and ``same``.
+
+    Attributes
+    ----------
+    id : the name, without the prefix
+    about : the question in words
+    refused : LAMMPS must stop with an error that holds this text
+    accepted : LAMMPS must run it, and leave finite numbers
+    lacks : LAMMPS' log must not hold this text
+    same : the deck edited in this way must give the same ``fields``, to the last bit
+    same_base : the deck that is edited for that; by default the base
+    times : but for these factors
+    fields : the arrays compared; all by default
+    control : the deck edited in this way must *not* pass: without it a probe could be blind
+    """
+
+    about: str
+    base: str = "deck"
+    refused: str = ""
+    accepted: bool = False
+    lacks: str = ""
+    same: Edits | None = None
+    same_base: str = ""
+    times: dict[str, float] | None = None
+    fields: tuple[str, ...] = ()
+    control: Edits | None = None
+
+    @model_validator(mode="after")
+    def _one_expectation(self) -> ManualProbe:
+        given = [self.refused != "", self.accepted, self.lacks != "", self.same is not None]
+        if sum(given) != 1:
+            raise ValueError(f"{self.id}: needs exactly one of refused, accepted, lacks, same")
+        if (self.lacks or self.same is not None) and self.control is None:
+            raise ValueError(f"{self.id}: needs a control")
+        return self
+
+    @property
+    def name(self) -> str:
+        """The name of its record."""
+        return PREFIX + self.id
+
+    @property
+    def inputs(self) -> list[Input]:
+        """The deck itself, that which must give the same, that which must not pass."""
+        same = [] if self.same is None else [edited(self.same_base or self.base, self.same)]
+        return [self.input, *same, *([] if self.control is None else [edited(self.base, self.control)])]
+
+
+@functools.cache
+def probes() -> tuple[ManualProbe, ...]:
+    """All probes, in the order of the file."""
+    return load(FILE, ManualProbe)
+
+
+# --- judged
+
+
+def judge(probe: ManualProbe, replies: Sequence[Reply], version: str) -> CaseRecord:
+    """Hold the replies to the inputs of a probe, in their order, against the manual; explain what a finding predicts.
+
+    Parameters
+    ----------
+    version : str
+        Of LAMMPS' distribution, for the findings.
+    """
+    compared = replies if probe.control is None else replies[:-1]
+    worst = next((reply for reply in compared if reply.ended != "answered"), compared[0])
+    accepted = worst.ended == "answered" and probe.refused
+    made = CaseRecord(
+        case=probe.name,
+        tags=["probe"],
+        about=probe.about,
+        verdict="pass",
+        ended="accepted" if accepted else worst.ended,
+        engine_error=wording.error_text(worst.error),
+        mismatch=_mismatch(probe, replies) if worst.ended == "answered" else None,
+        expects=probe.refused,
+        source=FILE,
+        reproduce=f"eos-ref claims {probe.name}",
+    )
+    made.verdict = _verdict(made)
+    entry = explain_outcome(made, version) if made.verdict != "pass" else None
+    if entry is not None:
+        made.verdict, made.explained_by = "explained", [entry.id]
+    made.message = wording.message(made)
+    return made
+
+
+def _verdict(made: CaseRecord) -> Verdict:
+    match made.ended:
+        case "answered":
+            return "differs" if made.mismatch else "pass"
+        case "refused" if made.expects:
+            return "pass" if made.expects in made.engine_error else "differs"
+        case "refused" | "crashed" | "timeout" | "error":
+            return made.ended
+    return "differs"
+
+
+def _mismatch(probe: ManualProbe, replies: Sequence[Reply]) -> Mismatch | None:
+    """What is wrong with decks that ran, or with their control."""
+    other = replies[0 if probe.same is None else 1]
+    wrong = _against(probe, replies[0], other)
+    if wrong is not None or probe.control is None:
+        return wrong
+    control = replies[-1]
+    if control.ended == "answered" and _against(probe, control, other):
+        return None
+    return Mismatch(kind="blind", text=wording.error_text(control.error) or "no difference")
+
+
+def _not_finite(reply: Reply) -> Mismatch | None:
+    bad = [name for name, values_n in reply.arrays.items() if not np.isfinite(values_n).all()]
+    return Mismatch(kind="not finite", fields=bad) if bad else None
+
+
+def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:
+    """The expectation of a deck that ran."""
+    if probe.lacks:
+        return Mismatch(kind="logged", text=probe.lacks) if probe.lacks in reply.log else None
+    if probe.same is None:
+        return _not_finite(reply)
+    for name in probe.fields or tuple(reply.arrays):
+        ours_n, theirs_n = reply.arrays[name] * (probe.times or {}).get(name, 1.0), other.arrays[name]
+        if ours_n.shape != theirs_n.shape:
+            return Mismatch(kind="other atoms", fields=[name], counts=[len(ours_n), len(theirs_n)])
+        if not np.array_equal(ours_n, theirs_n):
+            return _worst(name, ours_n.ravel(), theirs_n.ravel())
+    return None
+
+
+def _worst(name: str, ours: Any, theirs: Any) -> Mismatch:
+    off = np.where(ours == theirs, -1.0, np.nan_to_num(np.abs(ours - theirs), nan=np.inf))
+    at, wrong = int(np.argmax(off)), int(np.sum(ours != theirs))
+    values = [float(ours[at]), float(theirs[at])]
+    return Mismatch(kind="other numbers", fields=[name], counts=[wrong, ours.size], values=values)
+
+
+def put(chosen: Sequence[ManualProbe], workers: Workers, version: str, progress: Progress = SILENT) -> list[CaseRecord]:
+    """Put probes to LAMMPS, of a distribution's version, and judge them; ``progress`` advances with every probe."""
+    inputs = [probe.inputs for probe in chosen]
+    replies = run.put(workers, [given for of in inputs for given in of], TIME_LIMIT)
+    records = []
+    for done, (probe, of) in enumerate(zip(chosen, inputs, strict=True), 1):
+        records.append(judge(probe, [next(replies) for _ in of], version))
+        progress.advance(done, len(chosen), "probes")
+    return records

@@ -1,0 +1,93 @@
+"""Commands on a LAMMPS of their own: in a worker that they may kill, in a folder that goes with them."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from lammps_cases.engine import session
+from lammps_cases.engine.session import Array, Job
+from lammps_cases.engine.workers import Failure, Workers
+
+if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
+    from lammps_cases.probes.probe import Input
+    from lammps_cases.records.run_record import Failed
+
+PROPERTIES = ("type", "x", "v", "f", "rho", "pressure", "drho", "esph")  # read where the atom style has them
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What LAMMPS made of an input.
+
+    Attributes
+    ----------
+    ended : how it ended
+    error : its error, or what it left when it died
+    arrays : per-atom arrays at the end, by id
+    log : the log of a deck
+    """
+
+    ended: Literal["answered"] | Failed
+    error: str = ""
+    arrays: dict[str, Array] = field(default_factory=dict)
+    log: str = ""
+
+
+def put(workers: Workers, inputs: Sequence[Input], time_limit: float) -> Iterator[Reply]:
+    """Put inputs to LAMMPS, all at once, and yield the replies in order.
+
+    Parameters
+    ----------
+    time_limit : float
+        Seconds that LAMMPS has for each.
+    """
+    futures = [workers.call(ask, given, time_limit=time_limit) for given in inputs]
+    for future in futures:
+        outcome = workers.outcome(future, time_limit)
+        yield Reply(outcome.verdict, outcome.message) if isinstance(outcome, Failure) else outcome
+
+
+def ask(site: str | None, given: Input) -> Reply:
+    """Task of a worker: run an input on a LAMMPS that no other has touched."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        lmp = session.open_lammps(site)
+        try:
+            return (
+                Reply("answered", arrays=session.run(lmp, given).arrays)
+                if isinstance(given, Job)
+                else _deck(lmp, given)
+            )
+        except session.EngineRefused as error:
+            return Reply("refused", str(error))
+        finally:
+            lmp.close()
+
+
+def _deck(lmp: Any, lines: tuple[str, ...]) -> Reply:
+    with session.translated():
+        lmp.command("log deck.log")
+        lmp.commands_string("\n".join(lines))
+        arrays = _arrays(lmp)
+        lmp.command("log none")
+    return Reply("answered", arrays=arrays, log=Path("deck.log").read_text(errors="replace"))
+
+
+def _arrays(lmp: Any) -> dict[str, Array]:
+    n = lmp.extract_global("nlocal")
+    order_n = np.argsort(lmp.numpy.extract_atom("id")[:n])
+    arrays: dict[str, Array] = {}
+    for name in PROPERTIES:
+        values_n = lmp.numpy.extract_atom(name)
+        if values_n is not None:
+            arrays[name] = np.array(values_n[:n][order_n], float)
+    if lmp.has_id("compute", "q"):
+        columns = lmp.numpy.extract_compute("q", 1, 2 if lmp.extract_compute("q", 1, 5) else 1)
+        arrays["q"] = np.array(columns[:n][order_n], float)
+    return arrays

@@ -74,5 +74,5 @@ def test_a_particle_far_away_is_nobodys_neighbour() -> None:
 
 
 def test_empty_stretches_are_shortened_to_two_reaches() -> None:
-    x_n = np.array([100.0, 0.0, 1.0, 103.5, 3.0])
+    x_n = np.array([100.0, 0.0, 1.0, 102.5, 3.0])
     np.testing.assert_array_equal(compacted(x_n, 1.0), [5.0, 0.0, 1.0, 7.0, 3.0])

@@ -1,0 +1,181 @@
+"""How a case ended, from answers made by hand: the first thing that is wrong, in data and in the order of its causes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.comparison import compare
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms, OtherSteps
+from lammps_cases.run import campaign
+from lammps_cases.run.campaign import Prepared
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.judgement import evaluate, particles_of
+
+Write = Callable[..., Path]
+ENGINE = EngineRecord(distribution="2099.1.1")  # of which the ledger knows no finding
+MODEL = {"compare": ["coordination", "f"], "velocity": {"random": 0.3}}
+
+
+def prepared(file: Path) -> Prepared:
+    (case,) = casefile.load((file,))
+    return campaign.prepare(case)
+
+
+def answer_of(ready: Prepared) -> Answer:
+    """What LAMMPS would answer if it were the reference."""
+    atoms, scene = ready.atoms, ready.case.scene
+    arrays: dict[str, Any] = {"id": atoms.id_n, "type": atoms.type_n, "x": atoms.x_nc, "rho": atoms.rho_n}
+    if scene.whole_model:
+        snapshots = []
+        problem = particles_of(scene, atoms, "", scene.snapshots)
+        for fields in Predictor().predict(problem).fields:
+            force_nc = np.hstack([fields["f"], np.zeros((len(atoms), 3 - scene.dimension))])
+            snapshots.append(arrays | {"q.coordination": fields["coordination"], "f": force_nc, "pressure": None})
+        return Answer(snapshots[-1], 0.5, tuple(snapshots), scene.snapshots)
+    assert ready.eos is not None and atoms.rho_n is not None
+    p_n = compare.evaluate(ready.eos, compare.State(atoms.id_n, atoms.type_n, atoms.rho_n, atoms.mass_n))
+    return Answer(arrays | {"pressure": p_n, "q.pressure": p_n.copy()}, 0.5)
+
+
+def judged(ready: Prepared, outcome: Answer | Failure) -> CaseRecord:
+    return evaluate(ready.case, ready.eos, ready.atoms, outcome, ENGINE)[0]
+
+
+def changed(answer: Answer, **arrays: Any) -> Answer:
+    return replace(answer, arrays=answer.arrays | {name.replace("__", "."): made for name, made in arrays.items()})
+
+
+@pytest.fixture
+def law(case_file: Write) -> Prepared:
+    return prepared(case_file())
+
+
+@pytest.fixture
+def model(case_file: Write) -> Prepared:
+    return prepared(case_file(**MODEL, evolve={"steps": 2, "timestep": 0.001, "compare_at": [0, 1, 2]}))
+
+
+# --- a law alone
+
+
+def test_the_references_own_numbers_are_exact(law: Prepared) -> None:
+    record = judged(law, answer_of(law))
+    assert (record.verdict, record.ended, record.blame, record.message) == ("exact", "answered", None, "")
+    assert [(field.field, field.stage) for field in record.fields] == [
+        ("type", "input"),
+        ("rho", "input"),
+        ("pressure_used", "eos"),
+        ("pressure", "eos"),
+    ]
+    assert record.seconds.lammps == 0.5
+
+
+def test_a_wrong_pressure_is_blamed_on_its_first_atom(law: Prepared) -> None:
+    answer = answer_of(law)
+    p_n = answer.arrays["q.pressure"].copy()
+    p_n[[4, 7]] += 1.0
+    record = judged(law, changed(answer, q__pressure=p_n))
+    assert record.verdict == "differs"
+    blame, atoms = record.blame, law.atoms
+    assert blame is not None and atoms.rho_n is not None
+    assert (blame.field, blame.stage, blame.atom, blame.outside, blame.of) == ("pressure", "eos", 5, 2, len(atoms))
+    assert (blame.type, blame.rho) == (atoms.type_n[4], atoms.rho_n[4])
+    assert (blame.lammps, blame.reference) == (p_n[4], p_n[4] - 1.0)
+
+
+def test_input_is_blamed_before_what_follows_from_it(law: Prepared) -> None:
+    """A density that LAMMPS does not hold as given, and with it another pressure."""
+    answer = answer_of(law)
+    rho_n, p_n = answer.arrays["rho"].copy(), answer.arrays["pressure"].copy()
+    rho_n[9] = np.nextafter(rho_n[9], 9.0)
+    p_n[2] += 1.0
+    record = judged(law, changed(answer, rho=rho_n, pressure=p_n, q__pressure=p_n))
+    assert record.blame is not None
+    assert (record.blame.field, record.blame.stage, record.blame.atom) == ("rho", "input", 10)
+
+
+# --- the particle model
+
+
+def test_the_references_own_run_passes_at_every_step(model: Prepared) -> None:
+    record = judged(model, answer_of(model))
+    assert (record.verdict, record.blame) == ("exact", None)
+    assert {row.step for field in record.fields for row in field.steps} == {0, 1, 2}
+
+
+def test_the_first_step_is_blamed_not_the_worst(model: Prepared) -> None:
+    answer = answer_of(model)
+    snapshots = [dict(arrays) for arrays in answer.snapshots]
+    for step, size in ((1, 1e-3), (2, 1e3)):
+        snapshots[step]["f"] = snapshots[step]["f"].copy()
+        snapshots[step]["f"][3 + step, 1] += size
+    record = judged(model, replace(answer, snapshots=tuple(snapshots)))
+    assert record.blame is not None
+    assert (record.blame.field, record.blame.step, record.blame.atom) == ("f", 1, 5)
+    (force,) = [field for field in record.fields if field.field == "f"]
+    assert (force.verdict, force.worst_step, force.worst_id) == ("differs", 2, 6)
+    assert [row.verdict for row in force.steps] == ["exact", "differs", "differs"]
+
+
+def test_the_first_field_of_a_step_is_blamed(model: Prepared) -> None:
+    """Neighbours are counted before forces are summed, whatever atom is wrong."""
+    answer = answer_of(model)
+    first = dict(answer.snapshots[0])
+    first["q.coordination"] = first["q.coordination"] + (np.arange(len(model.atoms)) == 8)
+    first["f"] = first["f"] + 1.0
+    record = judged(model, replace(answer, snapshots=(first, *answer.snapshots[1:])))
+    assert record.blame is not None
+    assert (record.blame.field, record.blame.stage, record.blame.atom) == ("coordination", "neighbours", 9)
+
+
+def test_other_steps_than_those_asked_for_are_not_compared(model: Prepared) -> None:
+    record = judged(model, replace(answer_of(model), steps=(0, 1, 3)))
+    assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
+    assert record.unusable == OtherSteps(counted=[0, 1, 3], asked=[0, 1, 2])
+
+
+# --- no numbers
+
+
+@pytest.mark.parametrize(
+    ("ids", "first"),
+    [
+        (lambda id_n: id_n[id_n != 7], 7),
+        (lambda id_n: np.append(id_n, 99), 99),
+        (lambda id_n: np.sort(np.append(id_n, 4)), 4),
+    ],
+    ids=["missing", "foreign", "doubled"],
+)
+def test_lost_atoms_end_the_comparison(law: Prepared, ids: Callable[[Any], Any], first: int) -> None:
+    id_n = ids(law.atoms.id_n)
+    record = judged(law, changed(answer_of(law), id=id_n))
+    assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
+    assert record.unusable == LostAtoms(returned=len(id_n), given=len(law.atoms), first_id=first)
+
+
+@pytest.mark.parametrize("verdict", ["refused", "crashed", "timeout", "error"])
+def test_a_failure_is_the_verdict_with_the_engines_words(law: Prepared, verdict: Any) -> None:
+    record = judged(law, Failure(verdict, "ERROR: some\n  words"))
+    assert (record.verdict, record.ended, record.engine_error) == (verdict, verdict, "ERROR: some words")
+
+
+@pytest.mark.parametrize(("words", "verdict"), [("Invalid range", "refused"), ("Out of memory", "differs")])
+def test_a_refusal_must_have_the_words_expected(case_file: Write, words: str, verdict: str) -> None:
+    ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
+    record = judged(ready, Failure("refused", f"ERROR: {words} string"))
+    assert (record.verdict, record.ended, record.as_expected) == (verdict, "refused", verdict == "refused")
+
+
+def test_an_answer_where_a_refusal_is_expected_differs(case_file: Write, law: Prepared) -> None:
+    ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
+    record = judged(ready, answer_of(law))
+    assert (record.verdict, record.ended, record.expects) == ("differs", "accepted", "Invalid range")

@@ -25,6 +25,33 @@ BASE: dict[str, Any] = {
 }
 
 
+ROOT = Path(__file__).parents[1]
+MADE_BY_TOOLS = {"__pycache__", ".pytest_cache", ".hypothesis", ".ruff_cache", ".mypy_cache"}
+at_start = pytest.StashKey[set[Path]]()
+
+
+def _in_the_checkout() -> set[Path]:
+    """What lies at the top of the checkout and among its reports."""
+    paths = {path for folder in (ROOT, ROOT / "reports") if folder.is_dir() for path in folder.iterdir()}
+    return {path for path in paths if path.name not in MADE_BY_TOOLS}
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    session.config.stash[at_start] = _in_the_checkout()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail if the tests left anything in the checkout; with several processes the one that distributes them looks."""
+    if hasattr(session.config, "workerinput"):
+        return
+    left = sorted(_in_the_checkout() - session.config.stash[at_start])
+    if left:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+        reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
+
+
 @pytest.fixture(autouse=True, scope="session")
 def own_store(tmp_path_factory: pytest.TempPathFactory) -> None:
     """No test finds what an earlier run of the tests predicted."""

@@ -84,6 +84,7 @@ def docstrings() -> list[tuple[str, str]]:
     ]
 
 
+@pytest.mark.slow
 def test_names_in_docstrings_exist() -> None:
     """`NAME` in a docstring is a name of the packages; a dotted one of ours can be followed."""
     missing = []

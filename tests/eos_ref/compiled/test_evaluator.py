@@ -25,6 +25,8 @@ from eos_ref.numbers.rounded import error
 from tests.support.double_loop import DoubleLoop
 from tests.support.particle_scenes import EPS, RECIPES, Scene, dyadic, recipe, results, scene
 
+pytestmark = pytest.mark.slow
+
 THREE = functools.partial(Fast, threads=3)
 
 

@@ -6,6 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 
 def test_the_loops_bring_the_compiled_forms_of_elementary_functions_with_them() -> None:
     """In a fresh process, as what is on disk already needs no compilation, and other modules bring them too."""

@@ -16,6 +16,8 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.pairs import compacted, directed_pairs
 from eos_ref.model.parameters import Box
 
+pytestmark = pytest.mark.slow
+
 CUT = 1.0
 # Edges: longer than two cutoffs, between one and two, shorter than one and than a half.
 EDGES = {

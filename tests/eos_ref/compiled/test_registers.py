@@ -16,6 +16,8 @@ from llvmlite import ir
 
 from eos_ref.compiled import registers
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 
 

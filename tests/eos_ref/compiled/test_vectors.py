@@ -27,6 +27,8 @@ from eos_ref.compiled.vectors import (
     zero,
 )
 
+pytestmark = pytest.mark.slow
+
 SIZES = [1, 2, 3, 4, 6, 8, 9, 15, 16, 35]
 
 

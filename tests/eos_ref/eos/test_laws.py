@@ -35,6 +35,7 @@ def test_numpy_pressure_within_the_bound(law: EOS) -> None:
     assert violations(law, law.evaluate) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", with_backgrounds())
 def test_compiled_pressure_within_the_bound(law: EOS) -> None:
     assert violations(law, law.pressure) == []

@@ -10,7 +10,7 @@ from tests.support.double_loop import DoubleLoop
 from tests.support.particle_scenes import RECIPES, recipe, results
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", RECIPES)
 def test_every_field_of_an_evaluation(name: str, dimension: int) -> None:
     """Values within the bound, which is itself below 1e-10 of the largest value: it could hide no wrong formula."""

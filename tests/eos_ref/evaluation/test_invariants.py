@@ -18,6 +18,8 @@ from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.fixes import Shift
 from tests.support.particle_scenes import EPS, HOT, RECIPES, Scene, assert_same, bounded, dyadic, recipe, scene
 
+pytestmark = pytest.mark.slow
+
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 OPEN = {2: ((False, True), 3.0), 3: ((False, True, False), 3.0)}
 Field = dict[str, tuple[Any, Any]]

@@ -16,6 +16,8 @@ from eos_ref.syntax.fixes import Shift
 from tests.support.double_loop import DoubleLoop
 from tests.support.particle_scenes import EPS, MELTING, RECIPES, Scene, bounded, recipe, results, scene
 
+pytestmark = pytest.mark.slow
+
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
 DT = 2.0**-8
 STATE = ("x_nc", "v_nc", "rho_n", "energy_n")

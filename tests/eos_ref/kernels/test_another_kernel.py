@@ -22,6 +22,8 @@ from eos_ref.syntax.fixes import Shift, SurfaceDetection
 from tests.support.double_loop import PI, DoubleLoop, L, ScalarKernel
 from tests.support.particle_scenes import POWER, results, scene
 
+pytestmark = pytest.mark.slow
+
 
 def shape(q: Any) -> Any:
     a = maximum(1 - 0.5 * q, 0.0)

@@ -133,6 +133,7 @@ def test_expressions(steps: list[tuple[str, float]], start: float) -> None:
         assert abs(exact[0] - r.value[0]) <= r.error[0] * (1 + 2.0**-8)
 
 
+@pytest.mark.slow
 @QUICK
 @given(st.lists(st.tuples(number, relative, spread, st.integers(0, 3)), min_size=1, max_size=40), st.randoms())
 def test_sums_in_any_order(terms: list[tuple[float, float, float, int]], random: Any) -> None:

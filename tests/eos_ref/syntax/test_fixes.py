@@ -386,6 +386,7 @@ def test_any_settings_survive_the_text(fix: FixRheo, gap: str, order: int) -> No
     assert parse_fix_rheo(text) == fix
 
 
+@pytest.mark.slow
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(st.text(max_size=60), st.sampled_from(["", PRESSURE, RHEO, PRESSURE + "* linear ", RHEO + "shift "]))
 def test_any_text_is_read_or_refused(text: str, start: str) -> None:

@@ -28,6 +28,8 @@ from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.progress import Steps
 
+pytestmark = pytest.mark.lammps
+
 DECKS = Path(__file__).parents[2] / "decks"
 HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
 PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
@@ -271,6 +273,7 @@ def test_quit_inside_a_run_ends_only_the_child() -> None:
     assert max(check.step for check in case.checks) >= 60
 
 
+@pytest.mark.slow
 def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _hang)
     case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(timeout=3.0)))
@@ -332,6 +335,7 @@ def test_shell_is_refused_before_anything_runs(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_shell_made_of_variables_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"'shell touch touched' \(in\.hidden_shell:6\)"):
         audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path))

@@ -24,6 +24,8 @@ from lammps_cases.audit.options import Task
 from lammps_cases.audit.seen import Seen, View
 from lammps_cases.records.run_record import CaseRecord
 
+pytestmark = pytest.mark.lammps
+
 DECKS = Path(__file__).parents[2] / "decks"
 PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 SURFACE = {"surface", "surface/r", "surface/n", "surface/divr"}

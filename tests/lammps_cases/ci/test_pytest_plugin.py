@@ -102,6 +102,7 @@ def test_what_is_asked_for_without_the_switch_is_said(pytester: pytest.Pytester)
     result.stderr.fnmatch_lines(["ERROR: --eos-ref-tag needs --eos-ref or --eos-ref-shipped"])
 
 
+@pytest.mark.slow
 def test_marks_and_long_cases(pytester: pytest.Pytester) -> None:
     write("mine", {"one": {}, "two": {"tags": ["long"]}, "three": {"tags": ["cross-type"]}}, ("skip", "2d"))
 
@@ -118,6 +119,7 @@ def test_marks_and_long_cases(pytester: pytest.Pytester) -> None:
     assert chosen("--eos-ref-tag", "nothing") == []
 
 
+@pytest.mark.lammps
 def test_failing_cases(pytester: pytest.Pytester, faulty: str) -> None:
     write("mine", {"dies": of_mass(106.0), "good": {}, "refuses": of_mass(107.0), "steps": STEPS | WRONG})
     result = run(pytester, "--eos-ref", faulty, "--junitxml=j.xml", "--eos-ref-out", "report")
@@ -156,6 +158,8 @@ def test_failing_cases(pytester: pytest.Pytester, faulty: str) -> None:
     run(pytester, "--eos-ref", faulty, "-x", "--lf", "--lfnf=none").assert_outcomes(failed=1)
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
     """Each has a LAMMPS of its own; records and arrays of all come together in one report."""
     write("mine", {"one": {}, "two": {}, "three": {}, "wrong": WRONG})
@@ -173,6 +177,7 @@ def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
     assert not list(Path().glob(".report.*"))
 
 
+@pytest.mark.lammps
 def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
     result = run(pytester, "--eos-ref-shipped", "-k", "range-two-stars")
     result.assert_outcomes(passed=1)
@@ -183,6 +188,7 @@ def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
     strict.stdout.fnmatch_lines(["explained: crashed, as ledger entry double-star-abort predicts: *"])
 
 
+@pytest.mark.lammps
 def test_bad_file_is_one_collection_error(pytester: pytest.Pytester) -> None:
     write("mine", {"good": {}})
     Path("broken.yaml").write_text("name: broken\nabout: x\nscene: {dimension: 2\n")
@@ -200,6 +206,7 @@ def test_bad_file_is_one_collection_error(pytester: pytest.Pytester) -> None:
     assert not Path("report").exists() and not list(Path().glob(".report.*"))
 
 
+@pytest.mark.lammps
 def test_scene_without_meaning_fails_in_one_line(pytester: pytest.Pytester) -> None:
     write("mine", {"bad": {"rho": {"values": [1.0, 2.0], "ratio": None}}})
     result = run(pytester, "--eos-ref", "mine.yaml")
@@ -208,6 +215,7 @@ def test_scene_without_meaning_fails_in_one_line(pytester: pytest.Pytester) -> N
     result.stdout.fnmatch_lines(["FAILED mine.yaml::mine.bad - per-atom values: need one value per particle*"])
 
 
+@pytest.mark.slow
 def test_missing_engine_is_an_error_and_no_skip(pytester: pytest.Pytester, tmp_path: Path) -> None:
     write("mine", {"one": {}, "two": {}})
     (tmp_path / "nothing" / "lammps").mkdir(parents=True)
@@ -242,6 +250,8 @@ def alive(mark: str) -> list[int]:
     return found
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 def test_interrupt_leaves_nothing(pytester: pytest.Pytester, faulty: str) -> None:
     """Ctrl-C while LAMMPS hangs: pytest ends as it does, and no process, no folder stays."""
     write("mine", {"good": {}, "hangs": of_mass(103.0)})

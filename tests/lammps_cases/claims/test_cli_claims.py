@@ -11,6 +11,8 @@ import pytest
 
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.lammps
+
 Command = Callable[..., Outcome]
 CHOSEN = ("pressure-linear", "pressure-background-unit", "pressure-a3-unit", "rheo-exclude-list", "rheo-versionadded")
 

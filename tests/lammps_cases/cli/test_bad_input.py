@@ -290,6 +290,7 @@ def test_extxyz_is_refused(content: str, part: str, case_file: Write, eos_ref_co
     assert "mine.yaml" in err
 
 
+@pytest.mark.lammps
 def test_good_extxyz_is_accepted(case_file: Write, eos_ref_command: Run, tmp_path: Path) -> None:
     (tmp_path / "drop.extxyz").write_text(EXTXYZ)
     file = case_file(positions={"extxyz": "drop.extxyz"}, rho=None)
@@ -369,6 +370,8 @@ def test_current_folder_is_not_an_output_folder(
         assert "must not be the current folder or above it" in err
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 def test_home_that_cannot_be_written_costs_no_result(case_file: Write, tmp_path: Path) -> None:
     home = {**os.environ, "HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere"}
     command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "files", "--out", str(tmp_path / "report")]
@@ -418,6 +421,7 @@ def test_engine_missing_is_exit_code_3(
     assert "MISSING" in out
 
 
+@pytest.mark.lammps
 def test_lammps_not_installed(tmp_path: Path, case_file: Write) -> None:
     """An interpreter that cannot find lammps, as after a fresh install of the other packages."""
     hide = (

@@ -130,6 +130,7 @@ def test_a_variant_from_elsewhere_is_never_kept(problem: Problem, tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_any_byte_of_the_sources_is_another_context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     copied = ("eos_ref", "lammps_cases")
     for package in copied:
@@ -300,6 +301,7 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.lammps
 def test_second_run_finds_every_prediction_and_says_so(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

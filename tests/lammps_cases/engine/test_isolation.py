@@ -17,6 +17,8 @@ import pytest
 from lammps_cases.engine import session
 from tests.support.outcome import Outcome
 
+pytestmark = [pytest.mark.lammps, pytest.mark.slow]
+
 # A package named lammps that is the real one, but for masses that stand for a fault.
 FAULTY = """
 import ctypes, os, signal, time

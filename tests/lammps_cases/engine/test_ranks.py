@@ -15,6 +15,8 @@ from lammps_cases.engine.session import EngineCrashed, EngineRefused, Job, Run
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 
+pytestmark = pytest.mark.lammps
+
 
 @pytest.fixture
 def job() -> Iterator[Job]:

@@ -86,6 +86,7 @@ def test_every_finding_that_speaks_of_a_case_is_shown_by_it() -> None:
         ), entry.id
 
 
+@pytest.mark.slow
 def test_findings_are_named_in_their_room_only() -> None:
     """And in claims, and where a case, an input or a probe bears the same name."""
     places: dict[str, set[str]] = {name: set() for name in BY_ID}

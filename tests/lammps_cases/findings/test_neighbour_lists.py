@@ -29,6 +29,8 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict import judgement
 
+pytestmark = pytest.mark.lammps
+
 ENGINE = EngineRecord(distribution=version("lammps"))
 OLDER = EngineRecord(distribution="2025.7.22.1.0")  # whose order of pairs matters
 NEWER = EngineRecord(distribution="2099.1.1")
@@ -221,6 +223,7 @@ SPOILT: dict[str, Callable[[Seen], Seen]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", SPOILT)
 def test_other_lists_explain_nothing(fault: str, seen: Callable[..., Seen], judged: Callable[..., CaseRecord]) -> None:
     assert judged(SPOILT[fault](seen(FIRST))).verdict == "differs"

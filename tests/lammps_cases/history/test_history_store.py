@@ -147,6 +147,7 @@ with store.History(Path(sys.argv[1])) as history:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [True, False], ids=["first run", "later run"])
 def test_a_kill_while_a_run_is_added_leaves_the_runs_before_it(file: Path, first: bool) -> None:
     if not first:

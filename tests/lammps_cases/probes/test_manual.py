@@ -53,6 +53,8 @@ def records() -> dict[str, CaseRecord]:
     return {one.case.removeprefix(PREFIX): one for one in found}
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 @pytest.mark.parametrize("id", BY_ID)
 def test_probe(id: str, records: dict[str, CaseRecord]) -> None:
     expected = "explained" if id in REFUTED else "pass"
@@ -61,6 +63,7 @@ def test_probe(id: str, records: dict[str, CaseRecord]) -> None:
     assert records[id].as_expected
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("id", BY_ID)
 def test_probe_sees_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
     assert not records[f"{id}-planted"].as_expected, id
@@ -156,6 +159,8 @@ def test_refusal_must_be_the_one_promised() -> None:
     assert said(refused, ran(p=[np.nan])).startswith("LAMMPS accepts what the manual refuses, and p")
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 def test_style_that_is_missing_is_seen() -> None:
     probe = BY_ID["rheo-oxidation"]
     missing = [(old, new.replace("rheo/oxidation", "rheo/nonsense")) for old, new in probe.edits]

@@ -305,6 +305,7 @@ def test_parsing_is_seen(line: str) -> None:
     assert list(parsed(line)) == [1]
 
 
+@pytest.mark.slow
 def test_no_message_is_parsed_outside_the_reader_of_schema_1() -> None:
     folders = [Path(package.__path__[0]) for package in (eos_ref, lammps_cases)]
     sources = [path for folder in folders for path in folder.rglob("*.py") if path.name != "schema1.py"]

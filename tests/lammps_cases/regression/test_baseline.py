@@ -22,6 +22,8 @@ from lammps_cases.regression.changes import Changes
 from tests.support.edited_runs import NAMES, of_field
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.lammps
+
 Change = Callable[..., Path]
 OTHER = "f" * 16  # a digest that nothing has
 

@@ -68,6 +68,7 @@ def test_an_engine_that_dies_on_every_case_decides_nothing() -> None:
         _search([side(case("one", field())), dead])
 
 
+@pytest.mark.lammps
 def test_on_the_command_line_with_runs_of_before(
     small_run: Path, changed_run: Callable[..., Path], eos_ref_command: Callable[..., Outcome], tmp_path: Path
 ) -> None:

@@ -18,6 +18,8 @@ from tests.support.edited_runs import NAMES, of_field
 from tests.support.made_sides import case, ended, field, side
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.lammps
+
 Run = Callable[..., Outcome]
 Change = Callable[..., Path]
 OTHER = "f" * 16

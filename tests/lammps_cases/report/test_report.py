@@ -604,6 +604,7 @@ def test_a_model_case_without_arrays_keeps_its_table(tmp_path: Path) -> None:
     assert Page(html).data == {} and '<table class="steps">' in html and "data-field" not in html[: html.index("Plots")]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium here")
 @pytest.mark.parametrize(("case", "figures"), [("eos.types", 4 + 3), ("model.flat", 4)])
 def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, case: str, figures: int) -> None:

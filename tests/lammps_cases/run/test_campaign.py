@@ -23,6 +23,8 @@ from lammps_cases.run import schemas
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.lammps
+
 Run = Callable[..., Outcome]
 
 
@@ -34,6 +36,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subproce
     return out, subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_every_shipped_case_is_as_expected(everything: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     out, done = everything
     assert done.returncode == 0, done.stdout + done.stderr

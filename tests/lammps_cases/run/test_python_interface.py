@@ -18,6 +18,8 @@ from lammps_cases.run import tables
 from lammps_cases.scene import ase_io
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.lammps
+
 README = Path(__file__).parents[3] / "README.md"
 
 

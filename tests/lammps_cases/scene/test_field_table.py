@@ -104,6 +104,7 @@ def test_every_field_is_known_everywhere(make: Make) -> None:
     assert Scene.model_json_schema()["properties"]["compare"]["items"]["enum"] == list(FIELDS)
 
 
+@pytest.mark.lammps
 def test_every_field_is_shown_by_both_sides(make: Make, workers: Workers) -> None:
     """LAMMPS and the reference give arrays of one shape, that of the rank; and LAMMPS' have a way back."""
     case = make()
@@ -159,6 +160,7 @@ def _wrong(stages: Plain, rho_n: Any) -> Any:
     return _right(stages, rho_n) * (1 + 1e-9)
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize(("formula", "verdict"), [(_right, "exact"), (_wrong, "differs")])
 def test_a_new_field_needs_records_a_formula_and_a_line(
     formula: Callable[[Plain, Any], Any], verdict: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch

@@ -129,6 +129,7 @@ def test_explain_prints_the_plan(eos_ref_command: Callable[..., Outcome]) -> Non
         assert part in out
 
 
+@pytest.mark.lammps
 def test_every_shipped_scene_of_a_law_tells_formulas_apart_unless_it_is_about_coincidence(tmp_path: Path) -> None:
     """The lint: what a scene is blind to is known and listed here, scene by scene."""
     from lammps_cases.engine.installations import Engine

@@ -23,6 +23,8 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import twins
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.lammps
+
 ENGINE = EngineRecord(distribution=version("lammps"))
 FLUIDS = [
     {"mass": 1.31, "rho0": 1.27, "cs": 6.1, "viscosity": {"eta": 0.41, "gd0": 0.3, "K": 0.27, "n": 0.5}},

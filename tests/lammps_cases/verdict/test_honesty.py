@@ -46,10 +46,12 @@ def judge(solved: Solved) -> list[CaseRecord]:
     return [evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0] for ready, answer in solved]
 
 
+@pytest.mark.lammps
 def test_the_reference_as_it_is_turns_nothing_red(solved: Solved) -> None:
     assert {record.verdict for record in judge(solved)} == {"exact"}
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("mistake", MUTANTS)
 def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     right = compare.evaluate
@@ -79,6 +81,7 @@ LAW_FAULTS: dict[str, tuple[str, Callable[..., Any]]] = {
 laws_right = {name: getattr(laws, name) for name in ("linear", "cubic", "tait_water", "tait_general", "ideal_gas")}
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("fault", LAW_FAULTS)
 def test_fault_in_the_source_of_a_law_turns_a_case_red(
     fault: str, solved: Solved, monkeypatch: pytest.MonkeyPatch
@@ -88,6 +91,7 @@ def test_fault_in_the_source_of_a_law_turns_a_case_red(
     assert any(record.verdict == "differs" for record in judge(solved))
 
 
+@pytest.mark.lammps
 def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
     ready, answer = solved[0]
     rho = answer.arrays["rho"].copy()
@@ -99,6 +103,7 @@ def test_wrong_input_is_blamed_on_the_input_stage(solved: Solved) -> None:
     assert f"first atom {answer.arrays['id'][3]} " in record.message
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("fault", ["lost", "doubled", "none", "exchanged"])
 def test_answer_with_the_wrong_atoms_differs(fault: str, solved: Solved) -> None:
     ready, answer = solved[0]
@@ -113,6 +118,7 @@ def test_answer_with_the_wrong_atoms_differs(fault: str, solved: Solved) -> None
     assert f"LAMMPS returned {len(pick)} of {n} atoms" in record.message
 
 
+@pytest.mark.lammps
 def test_pressure_that_forces_use_is_compared_too(solved: Solved) -> None:
     ready, answer = solved[0]
     spoilt_n = answer.arrays["pressure"].copy()

@@ -1,4 +1,4 @@
-"""How a case ended, from answers made by hand: the first thing that is wrong, in data and in the order of its causes."""
+"""How a case ended, from answers made by hand: what is blamed first, and what is not compared."""
 
 from __future__ import annotations
 

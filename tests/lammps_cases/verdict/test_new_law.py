@@ -12,6 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import eos_ref
 
 ROOT = Path(eos_ref.__file__).parents[1]
@@ -64,6 +66,7 @@ EDITS = {
 }
 
 
+@pytest.mark.slow
 def test_a_new_law_is_edits_of_three_files(tmp_path: Path) -> None:
     for package in ("eos_ref", "lammps_cases"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))

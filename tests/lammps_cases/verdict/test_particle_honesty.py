@@ -21,6 +21,8 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 
+pytestmark = pytest.mark.lammps
+
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}
 Solver = Callable[[Job], Answer]

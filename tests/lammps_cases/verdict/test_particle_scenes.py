@@ -25,6 +25,8 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.judgement import particles_of, snapshot
 from lammps_cases.verdict.particle_model import nearest_image
 
+pytestmark = pytest.mark.lammps
+
 FLUID = {"mass": 1.3, "rho0": 1.3, "cs": 10.0, "viscosity": 0.2}
 WALL = {
     "mass": 0.8,

@@ -264,6 +264,8 @@ def test_exit_code_reaches_the_job(code: str, stub: Path, tmp_path: Path, monkey
     assert "actions/upload-artifact@v4" in done.used, "the report is kept first"
 
 
+@pytest.mark.lammps
+@pytest.mark.slow
 def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path: Path) -> None:
     """The reports are kept, every deck is audited, and then the job fails with the worst exit code."""
     case_file()
@@ -304,6 +306,7 @@ def test_key_of_the_cache_follows_cases_and_engine(case_file: Write, stub: Path,
     assert first != key(cases="mine.yaml")
 
 
+@pytest.mark.lammps
 def test_script_for_lammps(case_file: Write, tmp_path: Path) -> None:
     """Build directory in, verdict out; eos-ref itself is that of this environment."""
     (script,) = [file for file in kit("lammps").filled("me/eos-ref") if file.executable]

@@ -14,6 +14,8 @@ from lammps_cases.studies.benchmarks.bench import Ratio, against, laws_against_c
 from lammps_cases.studies.benchmarks.measure import Interval
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., Outcome]
 
 
@@ -93,6 +95,7 @@ def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path:
     assert "must be a label" in wrong.err
 
 
+@pytest.mark.lammps
 def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_model, "EDGE", {2: 12})
     monkeypatch.setattr(bench_model, "STEPS", {2: 2})
@@ -101,6 +104,7 @@ def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.Monke
     assert all(r.peer == "LAMMPS" and r.peer_ns.median > 0 for r in found)
 
 
+@pytest.mark.lammps
 def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_peers, "EDGE", 16)
     monkeypatch.setattr(bench_peers, "STEPS", 2)

@@ -7,6 +7,8 @@ import pytest
 
 from lammps_cases.studies.benchmarks import bench_vectors
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(("dimension", "edge", "count"), [(2, 12, 2), (3, 6, 1)])
 def test_both_ways_add_the_same_numbers_in_the_same_order(dimension: int, edge: int, count: int) -> None:

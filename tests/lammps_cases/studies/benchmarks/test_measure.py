@@ -13,6 +13,8 @@ from scipy.stats import quantile_test
 
 from lammps_cases.studies.benchmarks.measure import CONFIDENCE, Interval, Timing, in_turns, interval, machine, verdict
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 8, 9, 12, 20, 51])
 def test_interval_encloses_the_median_as_often_as_it_says(n: int) -> None:

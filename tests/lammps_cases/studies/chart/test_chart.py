@@ -21,6 +21,8 @@ from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., Outcome]
 
 
@@ -158,6 +160,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Chart, Pat
     yield collect.collect(("laws", "flows"), True, out, "test"), out
 
 
+@pytest.mark.lammps
 def test_lammps_is_a_point_of_every_law_and_as_accurate_as_its_order_of_operations(quick: tuple[Chart, Path]) -> None:
     """The same bits, so the same worst case if the search begins and climbs alike."""
     for panel in quick[0].sections[0].panels:
@@ -166,6 +169,7 @@ def test_lammps_is_a_point_of_every_law_and_as_accurate_as_its_order_of_operatio
             assert errors["LAMMPS"] == errors["in LAMMPS' order"]
 
 
+@pytest.mark.lammps
 def test_near_rho0_lammps_loses_the_digits_that_the_reference_keeps(quick: tuple[Chart, Path]) -> None:
     [water] = [panel for panel in quick[0].panels if panel.title == "Pressure of tait/water"]
     near = {p.method: p.digits for p in water.of(water.regimes[0])}
@@ -173,6 +177,7 @@ def test_near_rho0_lammps_loses_the_digits_that_the_reference_keeps(quick: tuple
     assert "compiled" in [p.method for p in frontier(water.of(water.regimes[0]))]
 
 
+@pytest.mark.lammps
 def test_flows_converge_on_both_engines_with_second_order_where_nothing_stands_between(
     quick: tuple[Chart, Path],
 ) -> None:
@@ -185,6 +190,7 @@ def test_flows_converge_on_both_engines_with_second_order_where_nothing_stands_b
     assert runs["couette", "lammps"].fit("velocity").order < 0.5  # finding wall-velocity-lost
 
 
+@pytest.mark.lammps
 def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
     chart, out = quick
     assert record.read(out).panels == chart.panels
@@ -193,6 +199,7 @@ def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
     assert chart.machine["processor"]
 
 
+@pytest.mark.lammps
 def test_the_command(eos_ref_command: Run, tmp_path: Path) -> None:
     done = eos_ref_command("chart", "sums", "--quick", "--out", tmp_path / "out", "--json")
     assert done.code == 0

@@ -21,6 +21,8 @@ from lammps_cases.studies.chart import sum_methods as sum_methods
 from lammps_cases.studies.chart.prepared import Instances, prepared, rms
 from lammps_cases.studies.flows import FLOWS
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def lmp() -> Any:
@@ -80,6 +82,7 @@ def test_the_gradient_is_that_of_the_field() -> None:
         assert np.abs(ahead / (2 * step) - kernels.gradient(x_nc)[:, :, axis]).max() < bound
 
 
+@pytest.mark.lammps
 def test_both_engines_have_the_same_gradients(lmp: Any) -> None:
     with ExitStack() as stack:
         runs = kernels.gradient_runs((2.0, 3.0), 0.2, 16, Instances(lmp, stack))
@@ -189,6 +192,7 @@ def test_the_time_step_is_of_first_order_for_viscosity() -> None:
     assert [s.temporal for s in solved] == sorted((s.temporal for s in solved), reverse=True)
 
 
+@pytest.mark.lammps
 def test_both_engines_become_unstable_at_the_same_step(lmp: Any) -> None:
     ours, theirs = (timestep.stability(FLOWS["shear-wave"], 16, who) for who in (None, lmp))
     assert ours.low < ours.high < timestep.CLOSE * 1.001 * ours.low
@@ -197,6 +201,7 @@ def test_both_engines_become_unstable_at_the_same_step(lmp: Any) -> None:
     assert timestep._grows(FLOWS["shear-wave"], 16, ours.high, None)
 
 
+@pytest.mark.lammps
 def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
     start = timestep._start(FLOWS["sound-wave-linear"], 16, 1.0)
     for who in (None, lmp):

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from lammps_cases.studies.benchmarks.measure import Timing
 from lammps_cases.studies.chart.points import DIGITS, Point, compared, frontier, point
 
+pytestmark = pytest.mark.slow
+
 ROUNDS = 11
 
 

@@ -15,6 +15,8 @@ from eos_ref.model.parameters import Box
 from lammps_cases.studies.chart.search_methods import METHODS, Found, SearchMethod, keys, truth, wrong
 from lammps_cases.studies.chart.searches import CUT, at_the_cutoff
 
+pytestmark = pytest.mark.slow
+
 DOUBLE = [method for method in METHODS if "float32" not in method.name]
 
 

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from lammps_cases.studies.chart.sum_methods import METHODS, Half, SumMethod, error, exact, rows
 from lammps_cases.studies.chart.sums import scene
 
+pytestmark = pytest.mark.slow
+
 SCENES = {"2D": scene(2, 3.0, 12), "3D": scene(3, 4.0, 8)}
 NAMED = {method.name: method for method in METHODS}
 

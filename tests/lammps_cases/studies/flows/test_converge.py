@@ -14,6 +14,8 @@ from lammps_cases.studies.flows.converge import by_lammps, by_reference, converg
 from lammps_cases.studies.flows.flow import Flow, Options, Start
 from lammps_cases.studies.flows.periodic import SHEAR
 
+pytestmark = pytest.mark.slow
+
 RESOLUTIONS = (8, 12, 20, 30)
 
 
@@ -59,6 +61,7 @@ def test_only_errors_of_lammps_become_messages() -> None:
         by_lammps(SHEAR.start(8, SHEAR.options), None)
 
 
+@pytest.mark.lammps
 def test_a_run_that_lammps_refuses_leaves_a_message() -> None:
     flow: Flow = replace(SHEAR, start=refused)
     (found,) = converge(flow, engines=("lammps",), resolutions=(8, 12, 16))
@@ -68,6 +71,7 @@ def test_a_run_that_lammps_refuses_leaves_a_message() -> None:
     assert found.fit("rate").order == pytest.approx(2.0, abs=0.5)
 
 
+@pytest.mark.lammps
 def test_lost_atoms_leave_a_message() -> None:
     start = SHEAR.start(8, SHEAR.options)
     assert start.atoms.v_nc is not None

@@ -32,6 +32,8 @@ from lammps_cases.studies.flows.periodic import (
 )
 from tests.support.flow_faults import Plant, differences, in_scene, of_types
 
+pytestmark = pytest.mark.slow
+
 PROMISED = 2
 SAME = 1e-8  # formulas that are the same on paper differ by roundings, which hundreds of steps let grow
 
@@ -108,6 +110,7 @@ def test_shear_wave_decays_as_its_lattice_does() -> None:
     assert found > 50 * MOVED  # what is compared is far above what the motion of particles leaves open
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("name", ENGINES)
 def test_sound_grows_unless_the_step_is_short(name: Engine) -> None:
     """The pressure lags by half a step, so that damping misses c^2 dt/(2 nu) of itself; above 1 the wave grows."""
@@ -122,6 +125,7 @@ def test_sound_grows_unless_the_step_is_short(name: Engine) -> None:
     assert errors[0] > 1 > errors[1]
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("flow", [SHEAR, VORTICES, *SOUNDS], ids=lambda flow: flow.name)
 def test_findings_account_for_lammps(flow: Flow, lmp: Any) -> None:
     """With forces per volume the reference does what LAMMPS does."""
@@ -131,6 +135,7 @@ def test_findings_account_for_lammps(flow: Flow, lmp: Any) -> None:
     assert np.abs(shot.rho_n / shot.rho_n.mean() - 1).max() < 20 * COMPRESSED or flow is VORTICES
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("extra", [{}, {"cv": 2.0}, {"rho0": 2.0, "cv": 3.0}], ids=["unit", "cv", "rho0-cv"])
 def test_findings_account_for_heat(extra: dict[str, float | str], lmp: Any) -> None:
     """heat-is-temperature-rate: the diffusivity for the conductivity, which is the same where m, V and cv are 1."""
@@ -147,6 +152,7 @@ def test_findings_account_for_heat(extra: dict[str, float | str], lmp: Any) -> N
     assert (np.abs(ours.energy_n / found.energy_n - 1).max() < SAME) == (not extra)
 
 
+@pytest.mark.lammps
 def test_heat_of_lammps_flows_slower_by_mass_and_heat_capacity() -> None:
     options = replace(HEAT.options, extra={"rho0": 2.0, "cv": 3.0})
     (found,) = converge(HEAT, options, ("lammps",), QUICK)

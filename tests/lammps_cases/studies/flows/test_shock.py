@@ -16,6 +16,8 @@ from lammps_cases.studies.flows.flow import Options
 from lammps_cases.studies.flows.shock import SHOCK_TUBE, problem, without_volume
 from tests.support.flow_faults import Plant, differences, of_energy, of_gamma, of_types, order
 
+pytestmark = pytest.mark.slow
+
 QUICK = SHOCK_TUBE.quick
 SAME = 1e-8  # velocities over the largest, densities relative: roundings of some dozen steps
 
@@ -37,6 +39,7 @@ def test_order_sees(plant: Plant) -> None:
     assert order(SHOCK_TUBE, QUICK, plant) < 0.5
 
 
+@pytest.mark.lammps
 def test_lammps_converges_to_the_solution_without_volumes() -> None:
     """force-per-volume, as a closed solution: LAMMPS falls towards it and not to the one of the gas."""
     (found,) = converge(SHOCK_TUBE, engines=("lammps",), resolutions=QUICK)
@@ -46,6 +49,7 @@ def test_lammps_converges_to_the_solution_without_volumes() -> None:
         assert found.errors[name][-1] > found.errors[f"{name} without volume"][-1]
 
 
+@pytest.mark.lammps
 def test_finding_accounts_for_lammps() -> None:
     lmp = session.open_lammps()
     assert max(differences(SHOCK_TUBE, QUICK[0], ForcePerVolume, lmp)) < SAME

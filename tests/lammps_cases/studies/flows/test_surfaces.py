@@ -15,6 +15,8 @@ from lammps_cases.studies.flows.flow import Flow
 from lammps_cases.studies.flows.surfaces import DROP, INTERFACE
 from tests.support.flow_faults import Plant, differences, faster, of_types, order
 
+pytestmark = pytest.mark.slow
+
 QUICK = DROP.quick  # and the interface's
 SAME = 1e-8  # velocities over the largest, densities relative: roundings of a hundred steps
 flows = pytest.mark.parametrize("flow", [DROP, INTERFACE], ids=["drop", "interface"])
@@ -44,6 +46,7 @@ def test_order_sees(flow: Flow, plant: Plant) -> None:
     assert order(flow, QUICK, plant) < 0.5
 
 
+@pytest.mark.lammps
 @flows
 def test_lammps_converges_as_well(flow: Flow) -> None:
     """Volumes stay near 1, so the missing volume hardly shows: within a tenth of the error itself."""
@@ -53,6 +56,7 @@ def test_lammps_converges_as_well(flow: Flow) -> None:
     np.testing.assert_allclose(theirs.errors[headline], ours.errors[headline], rtol=0.1)
 
 
+@pytest.mark.lammps
 @flows
 def test_finding_accounts_for_lammps(flow: Flow, lmp: Any) -> None:
     assert max(differences(flow, QUICK[0], ForcePerVolume, lmp)) < SAME

@@ -18,6 +18,8 @@ from lammps_cases.studies.flows.flow import Flow, Options
 from lammps_cases.studies.flows.walls import COMPRESSION, COUETTE, COUETTE_STORED, POISEUILLE, TANK
 from tests.support.flow_faults import Plant, differences, faster, of_gravity, of_types, order
 
+pytestmark = pytest.mark.slow
+
 QUICK = (8, 12, 18)
 # Formulas that are the same on paper differ by roundings, which a hundred steps and pressures at c^2 drho let grow.
 SAME = 1e-8
@@ -65,11 +67,13 @@ def lammps_errors(flow: Flow, options: Options | None = None) -> tuple[float, ..
     return next(iter(found.errors.values()))
 
 
+@pytest.mark.lammps
 def test_lammps_drags_the_fluid_to_half_the_speed_of_a_plate() -> None:
     """wall-velocity-lost: U d_s/(d_s + d_f), and a wall half way between the rows has d_s = d_f."""
     assert lammps_errors(COUETTE) == pytest.approx([0.5] * len(QUICK), abs=0.5 / QUICK[0] ** 2)
 
 
+@pytest.mark.lammps
 def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
     """force-per-volume: forces of rho g on masses m. What is wrong is at most rho/rho0 - 1, twice that in a swing."""
     errors = lammps_errors(TANK)
@@ -78,6 +82,7 @@ def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
     assert all(new < old / 4 for new, old in zip(lammps_errors(TANK, hardly), errors, strict=True))
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize(
     ("flow", "stages"),
     [(POISEUILLE, ForcePerVolume), (COUETTE, ForceAndWall), (TANK, ForcePerVolume)],

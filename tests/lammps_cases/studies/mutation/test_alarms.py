@@ -20,6 +20,8 @@ from lammps_cases.studies.mutation import alarms, machines
 from lammps_cases.studies.mutation.alarms import AlarmRun, Kind
 from lammps_cases.studies.mutation.perturbed import PerturbedCase, in_order
 
+pytestmark = pytest.mark.lammps
+
 CASES = {case.name: case for case in casefile.load()}
 LAW, FLUID, TWIN = "near-rho0.ideal-gas.2d", "images.quintic.two", "twins.fluid.ranks"
 ALL = [CASES[name] for name in (LAW, FLUID, TWIN)]

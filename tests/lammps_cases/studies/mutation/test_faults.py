@@ -102,6 +102,7 @@ def planted() -> Iterator[tuple[list[Control], dict[str, PlantedFault]]]:
             yield control, done
 
 
+@pytest.mark.lammps
 def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, PlantedFault]]) -> None:
     control, _ = planted
     assert [(c.case, c.answered, c.played, c.red) for c in control] == [
@@ -110,6 +111,7 @@ def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, 
     ]
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("fault", SEEN)
 def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, PlantedFault]]) -> None:
     seen = planted[1][fault].caught_by
@@ -120,6 +122,7 @@ def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[st
         assert [(one.case, one.verdict, one.field) for one in seen] == [expected]
 
 
+@pytest.mark.lammps
 def test_every_case_that_sees_a_fault() -> None:
     with MutationPool(installations.resolve("env"), 1, None, every=True) as pool:
         pool.prepare([CASES[LAW], CASES[GAS]], SILENT)
@@ -134,6 +137,7 @@ def test_every_case_that_sees_a_fault() -> None:
 # --- the faults themselves
 
 
+@pytest.mark.slow
 def test_faults_are_many_and_named_once() -> None:
     faults = catalogue.faults()
     assert len(faults) >= 500
@@ -142,6 +146,7 @@ def test_faults_are_many_and_named_once() -> None:
     assert all(name == fault.id and fault.what for name, fault in faults.items())
 
 
+@pytest.mark.slow
 def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
     assert "formula.lint-no-volume-in-the-force" not in catalogue.faults("2025.7.22.4.0")
     assert "formula.lint-no-volume-in-the-force" in catalogue.faults("2025.7.22.1.0")
@@ -180,6 +185,7 @@ def test_a_fault_that_changes_nothing_does_not_apply() -> None:
     assert input_faults.jobs(catalogue.input_faults()["told.mass-off"], ready) is not None
 
 
+@pytest.mark.lammps
 def test_an_answer_is_spoiled_without_touching_the_right_one(planted: Any) -> None:
     from lammps_cases.engine.session import Answer
 
@@ -196,6 +202,7 @@ def test_a_loaded_reference_cannot_be_mistaken() -> None:
         load(Mutation("eos.laws", "x = 1"))
 
 
+@pytest.mark.lammps
 def test_arguments_are_of_faults_that_are_planted() -> None:
     planted = {(fault.id, fault.what) for fault in catalogue.faults().values()}
     assert set(record.arguments()) <= planted
@@ -277,6 +284,7 @@ def test_faults_done_are_found_again_after_a_kill(tmp_path: Path) -> None:
     assert record.kept(tmp_path, "key") == {}
 
 
+@pytest.mark.lammps
 def test_page_holds_faults_whatever_they_are_called(tmp_path: Path) -> None:
     page.write(_power(_fault("<b>", "case<i>"), _fault("quiet")), tmp_path)
     text = (tmp_path / "power.html").read_text()
@@ -298,6 +306,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 Command = Callable[..., Outcome]
 
 
+@pytest.mark.lammps
 @pytest.mark.usefixtures("few")
 def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: Path) -> None:
     out = tmp_path / "power"
@@ -320,6 +329,7 @@ def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: P
     assert json.loads((out / "power.json").read_text())["faults"] == found["faults"]
 
 
+@pytest.mark.lammps
 def test_bad_input_is_one_line(eos_ref_command: Command, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for arguments in (("nothing.*",), ("told.cs-off", "--out", tmp_path / "file" / "x"), ("--sample", "0")):

@@ -154,6 +154,7 @@ def red() -> Iterator[Callable[[str, str, str, float], bool]]:
         yield verdict
 
 
+@pytest.mark.lammps
 def test_smallest_change_is_red_and_what_is_unseen_is_green(
     measured: dict[str, Resolution], red: Callable[[str, str, str, float], bool]
 ) -> None:
@@ -168,6 +169,7 @@ def test_smallest_change_is_red_and_what_is_unseen_is_green(
         assert np.nextafter(best.value, math.inf) - best.value <= abs(best.change) < 1e-9 * abs(best.value)
 
 
+@pytest.mark.lammps
 def test_quick_cases_and_blind_ones_are_told_apart(measured: dict[str, Resolution]) -> None:
     assert measured["cs"].quick is not None
     assert measured["cs"].quick.case == LAW
@@ -176,6 +178,7 @@ def test_quick_cases_and_blind_ones_are_told_apart(measured: dict[str, Resolutio
     assert (measured["cs"].candidates, measured["cs"].sensitive) == (2, 2)
 
 
+@pytest.mark.lammps
 def test_bound_of_the_law_is_the_resolution_of_its_speed_of_sound(measured: dict[str, Resolution]) -> None:
     """P of linear goes with cs^2: red where twice the change exceeds the relative bound, less what rounding does."""
     ready = campaign.prepare(CASES[LAW])

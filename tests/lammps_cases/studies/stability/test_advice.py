@@ -253,6 +253,7 @@ def test_tensions_are_the_boundaries_of_clumping_along_a_pressure() -> None:
 # --- where it is said
 
 
+@pytest.mark.lammps
 def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
     explained = json.loads(eos_ref_command("explain", "fluids.unit", "--json").out)["cases"]
     assert all(any(line.partition("time step is ")[1] for line in case["stability"]) for case in explained)

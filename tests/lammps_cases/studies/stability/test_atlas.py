@@ -25,6 +25,8 @@ from lammps_cases.studies.stability.record import Atlas
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_scenes import resting, viscous
 
+pytestmark = pytest.mark.slow
+
 LINEAR = Axis("x", 0.0, 1.0, 0.05)
 LOG = Axis("x", 0.01, 100.0, 0.1, log=True)
 
@@ -197,6 +199,7 @@ def small() -> list[StabilityMap]:
     ]
 
 
+@pytest.mark.lammps
 def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[StabilityMap]) -> None:
     first = atlas.measure(small, tmp_path, "test")
     kept = (tmp_path / "cells.jsonl").read_bytes()

@@ -18,6 +18,8 @@ from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
 from tests.support.outcome import Outcome
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., Outcome]
 
 
@@ -41,6 +43,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     return asked
 
 
+@pytest.mark.lammps
 def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
     eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,6 +107,7 @@ def test_fresh_forgets_the_cells(eos_ref_command: Run, measured: list[dict[str, 
     assert not kept.exists()
 
 
+@pytest.mark.lammps
 def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(eos_ref_command: Run, tmp_path: Path) -> None:
     out = eos_ref_command("stability", "--cell", "made:with <shift>:1.6:0.1", "--out", tmp_path, "--json")
     document = json.loads(out.out)

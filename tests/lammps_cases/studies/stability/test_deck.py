@@ -19,6 +19,8 @@ from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
 from lammps_cases.studies.stability.deck import deck
 
+pytestmark = pytest.mark.lammps
+
 ARRAYS = ("x", "v", "rho")
 
 

@@ -17,6 +17,8 @@ from lammps_cases.studies.stability import draw, names
 from lammps_cases.studies.stability.model import KINDS, Boundary, Engine, Kind
 from tests.support.made_atlas import MAP, PLACES, kind, made_map
 
+pytestmark = pytest.mark.slow
+
 
 def axes(figure: Any) -> list[list[Any]]:
     return [figure.axes[:3], figure.axes[3:6]]

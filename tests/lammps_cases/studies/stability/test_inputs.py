@@ -202,6 +202,7 @@ class Traced:
         sys.settrace(self.before)
 
 
+@pytest.mark.lammps
 def test_rules_of_the_reference_are_covered() -> None:
     """Every line of the parser, the laws and the model that refuses is run by a row, or named above."""
     files = [Path(eos_ref.__file__).parent / f"{name}.py" for name in MODULES]
@@ -326,6 +327,7 @@ def test_edits_leave_out_and_add_lines() -> None:
 # --- LAMMPS itself
 
 
+@pytest.mark.lammps
 def test_table(rows: dict[str, InputRow]) -> None:
     assert list(rows) == list(BY_ID)
     assert all(row.refusal and row.words and row.text for row in rows.values())
@@ -333,6 +335,7 @@ def test_table(rows: dict[str, InputRow]) -> None:
     assert adapter.validate_json(adapter.dump_json(list(rows.values()))) == list(rows.values())
 
 
+@pytest.mark.lammps
 def test_harmless_scenes_are_accepted() -> None:
     """Else an error would speak of the base, not of the input."""
     with Workers(None, 1) as workers:
@@ -341,6 +344,7 @@ def test_harmless_scenes_are_accepted() -> None:
             assert reaction(reply, ())[0] == "silent acceptance"
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize(
     ("id", "wanted"),
     [
@@ -358,6 +362,7 @@ def test_what_lammps_is_known_to_do(rows: dict[str, InputRow], id: str, wanted: 
     assert rows[id].reaction == wanted, rows[id]
 
 
+@pytest.mark.lammps
 def test_an_input_that_hangs_costs_itself_alone() -> None:
     edits = (("run 2 pre", "run 100000000 pre"),)
     long = BadInput(id="long", area="run", names=("run",), edits=edits, scene={"evolve": {"steps": -2}})

@@ -16,6 +16,8 @@ from lammps_cases.studies.stability.maps import laws
 from lammps_cases.studies.stability.model import Cell, Kind, Outcome, StabilityMap, Watch
 from lammps_cases.studies.stability.runs import open_run
 
+pytestmark = pytest.mark.slow
+
 
 def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> Outcome:
     """A cell on the reference, in this process."""
@@ -121,6 +123,7 @@ def test_maps_are_complete() -> None:
             assert np.isfinite(start.atoms.rho_n).all()
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize(
     ("of", "x", "y", "wanted"),
     [

@@ -16,6 +16,8 @@ from lammps_cases.studies.stability.maps import matrices
 from lammps_cases.studies.stability.model import Cell, Kind, StabilityMap
 from lammps_cases.studies.stability.runs import open_run
 
+pytestmark = pytest.mark.slow
+
 FAILED = ("failed matrix", "ill-conditioned matrix")
 
 

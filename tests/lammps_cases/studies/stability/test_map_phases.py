@@ -10,9 +10,12 @@ from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
+pytestmark = pytest.mark.slow
+
 MAP = phases.MAPS[0]
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_a_ratio_of_ten(side: Engine) -> None:
     assert outcome(MAP, 10.0, 1.0, "continuity", side).kind == "stable"
@@ -26,6 +29,7 @@ def test_harmonic_means_bear_less() -> None:
     assert outcome(MAP, 80.0, 1.0, "harmonic/means").kind == "clumping"
 
 
+@pytest.mark.lammps
 def test_self_mass_is_in_the_reference_alone() -> None:
     assert outcome(MAP, 10.0, 1.0, "rho/sum self/mass").kind == "stable"
     found = outcome(MAP, 10.0, 1.0, "rho/sum self/mass", "lammps")

@@ -15,6 +15,8 @@ from lammps_cases.studies.stability.maps import precision
 from lammps_cases.studies.stability.model import ENGINES, Cell, Kind, StabilityMap
 from lammps_cases.studies.stability.runs import ReferenceRun, open_run
 
+pytestmark = pytest.mark.slow
+
 
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
     cell = Cell(of.id, x, y, layer)

@@ -10,9 +10,12 @@ from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
+pytestmark = pytest.mark.slow
+
 WRONG = "misclassified surface"
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_summed_densities_make_a_surface_clump(side: Engine) -> None:
     assert outcome(surfaces.SUMMED, 20.0, 4.0, "rho/sum", side).kind == "clumping"
@@ -34,6 +37,7 @@ def test_clumping_is_at_the_surface_and_under_tension() -> None:
     assert min(row_n[atom - 1], surfaces.ROWS - 1 - row_n[atom - 1]) <= 1
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize("layer", surfaces.DETECTION.layers)
 def test_limits_far_off_misclassify(layer: str, side: Engine) -> None:
@@ -45,6 +49,7 @@ def test_limits_far_off_misclassify(layer: str, side: Engine) -> None:
     assert outcome(surfaces.DETECTION, 0.8, 0.05, layer, side).kind == "stable"
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_splash_limits_far_off_misclassify(side: Engine) -> None:
     n = surfaces.LAYERS * surfaces.WIDTH

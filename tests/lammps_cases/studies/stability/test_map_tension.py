@@ -13,7 +13,10 @@ from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, Watch
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
+pytestmark = pytest.mark.slow
 
+
+@pytest.mark.lammps
 @pytest.mark.parametrize("density", [0.8, 1.2])
 @pytest.mark.parametrize("side", ENGINES)
 def test_the_sign_of_the_pressure_decides(density: float, side: Engine) -> None:
@@ -57,6 +60,7 @@ def fastest(background: float) -> tuple[np.ndarray, np.ndarray]:
     return 2 * np.pi * np.array([p, q]) / edges, vector_kab[k, :, 0]
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_growth_of_a_wave(side: Engine) -> None:
     """A small wave on the perfect lattice grows at the rate of the theory, to first order in the time step."""

@@ -14,9 +14,12 @@ from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, Stabilit
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
+pytestmark = pytest.mark.slow
+
 THROUGH = "wall penetration"
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize("of", walls.MAPS, ids=lambda of: of.id)
 @pytest.mark.parametrize("layer", [walls.STORED, walls.RECONSTRUCT])
@@ -59,6 +62,7 @@ def test_rows_of_the_wall() -> None:
     assert outcome(walls.THICKNESS, 0.2, 3.0, walls.STORED).kind == "stable"
 
 
+@pytest.mark.lammps
 def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
     """Compressed fluid has volumes below 1, which LAMMPS' forces lack: its walls push harder."""
     x, y, layer = 0.74, 2.0, walls.RECONSTRUCT

@@ -11,7 +11,10 @@ from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
+pytestmark = pytest.mark.slow
 
+
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_column(side: Engine) -> None:
     """Viscosity limits the step as in a shear wave, where the limit was measured as 4.18 of Morris'."""
@@ -40,6 +43,7 @@ def test_column_swings_about_its_weight() -> None:
     assert np.mean(pressures) == pytest.approx(weight, rel=0.1)
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_dam_break(side: Engine) -> None:
     assert outcome(whole.DAM_BREAK, 0.3, 0.3, side=side).kind == "stable"
@@ -57,6 +61,7 @@ def test_dam_runs_to_the_other_wall() -> None:
     assert whole.SPAN - 2 < front < whole.SPAN
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 def test_falling_drop(side: Engine) -> None:
     assert outcome(whole.DROP, 1.0, 0.2, side=side).kind == "stable"

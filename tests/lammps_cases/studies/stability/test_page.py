@@ -19,6 +19,8 @@ from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.model import Cell
 from tests.support.made_atlas import MAP, TEXT, made_atlas
 
+pytestmark = pytest.mark.slow
+
 INPUTS = [
     InputRow("a", "law", "gamma <0>", "gamma: must be positive", "silent acceptance", "pressure 1", ledger="known-one"),
     InputRow("b", "fix rheo", "cut -1", "cut: must be positive", "crash", "died & gone", "cut > 0", candidate=True),

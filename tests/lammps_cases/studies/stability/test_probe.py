@@ -25,6 +25,8 @@ from lammps_cases.studies.stability.probe import Examined, examine, follow
 from lammps_cases.studies.stability.runs import ReferenceRun, Stopped, open_run, saying
 from tests.support.stability_scenes import channel, resting, unstable
 
+pytestmark = pytest.mark.lammps
+
 WATCH = timestep.watch(1e-3)
 
 

@@ -29,6 +29,7 @@ def living() -> Instance:
     return Instance(None)
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("side", ENGINES)
 @pytest.mark.parametrize(
     ("fraction", "ratio", "cut"), [(1.5, 0.1, 3.0), (4.3, 1.0, 3.0), (4.5, 3.0, 2.5), (0.5, 1.0, 4.0)]
@@ -48,6 +49,7 @@ def test_energy_is_that_of_the_linearised_scheme(
     assert measured == pytest.approx(growth(fraction, ratio, cut, 4, 5), rel=1e-5)
 
 
+@pytest.mark.lammps
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("side", ENGINES)
 def test_runs_fail_beyond_the_limit_of_growth(side: Engine, ratio: float, living: Instance) -> None:

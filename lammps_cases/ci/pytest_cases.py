@@ -87,7 +87,7 @@ class Judge:
         arguments = (ready, outcomes, self.engine, self.store)
         found = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))
         if isinstance(found, Failure):
-            from lammps_cases.verdict.judgement import blank_record
+            from lammps_cases.verdict.outcome import blank_record
 
             lost = blank_record(case, ready.eos, ready.atoms, self.engine)
             return campaign.faulty(lost, HarnessError(text=found.message))

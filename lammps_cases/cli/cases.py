@@ -112,14 +112,14 @@ def _evaluator(case: Any, ready: Any) -> str | None:
     """Name the body of the reference that judges a case, and the size that decides it."""
     from eos_ref.evaluation.array_evaluator import Plain
     from lammps_cases.comparison.trajectory import COMPILED_ABOVE, evaluations, own_stages
-    from lammps_cases.verdict.judgement import particles_of
+    from lammps_cases.verdict.model_cases import problem_of
 
     scene = case.scene
     if scene.expect:
         return None
     if not scene.whole_model:
         return "the formula of the law, in numpy"
-    problem = particles_of(scene, ready.atoms, case.where, scene.snapshots)
+    problem = problem_of(scene, ready.atoms, case.where, scene.snapshots)
     name = "array" if own_stages(problem) is Plain else "compiled"
     return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner 
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.history.reported import Past
     from lammps_cases.report.drawn import Drawn
-    from lammps_cases.verdict.judgement import Arrays
+    from lammps_cases.verdict.outcome import Arrays
     from lammps_cases.verdict.particle_model import Reason
 
 JUDGING = 1800.0  # seconds that judging a case may take
@@ -161,7 +161,7 @@ def judge(
     """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
     from lammps_cases.comparison.prediction_keys import current
     from lammps_cases.comparison.predictor import Predictor
-    from lammps_cases.verdict.judgement import blank_record
+    from lammps_cases.verdict.outcome import blank_record
 
     predictor = Predictor(store if store and current(store) else None)
     try:
@@ -184,7 +184,8 @@ def judge(
 def _evaluated(
     ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
 ) -> tuple[CaseRecord, Arrays]:
-    from lammps_cases.verdict.judgement import evaluate, evaluate_twin
+    from lammps_cases.verdict.judgement import evaluate
+    from lammps_cases.verdict.twins import evaluate_twin
 
     if ready.twin is not None:
         return evaluate_twin(ready.case, ready.twin, outcomes, engine, predictor)
@@ -193,7 +194,7 @@ def _evaluated(
 
 def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: str) -> Outcomes:
     """The answers with LAMMPS' lists of neighbours, from runs read at every step; empty if no finding follows them."""
-    from lammps_cases.verdict.judgement import asks_for_lists
+    from lammps_cases.verdict.model_cases import asks_for_lists
 
     if not any(asks_for_lists(ready.case, scene, atoms, engine) for scene, atoms in ready.sides):
         return []
@@ -218,7 +219,7 @@ def _first_step(site: str | None, ready: PreparedCase, engine: str, predictor: P
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
         return None
-    from lammps_cases.verdict.judgement import asks_for_lists, first_step
+    from lammps_cases.verdict.model_cases import asks_for_lists, first_step
 
     lists = asks_for_lists(ready.case, scene, ready.atoms, engine)
     told = job(scene, ready.atoms, plan(scene), every_step=True, lists=lists)
@@ -228,7 +229,7 @@ def _first_step(site: str | None, ready: PreparedCase, engine: str, predictor: P
 def _lost(ready: PreparedCase, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
     """The record of a case that was not judged."""
     from lammps_cases.report.drawn import Drawn
-    from lammps_cases.verdict.judgement import blank_record
+    from lammps_cases.verdict.outcome import blank_record
 
     record = blank_record(ready.case, ready.eos, ready.atoms, engine)
     return faulty(record, HarnessError(text=failure.message)), Drawn()

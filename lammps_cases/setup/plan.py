@@ -1,7 +1,7 @@
-"""What a scene needs modelled, on both sides, and what it does not.
+"""Plan of a scene: the quantities, lists and fixes that either side needs for the fields compared, and why.
 
-The plan follows from the fields that the scene compares. `lammps_cases.setup.commands` and
-`lammps_cases.verdict.judgement` build only what it names.
+`lammps_cases.setup.commands` gives LAMMPS only what the plan needs. On the side of the reference the plan is for the
+reader: what is evaluated follows from the same table, `eos_ref.model.quantities`.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ class Item:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is modelled: items of the reference and of LAMMPS."""
+    """Items of the reference and of LAMMPS."""
 
     reference: tuple[Item, ...]
     lammps: tuple[Item, ...]
 
     def needs(self, name: str) -> bool:
-        """Whether the reference or LAMMPS needs an item."""
+        """Return whether the reference or LAMMPS needs an item."""
         return any(item.needed for item in (*self.reference, *self.lammps) if item.name == name)
 
 
@@ -53,7 +53,7 @@ def plan(scene: Scene) -> Plan:
 
 
 def _model_items(scene: Scene) -> Iterable[Item]:
-    """Quantities of the particle model: compared, needed by another one, needed to step, or left out."""
+    """Yield the quantities of the particle model: compared, needed by another one, needed to step, or left out."""
     model = reference_side.with_cut(scene, scene.rheo.cut or 1.0)
     words = _WORDS | {"rho": "density, summed" if scene.rho_sum else "density, given"}
     compared = {name for field in scene.compare for name in quantities.evaluated_for(model, field)}
@@ -69,7 +69,7 @@ def _model_items(scene: Scene) -> Iterable[Item]:
 
 
 def _law_items(scene: Scene) -> Iterable[Item]:
-    """What an equation of state alone needs."""
+    """Yield the items that an equation of state needs."""
     moves = scene.evolve is not None
     sums = scene.rho_sum
     gases = dict.fromkeys(law.style for law in scene.pressure if law.needs_energy)
@@ -92,7 +92,7 @@ def _law_items(scene: Scene) -> Iterable[Item]:
 
 
 def _lammps_items(scene: Scene) -> Iterable[Item]:
-    """What LAMMPS is told, and why."""
+    """Yield the fixes and settings of LAMMPS, each with its reason."""
     moves, sums = scene.evolve is not None, scene.rho_sum
     neighbours = scene.interacts
     reason = "density is summed over neighbours" if sums else "particles move" if moves else "neighbours are compared"

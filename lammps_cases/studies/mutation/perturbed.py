@@ -23,8 +23,10 @@ from lammps_cases.run.campaign import PreparedCase, engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict import particle_model
-from lammps_cases.verdict.judgement import evaluate, evaluate_twin, first_step, particles_of, snapshot
+from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.model_cases import first_step, problem_of, snapshot
 from lammps_cases.verdict.particle_model import Reason
+from lammps_cases.verdict.twins import evaluate_twin
 
 Rows = npt.NDArray[np.integer[Any]]
 
@@ -139,7 +141,7 @@ class RepeatedCase:
 
     def _fitting(self, record: CaseRecord, first: Snapshot) -> tuple[Problem, Prediction]:
         case, scene = self.ready.case, self.ready.case.scene
-        of = particles_of(scene, self.ready.atoms, case.where, scene.snapshots)
+        of = problem_of(scene, self.ready.atoms, case.where, scene.snapshots)
         named = {name for field in record.fields for name in field.explained_by}
         variants = [entry.model_variant for entry in LEDGER if entry.id in named and entry.model_variant]
         made = combined(variants, of, first) if variants else None

@@ -200,9 +200,9 @@ def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
 def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
     """Fields of the particle model at the steps that LAMMPS was read at."""
     from lammps_cases.comparison.trajectory import visit, wanted
-    from lammps_cases.verdict.judgement import particles_of, snapshot
+    from lammps_cases.verdict.model_cases import problem_of, snapshot
 
-    problem = particles_of(scene, atoms, where, scene.snapshots)
+    problem = problem_of(scene, atoms, where, scene.snapshots)
     stages, stepping = stages_of(mutation, problem, snapshot(scene, answer.snapshots[0]), engine)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     snapshots = []

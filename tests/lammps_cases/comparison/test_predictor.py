@@ -27,7 +27,7 @@ from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.judgement import particles_of
+from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -36,7 +36,7 @@ ROOT = Path(prediction_keys.__file__).parents[2]
 
 def _scene(name: str = "thermal.latent.2d") -> Problem:
     case = casefile.select(casefile.load(), (name,))[0]
-    return particles_of(case.scene, campaign.prepare(case).atoms, case.where, (0, 1))
+    return problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0, 1))
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,14 @@ from eos_ref.evaluation.array_evaluator import Plain
 from lammps_cases.comparison.trajectory import COMPILED_ABOVE, MOVED_RUNS, Problem, evaluations, own_stages
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.judgement import particles_of
+from lammps_cases.verdict.model_cases import problem_of
 
 Write = Callable[..., Path]
 
 
 def problem(case_file: Write) -> Problem:
     case = casefile.load((case_file(compare=["f"], velocity={"random": 0.3}),))[0]
-    return particles_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+    return problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
 
 
 def of_size(scene: Problem, n: int) -> Problem:

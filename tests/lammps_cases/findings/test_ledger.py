@@ -25,7 +25,7 @@ from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation.alarms import KINDS
 from lammps_cases.verdict import particle_model
-from lammps_cases.verdict.judgement import particles_of
+from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -134,7 +134,7 @@ def _judged(name: str) -> CaseRecord:
     """A case judged on an engine that has the finding, and no other."""
     (case,) = casefile.select(casefile.load(), (name,))
     ready, predictor = campaign.prepare(case), Predictor()
-    problem = particles_of(case.scene, ready.atoms, case.where, case.scene.snapshots)
+    problem = problem_of(case.scene, ready.atoms, case.where, case.scene.snapshots)
     fields = predictor.values(problem, (HalfVolume, Simulation))
     snapshots = [{name: np.asarray(values) for name, values in at.items()} for at in fields]
     judged = particle_model.judge(problem, name, ready.atoms.id_n, snapshots, ENGINE, predictor)

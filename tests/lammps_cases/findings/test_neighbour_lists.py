@@ -27,7 +27,7 @@ from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.verdict import judgement
+from lammps_cases.verdict import model_cases
 
 pytestmark = pytest.mark.lammps
 
@@ -75,7 +75,7 @@ class Seen:
     def problem(self) -> Problem:
         """The scene with all its steps."""
         steps = tuple(range(len(self.every.snapshots)))
-        return judgement.particles_of(self.ready.case.scene, self.ready.atoms, "", steps)
+        return model_cases.problem_of(self.ready.case.scene, self.ready.atoms, "", steps)
 
     @property
     def lists(self) -> tuple[Listed, ...]:

@@ -29,7 +29,7 @@ from lammps_cases.setup import commands, twins
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation import output_faults
 from lammps_cases.studies.mutation.substitute import in_place_of
-from lammps_cases.verdict.judgement import particles_of, snapshot
+from lammps_cases.verdict.model_cases import problem_of, snapshot
 
 ENGINE = EngineRecord(name="env", distribution=version("lammps"))
 RICH: dict[str, Any] = {
@@ -65,7 +65,7 @@ def make(case_file: Callable[..., Path]) -> Make:
 
 
 def model_of(case: Case) -> Model:
-    return particles_of(case.scene, campaign.prepare(case).atoms, case.where, (0,)).model
+    return problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0,)).model
 
 
 def answered(workers: Workers, case: Case) -> tuple[campaign.PreparedCase, Answer]:
@@ -110,7 +110,7 @@ def test_every_field_is_shown_by_both_sides(make: Make, workers: Workers) -> Non
     case = make()
     ready, answer = answered(workers, case)
     shown = snapshot(case.scene, answer.arrays)
-    problem = particles_of(case.scene, ready.atoms, case.where, (0,))
+    problem = problem_of(case.scene, ready.atoms, case.where, (0,))
     sim = Simulation(problem.model, problem.box, problem.state, problem.fields)
     sim.setup()
     for name in FIELDS:

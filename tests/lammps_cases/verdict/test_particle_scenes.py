@@ -22,7 +22,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.verdict.judgement import particles_of, snapshot
+from lammps_cases.verdict.model_cases import problem_of, snapshot
 from lammps_cases.verdict.particle_model import nearest_image
 
 pytestmark = pytest.mark.lammps
@@ -174,7 +174,7 @@ def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, wor
     got = solve(workers, replace(told, v_nc=v_nc)).arrays
     middle_n = (np.abs(ready.atoms.x_nc[:, :2] - 6) < 2.5).all(axis=1)
     assert middle_n.any()
-    given = particles_of(case.scene, ready.atoms, case.where, (0,))
+    given = problem_of(case.scene, ready.atoms, case.where, (0,))
     state = replace(given.state, v_nc=v_nc[:, :2])
     sim = Simulation(given.model, given.box, state, ("grad/v",))
     sim.setup()
@@ -207,7 +207,7 @@ def test_two_ranks_give_what_one_gives(name: str, make: Make, workers: Workers) 
     case = make(name)
     one, two = (solve(workers, tell(make(name, engine={"ranks": ranks}))[1]) for ranks in (1, 2))
     assert one.steps == two.steps
-    scene = particles_of(case.scene, tell(case)[0].atoms, case.where, one.steps)
+    scene = problem_of(case.scene, tell(case)[0].atoms, case.where, one.steps)
     bounds = predict(scene).bounds
     for at, (here, there) in enumerate(zip(one.snapshots, two.snapshots, strict=True)):
         assert here.keys() == there.keys()

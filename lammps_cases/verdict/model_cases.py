@@ -1,0 +1,94 @@
+"""Judgement of cases of the whole model: a scene as the reference's problem, LAMMPS' fields by its names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.engine.session import Answer
+from lammps_cases.findings import shown_by
+from lammps_cases.findings.neighbour_lists import Listed
+from lammps_cases.findings.variants import Snapshot
+from lammps_cases.records.run_record import (
+    CaseRecord,
+    worst,
+)
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.setup import reference_side
+from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.outcome import (
+    Arrays,
+    compare_inputs,
+    field_arrays,
+)
+from lammps_cases.verdict.particle_model import Reason
+
+
+def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Problem:
+    """Return a scene as the reference takes it, to be compared at some steps."""
+    return Problem(
+        reference_side.model(scene, atoms, where),
+        reference_side.box(scene, atoms),
+        reference_side.state(scene, atoms, where),
+        scene.evolve.timestep if scene.evolve else 0.0,
+        scene.compare,
+        steps,
+    )
+
+
+def snapshot(scene: Scene, arrays: Arrays) -> Snapshot:
+    """Return LAMMPS' fields of one step by name, vectors with as many components as dimensions."""
+    return {name: FIELDS[name].of(arrays, scene.dimension) for name in scene.compare}
+
+
+def read_snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> list[Snapshot]:
+    """Return LAMMPS' fields at all steps read, or at some of those compared; the first holds its neighbour lists."""
+    at = [scene.snapshots.index(step) for step in steps] or range(len(answer.snapshots))
+    snapshots = [snapshot(scene, answer.snapshots[k]) for k in at]
+    if answer.lists:
+        snapshots[0]["lists"] = tuple(Listed(**arrays) for arrays in answer.lists)
+    return snapshots
+
+
+def asks_for_lists(case: Case, scene: Scene, atoms: Atoms, engine: str) -> bool:
+    """Return whether a scene shows findings whose variants need LAMMPS' neighbour lists."""
+    problem = problem_of(scene, atoms, case.where, scene.snapshots)
+    return shown_by(problem, engine, lists=True) != shown_by(problem, engine)
+
+
+def judge_model(
+    record: CaseRecord, case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor
+) -> Arrays:
+    """Judge the fields of the whole model, and the input that LAMMPS has not changed since."""
+    scene = case.scene
+    first = answer.snapshots[0]
+    comparisons = compare_inputs(
+        case, atoms, first, unchanged=scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct
+    )
+    judged = particle_model.judge(
+        problem_of(scene, atoms, case.where, scene.snapshots),
+        case.name,
+        atoms.id_n,
+        read_snapshots(scene, answer),
+        engine,
+        predictor,
+    )
+    comparisons += judged.comparisons
+    record.fields = [comparison.record for comparison in comparisons]
+    record.verdict = worst([field.verdict for field in record.fields])
+    record.unseen = [entry.id for entry in judged.unseen]
+    record.lint = judged.lint
+    record.ended, record.blame = "answered", judged.first
+    return field_arrays(atoms, answer.arrays, comparisons)
+
+
+def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:
+    """Find the first difference of a case, in an answer read at every step."""
+    scene = case.scene
+    snapshots = read_snapshots(scene, answer)
+    every = problem_of(scene, atoms, case.where, tuple(range(len(snapshots))))
+    return particle_model.reason(every, case.name, atoms.id_n, snapshots, engine, predictor)

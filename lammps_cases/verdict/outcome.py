@@ -1,0 +1,119 @@
+"""Records of how cases ended: without numbers, without all atoms, or with fields; what every judgement shares."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from eos_ref import EOSTable
+from lammps_cases.comparison.compare import Comparison, compare_field
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure
+from lammps_cases.findings import explain_outcome
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import (
+    CaseRecord,
+    EngineRecord,
+    LawRecord,
+    LostAtoms,
+    Predictions,
+    Seconds,
+)
+from lammps_cases.scene.atoms import Atoms, seed
+from lammps_cases.scene.casefile import Case
+
+Arrays = dict[str, Any]
+
+
+def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineRecord) -> CaseRecord:
+    """Return the record of a case before it has run."""
+    scene = case.scene
+    laws = [LawRecord.of(t, law, scene.types[t - 1].mass) for t, law in enumerate(eos.laws if eos else (), 1)]
+    return CaseRecord(
+        case=case.name,
+        tags=list(case.tags),
+        about=case.about,
+        verdict="skipped",
+        ended="skipped",
+        natoms=len(atoms),
+        steps=scene.evolve.steps if scene.evolve else 0,
+        dimension=scene.dimension,
+        units=scene.units,
+        twin=scene.twin.kind if scene.twin else "",
+        expects=scene.expect.refused if scene.expect else "",
+        laws=laws,
+        seed=seed(case.name),
+        source=case.source.name if case.shipped else str(case.source),
+        reproduce=case.reproduce(engine.name),
+    )
+
+
+def finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor) -> None:
+    """Complete a record: its message, its times, and how many predictions were computed or read."""
+    record.message = wording.message(record)
+    reference = time.perf_counter() - begin
+    record.seconds = Seconds(lammps=lammps, reference=reference, total=lammps + reference)
+    record.predictions = Predictions(computed=predictor.computed, stored=predictor.stored)
+
+
+def judge_failure(record: CaseRecord, failure: Failure, engine: str) -> None:
+    """Judge a run that LAMMPS refused or did not finish, by what the case expects and by the findings."""
+    record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
+    record.ended = failure.verdict
+    if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
+        record.verdict = "differs"
+    if record.verdict != "refused" or not record.expects:
+        explain_ending(record, engine)
+
+
+def judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
+    """Judge an answer in which atoms are missing, doubled or renamed: no other comparison has a meaning."""
+    got = answer.arrays["id"]
+    wrong = np.setxor1d(got, atoms.id_n)
+    first = wrong[0] if wrong.size else got[np.flatnonzero(np.diff(got) <= 0)[0]]
+    record.verdict, record.ended = "differs", "unusable"
+    record.unusable = LostAtoms(returned=len(got), given=len(atoms), first_id=int(first))
+
+
+def explain_ending(record: CaseRecord, engine: str) -> None:
+    """Attribute how a case ended to the finding that predicts it on this engine, if there is one."""
+    entry = explain_outcome(record, engine)
+    if entry is not None:
+        record.verdict, record.explained_by = "explained", [entry.id]
+
+
+def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
+    """Compare the input with what LAMMPS holds (stage `input`, bound 0), for arrays that have not changed since."""
+    zero_n = np.zeros(len(atoms))
+    given = {"type": atoms.type_n.astype(float)}
+    if unchanged and atoms.rho_n is not None and not case.scene.rho_sum:
+        given["rho"] = atoms.rho_n
+    if unchanged and atoms.energy_n is not None and "esph" in got:
+        given["esph"] = atoms.energy_n
+    return [
+        compare_field(
+            f"{name} (given)" if case.scene.whole_model else name,
+            "input",
+            got["id"],
+            got[name].astype(float),
+            values_n,
+            zero_n,
+            derivation="the same doubles",
+        )
+        for name, values_n in given.items()
+    ]
+
+
+def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
+    """Return the arrays of ``fields/CASE.npz``: the atoms, and of each field both sides and the bound."""
+    arrays: Arrays = {"id": got["id"], "type": got["type"], "x": got["x"], "rho": got["rho"]}
+    arrays["box"] = np.stack([atoms.low_c, atoms.high_c])
+    for comparison in comparisons:
+        name = comparison.record.field
+        arrays[f"{name}.lammps"] = comparison.lammps_n
+        arrays[f"{name}.reference"] = comparison.reference_n
+        arrays[f"{name}.bound"] = comparison.bound_n
+    return arrays

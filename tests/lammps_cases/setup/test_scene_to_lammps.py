@@ -68,10 +68,10 @@ def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
         "Expect.refused",
         "ForceSettings.types",
         "FromFile.extxyz",
-        "Law.types",
+        "LawSettings.types",
         "ShiftSettings.exclude",
-        "Table.column",
-        "Table.csv",
+        "ValueTable.column",
+        "ValueTable.csv",
     ]
     assert casefile.load_file(case_file(pressure=[{"types": "*", "style": "linear"}]))
     for evil in ("1 linear\nshell date", "* linear fix", "${x}", "1;2", "all"):

@@ -16,27 +16,28 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms, OtherSteps
 from lammps_cases.run import campaign
-from lammps_cases.run.campaign import Prepared
+from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import casefile
-from lammps_cases.verdict.judgement import evaluate, particles_of
+from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.model_cases import problem_of
 
 Write = Callable[..., Path]
 ENGINE = EngineRecord(distribution="2099.1.1")  # of which the ledger knows no finding
 MODEL = {"compare": ["coordination", "f"], "velocity": {"random": 0.3}}
 
 
-def prepared(file: Path) -> Prepared:
+def prepared(file: Path) -> PreparedCase:
     (case,) = casefile.load((file,))
     return campaign.prepare(case)
 
 
-def answer_of(ready: Prepared) -> Answer:
+def answer_of(ready: PreparedCase) -> Answer:
     """What LAMMPS would answer if it were the reference."""
     atoms, scene = ready.atoms, ready.case.scene
     arrays: dict[str, Any] = {"id": atoms.id_n, "type": atoms.type_n, "x": atoms.x_nc, "rho": atoms.rho_n}
     if scene.whole_model:
         snapshots = []
-        problem = particles_of(scene, atoms, "", scene.snapshots)
+        problem = problem_of(scene, atoms, "", scene.snapshots)
         for fields in Predictor().predict(problem).fields:
             force_nc = np.hstack([fields["f"], np.zeros((len(atoms), 3 - scene.dimension))])
             snapshots.append(arrays | {"q.coordination": fields["coordination"], "f": force_nc, "pressure": None})
@@ -46,7 +47,7 @@ def answer_of(ready: Prepared) -> Answer:
     return Answer(arrays | {"pressure": p_n, "q.pressure": p_n.copy()}, 0.5)
 
 
-def judged(ready: Prepared, outcome: Answer | Failure) -> CaseRecord:
+def judged(ready: PreparedCase, outcome: Answer | Failure) -> CaseRecord:
     return evaluate(ready.case, ready.eos, ready.atoms, outcome, ENGINE)[0]
 
 
@@ -55,19 +56,19 @@ def changed(answer: Answer, **arrays: Any) -> Answer:
 
 
 @pytest.fixture
-def law(case_file: Write) -> Prepared:
+def law(case_file: Write) -> PreparedCase:
     return prepared(case_file())
 
 
 @pytest.fixture
-def model(case_file: Write) -> Prepared:
+def model(case_file: Write) -> PreparedCase:
     return prepared(case_file(**MODEL, evolve={"steps": 2, "timestep": 0.001, "compare_at": [0, 1, 2]}))
 
 
 # --- a law alone
 
 
-def test_the_references_own_numbers_are_exact(law: Prepared) -> None:
+def test_the_references_own_numbers_are_exact(law: PreparedCase) -> None:
     record = judged(law, answer_of(law))
     assert (record.verdict, record.ended, record.blame, record.message) == ("exact", "answered", None, "")
     assert [(field.field, field.stage) for field in record.fields] == [
@@ -79,7 +80,7 @@ def test_the_references_own_numbers_are_exact(law: Prepared) -> None:
     assert record.seconds.lammps == 0.5
 
 
-def test_a_wrong_pressure_is_blamed_on_its_first_atom(law: Prepared) -> None:
+def test_a_wrong_pressure_is_blamed_on_its_first_atom(law: PreparedCase) -> None:
     answer = answer_of(law)
     p_n = answer.arrays["q.pressure"].copy()
     p_n[[4, 7]] += 1.0
@@ -92,7 +93,7 @@ def test_a_wrong_pressure_is_blamed_on_its_first_atom(law: Prepared) -> None:
     assert (blame.lammps, blame.reference) == (p_n[4], p_n[4] - 1.0)
 
 
-def test_input_is_blamed_before_what_follows_from_it(law: Prepared) -> None:
+def test_input_is_blamed_before_what_follows_from_it(law: PreparedCase) -> None:
     """A density that LAMMPS does not hold as given, and with it another pressure."""
     answer = answer_of(law)
     rho_n, p_n = answer.arrays["rho"].copy(), answer.arrays["pressure"].copy()
@@ -106,13 +107,13 @@ def test_input_is_blamed_before_what_follows_from_it(law: Prepared) -> None:
 # --- the particle model
 
 
-def test_the_references_own_run_passes_at_every_step(model: Prepared) -> None:
+def test_the_references_own_run_passes_at_every_step(model: PreparedCase) -> None:
     record = judged(model, answer_of(model))
     assert (record.verdict, record.blame) == ("exact", None)
     assert {row.step for field in record.fields for row in field.steps} == {0, 1, 2}
 
 
-def test_the_first_step_is_blamed_not_the_worst(model: Prepared) -> None:
+def test_the_first_step_is_blamed_not_the_worst(model: PreparedCase) -> None:
     answer = answer_of(model)
     snapshots = [dict(arrays) for arrays in answer.snapshots]
     for step, size in ((1, 1e-3), (2, 1e3)):
@@ -126,7 +127,7 @@ def test_the_first_step_is_blamed_not_the_worst(model: Prepared) -> None:
     assert [row.verdict for row in force.steps] == ["exact", "differs", "differs"]
 
 
-def test_the_first_field_of_a_step_is_blamed(model: Prepared) -> None:
+def test_the_first_field_of_a_step_is_blamed(model: PreparedCase) -> None:
     """Neighbours are counted before forces are summed, whatever atom is wrong."""
     answer = answer_of(model)
     first = dict(answer.snapshots[0])
@@ -137,7 +138,7 @@ def test_the_first_field_of_a_step_is_blamed(model: Prepared) -> None:
     assert (record.blame.field, record.blame.stage, record.blame.atom) == ("coordination", "neighbours", 9)
 
 
-def test_other_steps_than_those_asked_for_are_not_compared(model: Prepared) -> None:
+def test_other_steps_than_those_asked_for_are_not_compared(model: PreparedCase) -> None:
     record = judged(model, replace(answer_of(model), steps=(0, 1, 3)))
     assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
     assert record.unusable == OtherSteps(counted=[0, 1, 3], asked=[0, 1, 2])
@@ -155,7 +156,7 @@ def test_other_steps_than_those_asked_for_are_not_compared(model: Prepared) -> N
     ],
     ids=["missing", "foreign", "doubled"],
 )
-def test_lost_atoms_end_the_comparison(law: Prepared, ids: Callable[[Any], Any], first: int) -> None:
+def test_lost_atoms_end_the_comparison(law: PreparedCase, ids: Callable[[Any], Any], first: int) -> None:
     id_n = ids(law.atoms.id_n)
     record = judged(law, changed(answer_of(law), id=id_n))
     assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
@@ -163,7 +164,7 @@ def test_lost_atoms_end_the_comparison(law: Prepared, ids: Callable[[Any], Any],
 
 
 @pytest.mark.parametrize("verdict", ["refused", "crashed", "timeout", "error"])
-def test_a_failure_is_the_verdict_with_the_engines_words(law: Prepared, verdict: Any) -> None:
+def test_a_failure_is_the_verdict_with_the_engines_words(law: PreparedCase, verdict: Any) -> None:
     record = judged(law, Failure(verdict, "ERROR: some\n  words"))
     assert (record.verdict, record.ended, record.engine_error) == (verdict, verdict, "ERROR: some words")
 
@@ -175,7 +176,7 @@ def test_a_refusal_must_have_the_words_expected(case_file: Write, words: str, ve
     assert (record.verdict, record.ended, record.as_expected) == (verdict, "refused", verdict == "refused")
 
 
-def test_an_answer_where_a_refusal_is_expected_differs(case_file: Write, law: Prepared) -> None:
+def test_an_answer_where_a_refusal_is_expected_differs(case_file: Write, law: PreparedCase) -> None:
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     record = judged(ready, answer_of(law))
     assert (record.verdict, record.ended, record.expects) == ("differs", "accepted", "Invalid range")

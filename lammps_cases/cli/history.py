@@ -14,12 +14,18 @@ from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
-    from lammps_cases.history.order import Line
+    from lammps_cases.history.model import StoredRun
     from lammps_cases.history.store import History
+    from lammps_cases.history.versions import EngineRuns
     from lammps_cases.history.views import CaseView, RunLine
+    from lammps_cases.records.outcome import CaseOutcome
 
 SHOWN = 20  # runs listed unless told otherwise
 Only = Literal["verdicts", "times", "errors"]
+# What the JSON document holds of an engine, of an outcome, and of each of its fields.
+ENGINE = ("name", "distribution", "version_string", "git", "library_sha256")
+OUTCOME = ("id", "case", "verdict", "expected", "natoms", "steps", "message", "explained_by", "worst", "worst_field")
+FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest", "explained_by")
 
 
 @click.command("history", short_help="How verdicts, errors and times went over versions.")
@@ -66,8 +72,8 @@ def history_command(
               eos-ref history --add reports/latest --last 5
     """
     from lammps_cases.history import views
-    from lammps_cases.history.order import engines
     from lammps_cases.history.store import History
+    from lammps_cases.history.versions import engines
 
     with Bar(quiet=as_json) as bar, History(_file(db, bool(added))) as history:
         if forget:
@@ -138,7 +144,7 @@ def _forget(history: History, before: str, as_json: bool) -> int:
     return 0
 
 
-def _labels(lines: Sequence[Line], runs: Sequence[Any]) -> list[str]:
+def _labels(lines: Sequence[EngineRuns], runs: Sequence[Any]) -> list[str]:
     shown = {run.engine.key for run in runs}
     return [line.label for line in lines if line.key in shown]
 
@@ -157,10 +163,22 @@ def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | 
     from lammps_cases.records.documents import SCHEMAS
 
     document: dict[str, Any] = {"schema": SCHEMAS["history"], "file": str(path)}
-    document["runs"] = [plain(asdict(line)) for line in lines]
+    document["runs"] = [plain(asdict(line) | {"run": _run(line.run)}) for line in lines]
     if found is not None:
-        document["cases"] = [plain(asdict(view)) for view in found]
+        document["cases"] = [
+            plain(asdict(view) | {"spans": [asdict(span) | {"outcome": _outcome(span.outcome)} for span in view.spans]})
+            for view in found
+        ]
     return document
+
+
+def _run(run: StoredRun) -> dict[str, Any]:
+    return vars(run) | {"engine": {name: getattr(run.engine, name) for name in ENGINE}}
+
+
+def _outcome(outcome: CaseOutcome) -> dict[str, Any]:
+    fields = [{name: getattr(field, name) for name in FIELD} for field in outcome.fields.values()]
+    return {name: getattr(outcome, name) for name in OUTCOME} | {"fields": fields}
 
 
 def _show_runs(lines: Sequence[RunLine], every: int) -> None:
@@ -189,7 +207,7 @@ def _show_case(view: CaseView, only: Only | None) -> None:
     rows = []
     for span in view.spans:
         ended = span.outcome
-        row = [span.label, _days(span.since, span.until), str(span.lammps.count)]
+        row = [span.label, span.days, str(span.lammps.count)]
         row += [ended.kind] if only in (None, "verdicts") else []
         row += [brief(ended.worst), ended.worst_field] if only in (None, "errors") else []
         row += [_seconds(span.lammps), _seconds(span.reference)] if only in (None, "times") else []
@@ -239,10 +257,6 @@ def _show_cases(found: Sequence[CaseView], labels: Sequence[str], only: Only | N
         values = [span.lammps.median if only == "times" else span.outcome.worst for span in view.spans]
         rows.append((view.case, spark(values, logarithmic=only != "times"), *cells, first))
     table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
-
-
-def _days(since: str, until: str) -> str:
-    return since[:10] if since[:10] == until[:10] else f"{since[:10]} to {until[:10]}"
 
 
 def _seconds(spread: Any) -> str:

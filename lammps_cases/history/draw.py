@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lammps_cases.history.views import CaseView
+from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.wording import counted
 
 _BARS = "▁▂▃▄▅▆▇█"
@@ -46,13 +47,15 @@ def _scaled(value: float | None, logarithmic: bool) -> float | None:
     return max(FLOOR, math.log10(value)) if value > 0 else float(FLOOR)
 
 
+def mark(label: str, day: str, when: str, outcome: CaseOutcome) -> Point:
+    """Return the mark of an outcome on an engine; ``when`` says in full of which runs it is."""
+    field = f", worst in {outcome.worst_field}" if outcome.worst_field else ""
+    return Point(label, day, outcome.kind, outcome.worst, f"{label}, {when}: {outcome.kind}{field}")
+
+
 def points(view: CaseView) -> list[Point]:
-    """A mark for every span of a case."""
-    found = []
-    for span in view.spans:
-        ended = span.outcome
-        days = span.since[:10] if span.since[:10] == span.until[:10] else f"{span.since[:10]} to {span.until[:10]}"
-        field = f", worst in {ended.worst_field}" if ended.worst_field else ""
-        says = f"{span.label}, {days}, {counted(span.lammps.count, 'run')}: {ended.kind}{field}"
-        found.append(Point(span.label, span.since[:10], ended.kind, ended.worst, says))
-    return found
+    """Return a mark for every span of a case."""
+    return [
+        mark(span.label, span.since[:10], f"{span.days}, {counted(span.lammps.count, 'run')}", span.outcome)
+        for span in view.spans
+    ]

@@ -9,10 +9,10 @@ from pathlib import Path
 from markupsafe import Markup
 
 from lammps_cases.history.draw import points
-from lammps_cases.history.model import KINDS, Kind
-from lammps_cases.history.views import CaseView, Change, RunLine
+from lammps_cases.history.views import CaseView, EngineChange, RunLine
 from lammps_cases.pages import frame
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.outcome import PARTS, Part
 from lammps_cases.records.wording import brief
 
 ASSETS = Path(__file__).parent / "assets"
@@ -24,13 +24,13 @@ class Step:
 
     engine: str
     before: str
-    counts: dict[Kind, int]
-    cases: dict[str, list[Change]]
+    counts: dict[Part, int]
+    cases: dict[str, list[EngineChange]]
 
     @property
-    def ordered_counts(self) -> dict[Kind, int]:
+    def ordered_counts(self) -> dict[Part, int]:
         """The counts, verdicts first."""
-        return {kind: self.counts[kind] for kind in KINDS if kind in self.counts}
+        return {kind: self.counts[kind] for kind in PARTS if kind in self.counts}
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class Picture:
 
 def steps(views: Sequence[CaseView]) -> list[Step]:
     """The changes of some cases, by the pair of engines."""
-    found: dict[tuple[str, str], Step] = {}
+    by_engines: dict[tuple[str, str], Step] = {}
     for view in views:
         for change in view.changes:
-            step = found.setdefault((change.engine, change.before), Step(change.engine, change.before, {}, {}))
+            step = by_engines.setdefault((change.engine, change.before), Step(change.engine, change.before, {}, {}))
             of_case = step.cases.setdefault(change.case, [])
             if all(change.kind != other.kind for other in of_case):
                 step.counts[change.kind] = step.counts.get(change.kind, 0) + 1
             of_case.append(change)
-    return list(found.values())
+    return list(by_engines.values())
 
 
 def write(
@@ -80,7 +80,7 @@ def error(ratio: float | None) -> str:
     return "=" if ratio == 0 else brief(ratio)
 
 
-def findings(changes: Sequence[Change]) -> list[tuple[str, str]]:
+def findings(changes: Sequence[EngineChange]) -> list[tuple[str, str]]:
     """Every pair of findings before and after, once."""
     return list(dict.fromkeys((change.was, change.now) for change in changes if change.kind == "finding"))
 

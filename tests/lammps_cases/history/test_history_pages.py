@@ -13,9 +13,9 @@ import pytest
 from lammps_cases import history as kept
 from lammps_cases.history import draw, figures, page, store, views
 from lammps_cases.history.draw import Point
-from lammps_cases.history.order import engines
 from lammps_cases.history.reported import TABLE, Past, before
 from lammps_cases.history.store import History
+from lammps_cases.history.versions import engines
 from lammps_cases.history.views import Spread
 from lammps_cases.pages import frame
 from lammps_cases.records.run_record import RunRecord

@@ -10,9 +10,9 @@ import pytest
 
 from eos_ref.errors import InputError
 from lammps_cases.history import views
-from lammps_cases.history.model import Run
-from lammps_cases.history.order import engines, natural
+from lammps_cases.history.model import StoredRun
 from lammps_cases.history.store import History
+from lammps_cases.history.versions import engines, natural
 from lammps_cases.records.run_record import FieldRecord, RunRecord
 from tests.support import made_runs
 
@@ -125,7 +125,7 @@ def test_an_engine_that_wavers_makes_a_span_each_time(tmp_path: Path) -> None:
         for k, digest in enumerate("aba"):
             history.add(made_runs.run(date=f"2026-11-0{k + 1}", cases=[made_runs.case("one", digest=digest)]))
         (view,) = views.case_views(history, history.runs(), ["one"])
-    assert [span.outcome.fields[0].digest for span in view.spans] == ["a", "b", "a"]
+    assert [field.digest for span in view.spans for field in span.outcome.fields.values()] == ["a", "b", "a"]
 
 
 def _lines(history: History, engine: str = "", last: int | None = None) -> list[views.RunLine]:
@@ -203,7 +203,7 @@ def test_runs_are_chosen_by_engine_day_and_number(history: History) -> None:
     with history:
         runs = history.runs()
 
-    def dates(found: list[Run]) -> list[str]:
+    def dates(found: list[StoredRun]) -> list[str]:
         return [run.date[-1] for run in found]
 
     assert dates(views.chosen_runs(runs)) == ["1", "2", "3", "4"]

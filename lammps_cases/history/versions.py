@@ -9,18 +9,18 @@ from pathlib import Path
 
 from packaging.version import InvalidVersion, Version
 
-from lammps_cases.history.model import Run
+from lammps_cases.history.model import StoredRun
 
 _HASH = 8  # digits shown of a library's hash
 
 
 @dataclass(frozen=True)
-class Line:
-    """An engine and its runs, by date; ``label`` tells it from all others."""
+class EngineRuns:
+    """An engine and its runs, by date; ``label`` distinguishes it from all others."""
 
     key: str
     label: str
-    runs: tuple[Run, ...]
+    runs: tuple[StoredRun, ...]
 
 
 def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
@@ -35,30 +35,30 @@ def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
         return False, [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
-def engines(runs: Sequence[Run]) -> list[Line]:
+def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
     """The engines of some runs: releases by version, then what was built here by the date of its first run."""
-    of: dict[str, list[Run]] = {}
+    of: dict[str, list[StoredRun]] = {}
     for run in sorted(runs, key=lambda run: (run.date, run.id)):
         of.setdefault(run.engine.key, []).append(run)
     groups = sorted(of.values(), key=_place)
     names = [_name(group) for group in groups]
     return [
-        Line(group[0].engine.key, _unique(name, names.count(name), group[0]), tuple(group))
+        EngineRuns(group[0].engine.key, _unique(name, names.count(name), group[0]), tuple(group))
         for name, group in zip(names, groups, strict=True)
     ]
 
 
-def _release(group: Sequence[Run]) -> str:
+def _release(group: Sequence[StoredRun]) -> str:
     """The version of a distribution; empty for a build of one's own."""
     return next((run.engine.distribution for run in group if not run.engine.name.startswith("path:")), "")
 
 
-def _place(group: Sequence[Run]) -> tuple[object, ...]:
+def _place(group: Sequence[StoredRun]) -> tuple[object, ...]:
     release = _release(group)
     return (0, natural(release), group[0].date) if release else (1, group[0].date, group[0].engine.key)
 
 
-def _name(group: Sequence[Run]) -> str:
+def _name(group: Sequence[StoredRun]) -> str:
     engine = group[-1].engine
     if release := _release(group):
         return release
@@ -67,6 +67,6 @@ def _name(group: Sequence[Run]) -> str:
     return " ".join(part for part in (engine.name, engine.version_string) if part)
 
 
-def _unique(name: str, count: int, run: Run) -> str:
-    told = f" {run.engine.library_sha256[:_HASH]}"
-    return name if count == 1 or name.endswith(told) else name + told
+def _unique(name: str, count: int, run: StoredRun) -> str:
+    hash_digits = f" {run.engine.library_sha256[:_HASH]}"
+    return name if count == 1 or name.endswith(hash_digits) else name + hash_digits

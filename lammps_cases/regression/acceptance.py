@@ -12,12 +12,13 @@ import numpy as np
 from eos_ref import InputError
 from lammps_cases.records import folders
 from lammps_cases.records.files import write_arrays, write_atomically
+from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.run_record import RunRecord, read_run
-from lammps_cases.regression import baseline, seen
-from lammps_cases.regression.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Baseline, Identity
+from lammps_cases.regression import baseline, outcomes
+from lammps_cases.regression.baseline import ARRAYS, IDENTITY, REASONS, VERDICT_LINES, Identity
+from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import Changes, compare
-from lammps_cases.regression.kinds import Policy
-from lammps_cases.regression.seen import CaseSeen, Side
+from lammps_cases.regression.outcomes import Side
 
 QUICK = "quick"  # cases with this tag keep their arrays
 BUSY = "is being replaced by another program"
@@ -57,7 +58,7 @@ def accept(
         raise InputError("reason", "must say why", reason)
     run = read_run(folder)
     _acceptable(run, folder, with_failures)
-    side = seen.of_run(run, folder)
+    side = outcomes.of_run(run, folder)
     target = baselines / baseline.engine_name(run.engine)
     with folders.exclusive(target, "baseline", BUSY), folders.replacement(target) as partial:
         old = baseline.read(target) if (target / IDENTITY).exists() else None
@@ -90,7 +91,7 @@ def _acceptable(run: RunRecord, folder: Path, with_failures: bool) -> None:
         raise InputError("run", rule, f"{len(bad)} unexpected failures: {some}", str(folder))
 
 
-def _compatible(run: RunRecord, old: Baseline, target: Path) -> None:
+def _compatible(run: RunRecord, old: Side, target: Path) -> None:
     """Cases of two machines or two libraries do not stand in one baseline."""
     rule = "must be that of the baseline, unless the run holds all its cases or --prune drops the others"
     if run.engine.library_sha256 != old.engine.library_sha256:
@@ -99,13 +100,12 @@ def _compatible(run: RunRecord, old: Baseline, target: Path) -> None:
         raise InputError("machine", rule, baseline.machine_of(run), str(target))
 
 
-def _changes(old: Baseline, side: Side, kept: set[str]) -> Changes:
-    a = old.side()
-    held = {name: case for name, case in a.cases.items() if name not in kept}
-    return compare(replace(a, cases=held), side, Policy(bits=True, findings=True))
+def _changes(old: Side, side: Side, kept: set[str]) -> Changes:
+    held = {name: case for name, case in old.cases.items() if name not in kept}
+    return compare(replace(old, cases=held), side, Policy(bits=True, findings=True))
 
 
-def _write(folder: Path, run: RunRecord, cases: dict[str, CaseSeen]) -> None:
+def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
     identity = Identity(
         engine=run.engine,
         machine=baseline.machine_of(run),
@@ -118,7 +118,7 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseSeen]) -> None:
     write_atomically(folder / VERDICT_LINES, baseline.lines(cases))
 
 
-def _arrays(folder: Path, run: RunRecord, side: Side, old: Baseline | None, kept: set[str]) -> None:
+def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: set[str]) -> None:
     """Arrays of the quick cases of the run; those of kept cases as they were."""
     for record in run.cases:
         samples, arrays = side.samples(record.case), {}

@@ -7,58 +7,54 @@ from dataclasses import replace
 import numpy as np
 
 from lammps_cases.comparison.compare import excess
+from lammps_cases.records.outcome import ChangeKind, FieldOutcome, StepOutcome
 from lammps_cases.records.run_record import Verdict
 from lammps_cases.records.wording import INSIDE
-from lammps_cases.regression.kinds import Change, Closer, Kind, Policy, judged
-from lammps_cases.regression.seen import At, FieldSeen, Sample, Samples
+from lammps_cases.regression.change import Closer, Policy, SideChange, closest, judged
+from lammps_cases.regression.outcomes import Sample, Samples
 
 
-def field_change(case: str, one: FieldSeen, other: FieldSeen, kept: tuple[Samples, Samples], policy: Policy) -> Change:
-    change = Change(
+def field_change(
+    case: str, one: FieldOutcome, other: FieldOutcome, kept: tuple[Samples, Samples], policy: Policy
+) -> SideChange:
+    """Return the change of a field that both sides have; ``kept`` are their arrays."""
+    change = SideChange(
         case,
-        one.field,
+        one.name,
         "same bits",
         closer(one, other),
         other.stage,
         (one.verdict, other.verdict),
-        (one.findings, other.findings),
-        (one.over_bound, other.over_bound),
+        (one.explained_by, other.explained_by),
+        (one.max_over_bound, other.max_over_bound),
     )
-    if _same(one, other):
-        return change if policy.alike(one, other) else replace(change, kind="judged otherwise")
-    samples = _samples(kept[0].of(one.field), kept[1].of(other.field))
-    difference = None if samples is None else _difference(*samples)
-    kind, step, note = _parted(one, other, samples, difference)
-    if kind == "same bits" and not policy.alike(one, other):
-        kind = "judged otherwise"
-    return replace(change, kind=kind, step=step, difference=difference, note=note)
+    if not one.digest or one.digest != other.digest:
+        samples = _samples(kept[0].of(one.name), kept[1].of(other.name))
+        difference = None if samples is None else _difference(*samples)
+        kind, step, note = _parted(one, other, samples, difference)
+        change = replace(change, kind=kind, step=step, difference=difference, note=note)
+    alike = change.kind != "same bits" or policy.alike(one, other)
+    return change if alike else replace(change, kind="judged otherwise")
 
 
-def _same(one: FieldSeen, other: FieldSeen) -> bool:
-    return bool(one.digest) and one.digest == other.digest
-
-
-def closer(one: FieldSeen, other: FieldSeen) -> Closer:
-    """Which side agrees with the reference; where none does, the one whose worst atom is fewer bounds away."""
-    if one.verdict in INSIDE or other.verdict in INSIDE:
-        if one.verdict in INSIDE and other.verdict in INSIDE:
-            return "both"
-        return "A" if one.verdict in INSIDE else "B"
-    ours, theirs = one.over_bound, other.over_bound
+def closer(one: FieldOutcome, other: FieldOutcome) -> Closer:
+    """Return the side that agrees with the reference; if none does, the one whose worst atom is fewer bounds away."""
+    agreeing = closest(one.verdict in INSIDE, other.verdict in INSIDE)
+    ours, theirs = one.max_over_bound, other.max_over_bound
     # A baseline keeps three digits of them; more would say nothing of which side is better.
-    if ours is None or theirs is None or f"{ours:.2e}" == f"{theirs:.2e}":
-        return "neither"
+    if agreeing != "neither" or ours is None or theirs is None or f"{ours:.2e}" == f"{theirs:.2e}":
+        return agreeing
     return "A" if ours < theirs else "B"
 
 
 def _parted(
-    one: FieldSeen, other: FieldSeen, samples: tuple[Sample, Sample] | None, difference: float | None
-) -> tuple[Kind, int | None, str]:
+    one: FieldOutcome, other: FieldOutcome, samples: tuple[Sample, Sample] | None, difference: float | None
+) -> tuple[ChangeKind, int | None, str]:
     """The kind of change of a field, the first step at which its bits part, and a remark."""
-    ours, theirs = ({at.step: at for at in field.at} for field in (one, other))
+    ours, theirs = ({at.step: at for at in field.steps} for field in (one, other))
     if ours.keys() != theirs.keys():
         return "changed", None, "compared at other steps"
-    parted: list[tuple[At, At, bool]] = []  # with whether the bits are known
+    parted: list[tuple[StepOutcome, StepOutcome, bool]] = []  # with whether the bits are known
     for step, mine in ours.items():
         at = theirs[step]
         known = bool(mine.digest and at.digest)
@@ -84,7 +80,7 @@ def _parted(
     ]
     if alike and not outside:
         return "within bounds", first, note
-    unknown = alike and not any(outside) and one.over_bound == other.over_bound
+    unknown = alike and not any(outside) and one.max_over_bound == other.max_over_bound
     return "cannot tell" if unknown else "changed", first, note
 
 

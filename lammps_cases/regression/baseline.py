@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -20,13 +20,14 @@ from lammps_cases.comparison import prediction_keys
 from lammps_cases.records import folders
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text
-from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
+from lammps_cases.records.run_record import VERDICTS, Ended, EngineRecord, RunRecord, Verdict, as_expected
 from lammps_cases.records.schema1 import finding_ids
 from lammps_cases.records.wording import folder_name, listed
-from lammps_cases.regression import seen
+from lammps_cases.regression import outcomes
+from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import Changes, compare
-from lammps_cases.regression.kinds import Policy
-from lammps_cases.regression.seen import At, CaseSeen, FieldSeen, Samples, Side
+from lammps_cases.regression.outcomes import Samples, Side
 from lammps_cases.scene import casefile
 
 IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
@@ -58,25 +59,6 @@ class Identity(BaseModel):
 DOCUMENT = Document("baseline", Identity)
 
 
-@dataclass(frozen=True)
-class Baseline:
-    """What was accepted of an engine; see `Identity` for ``machine`` and ``versions``."""
-
-    engine: EngineRecord
-    machine: str
-    versions: Mapping[str, str]
-    cases: Mapping[str, CaseSeen]
-    folder: Path
-
-    def side(self, name: str = "") -> Side:
-        """The baseline as a side of a comparison."""
-
-        def samples(case: str) -> Samples:
-            return Samples(self.folder / ARRAYS / f"{case}.npz")
-
-        return Side(name or str(self.folder), self.engine, self.versions, self.cases, samples)
-
-
 def engine_name(engine: EngineRecord) -> str:
     """The folder of an engine's baseline.
 
@@ -85,12 +67,8 @@ def engine_name(engine: EngineRecord) -> str:
     InputError
         Nothing is known of the engine.
     """
-    if engine.distribution:
-        return folder_name(f"lammps-{engine.distribution}")
-    if engine.git:
-        return folder_name(f"git-{engine.git}")
-    if engine.library_sha256:
-        return f"library-{engine.library_sha256[:16]}"
+    if any(engine.version):
+        return folder_name("-".join(engine.version))
     raise InputError("engine", "is not known: the run holds no version, git revision or hash", engine.name)
 
 
@@ -124,7 +102,7 @@ def readable(baselines: Path) -> None:
         raise InputError("baseline", "must be a folder of accepted baselines, or one of them", str(baselines))
 
 
-def read(folder: Path) -> Baseline:
+def read(folder: Path, name: str = "") -> Side:
     """Read a baseline.
 
     Raises
@@ -141,24 +119,29 @@ def read(folder: Path) -> Baseline:
     if counted != (identity.cases, identity.fields):
         rule = f"must hold {identity.cases} cases with {identity.fields} fields, as {IDENTITY} says"
         raise InputError("baseline", rule, "{} and {}".format(*counted), str(whole / VERDICT_LINES))
-    return Baseline(identity.engine, identity.machine, identity.reference, cases, whole)
+
+    def samples(case: str) -> Samples:
+        return Samples(whole / ARRAYS / f"{case}.npz")
+
+    side = name or str(whole)
+    return Side(side, identity.engine, identity.reference, cases, samples, whole, identity.machine)
 
 
 # --- verdicts.tsv
 
 
-def lines(cases: Mapping[str, CaseSeen]) -> str:
+def lines(cases: Mapping[str, CaseOutcome]) -> str:
     """The content of ``verdicts.tsv``."""
     rows: list[Iterable[str]] = [COLUMNS]
     for name in sorted(cases):
         case = cases[name]
-        known = listed(case.findings)
-        rows.append(_filled(name, CASE, case.ended, case.verdict, known, "", "", case.expects))
-        for found in sorted(case.fields.values(), key=lambda f: f.field):
-            detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in found.steps)
-            ratio = "" if found.over_bound is None else f"{found.over_bound:.3g}"
-            known = listed(found.findings)
-            rows.append(_filled(name, found.field, found.stage, found.verdict, known, ratio, found.digest, detail))
+        findings = listed(case.explained_by)
+        rows.append(_filled(name, CASE, case.ended, case.verdict, findings, "", "", case.expects))
+        for field in sorted(case.fields.values(), key=lambda f: f.name):
+            detail = " ".join(f"{at.step}:{at.verdict}:{at.digest}" for at in field.by_step)
+            ratio = "" if field.max_over_bound is None else f"{field.max_over_bound:.3g}"
+            findings = listed(field.explained_by)
+            rows.append(_filled(name, field.name, field.stage, field.verdict, findings, ratio, field.digest, detail))
     return "".join(f"{line}\n" for line in HEAD) + csv_text(rows, "\t")
 
 
@@ -166,7 +149,7 @@ def _filled(*cells: str) -> Iterator[str]:
     return (cell or NOTHING for cell in cells)  # no line ends with white space
 
 
-def _cases(path: Path) -> dict[str, CaseSeen]:
+def _cases(path: Path) -> dict[str, CaseOutcome]:
     try:
         rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
     except (OSError, UnicodeDecodeError) as error:
@@ -176,8 +159,8 @@ def _cases(path: Path) -> dict[str, CaseSeen]:
         table = list(csv.reader(rows[skipped:], delimiter="\t"))
     except csv.Error as error:
         raise InputError("baseline", f"is damaged: {error}", where=str(path)) from None
-    cases: dict[str, CaseSeen] = {}
-    fields: dict[str, dict[str, FieldSeen]] = {}
+    cases: dict[str, CaseOutcome] = {}
+    fields: dict[str, dict[str, FieldOutcome]] = {}
     for number, row in enumerate(table, skipped + 1):
         where = f"{path}, line {number}"
         if number == skipped + 1:
@@ -188,7 +171,7 @@ def _cases(path: Path) -> dict[str, CaseSeen]:
             case = _row(row)
         except ValueError as error:
             raise InputError("line", f"is damaged: {error}", where=where) from None
-        if isinstance(case, CaseSeen):
+        if isinstance(case, CaseOutcome):
             cases[case.case] = case
             fields[case.case] = {}
         elif row[0] in fields:
@@ -202,7 +185,7 @@ def _head(rows: Iterable[str]) -> Iterator[str]:
     return itertools.takewhile(lambda row: row.startswith("#"), rows)
 
 
-def _row(row: list[str]) -> CaseSeen | FieldSeen:
+def _row(row: list[str]) -> CaseOutcome | FieldOutcome:
     """A line of the table.
 
     Raises
@@ -212,22 +195,20 @@ def _row(row: list[str]) -> CaseSeen | FieldSeen:
     """
     if len(row) != len(COLUMNS):
         raise ValueError(f"{len(row)} columns instead of {len(COLUMNS)}")
-    name, of, stage, verdict, known, ratio, digest, detail = ("" if cell == NOTHING else cell for cell in row)
+    name, of, stage, text, explained_by, ratio, digest, detail = ("" if cell == NOTHING else cell for cell in row)
+    verdict, findings = _verdict(text), tuple(sorted(finding_ids(explained_by)))
     if of == CASE:
         if stage not in get_args(Ended):
             raise ValueError(f"unknown end {stage!r}")
         how: Ended = stage  # type: ignore[assignment]
-        return CaseSeen(name, how, _verdict(verdict), _findings(known), detail)
+        expected = as_expected(verdict, detail)
+        return CaseOutcome(name, verdict, expected, how, findings, detail)
     steps = []
-    for text in detail.split():
-        step, of_step, bits = text.split(":")
-        steps.append(At(int(step), _verdict(of_step), None, bits))
+    for at in detail.split():
+        step, of_step, bits = at.split(":")
+        steps.append(StepOutcome(int(step), _verdict(of_step), None, bits))
     over_bound = float(ratio) if ratio else None
-    return FieldSeen(of, stage, _verdict(verdict), _findings(known), over_bound, digest, tuple(steps))
-
-
-def _findings(text: str) -> tuple[str, ...]:
-    return tuple(sorted(finding_ids(text)))
+    return FieldOutcome(of, verdict, findings, over_bound, digest, stage, tuple(steps))
 
 
 def _verdict(text: str) -> Verdict:
@@ -265,10 +246,9 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
     base = read(find(run.engine, baselines))
     here = machine_of(run)
     chosen = {case.case for case in run.cases}
-    a = base.side()
-    a = replace(a, cases={name: case for name, case in a.cases.items() if name in chosen})
+    a = replace(base, cases={name: case for name, case in base.cases.items() if name in chosen})
     same = base.machine == here
-    changes = compare(a, seen.of_run(run, folder, "this run"), Policy(bits=same, findings=True, news=False))
+    changes = compare(a, outcomes.of_run(run, folder, "this run"), Policy(bits=same, findings=True, news=False))
     notes = list(changes.notes)
     if not same:
         kinds = f"{base.machine}; this is {here}"

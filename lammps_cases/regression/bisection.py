@@ -10,10 +10,10 @@ from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.regression import pairs
+from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import groups
-from lammps_cases.regression.kinds import Policy
-from lammps_cases.regression.seen import Side
+from lammps_cases.regression.outcomes import Side
 
 Ask = Callable[[int], Side]
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
 from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.arrays import field_change
-from lammps_cases.regression.kinds import KINDS, NEWS, Change, Closer, Kind, Policy
-from lammps_cases.regression.seen import CRASHES, CaseSeen, Side
+from lammps_cases.regression.change import Policy, SideChange, closest
+from lammps_cases.regression.outcomes import Side
 
 
 @dataclass(frozen=True)
@@ -17,21 +19,24 @@ class Changes:
 
     a: Side
     b: Side
-    fields: tuple[Change, ...]
+    fields: tuple[SideChange, ...]
     notes: tuple[str, ...] = ()
 
     @property
-    def faults(self) -> tuple[Change, ...]:
+    def faults(self) -> tuple[SideChange, ...]:
         """What is held against side B."""
         return tuple(change for change in self.fields if change.fault)
 
     @property
-    def counts(self) -> dict[Kind, int]:
+    def counts(self) -> dict[ChangeKind, int]:
         """How many fields (and cases without fields) are of each kind."""
-        found: dict[Kind, int] = dict.fromkeys(KINDS, 0)
-        for change in self.fields:
-            found[change.kind] += 1
-        return {kind: count for kind, count in found.items() if count}
+        counts = Counter(change.kind for change in self.fields)
+        return {kind: counts[kind] for kind in CHANGE_KINDS if counts[kind]}
+
+    @property
+    def different(self) -> list[SideChange]:
+        """All but what is the same."""
+        return [change for change in self.fields if change.kind not in SAME]
 
 
 def compare(a: Side, b: Side, policy: Policy) -> Changes:
@@ -40,26 +45,28 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
     Two arrays of LAMMPS are `within bounds` of each other if at every step they have the same bits, or both lie within
     the bound of one and the same prediction: of the reference, or of the reference with the same findings.
     """
-    found: list[Change] = []
-    for case in sorted(a.cases.keys() | b.cases.keys()):
-        one, other = a.cases.get(case), b.cases.get(case)
+    changes: list[SideChange] = []
+    for name in sorted(a.cases.keys() | b.cases.keys()):
+        one, other = a.cases.get(name), b.cases.get(name)
         if one is None or other is None:
-            found.append(_alone(one, other))
+            verdicts = one.verdict if one else "", other.verdict if other else ""
+            closer = closest(bool(one and one.agrees), bool(other and other.agrees))
+            changes.append(SideChange(name, "", "new case" if one is None else "missing case", closer, "", verdicts))
         elif one.ended == other.ended == "answered":
-            found += _fields(one, other, a, b, policy)
+            changes += _fields(one, other, a, b, policy)
         else:
-            found.append(_outcomes(one, other))
-    weighed = tuple(replace(change, fault=policy.faults(change.kind)) for change in found)
-    return Changes(a, b, weighed, tuple(_notes(a, b, weighed)))
+            changes.append(_without_numbers(one, other))
+    judged = tuple(replace(change, fault=policy.faults(change.kind)) for change in changes)
+    return Changes(a, b, judged, tuple(_notes(a, b, judged)))
 
 
-def _notes(a: Side, b: Side, found: tuple[Change, ...]) -> Iterator[str]:
+def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
     """What makes a comparison say less than it seems to."""
     if a.versions != b.versions:
         names = sorted(k for k in a.versions.keys() | b.versions.keys() if a.versions.get(k) != b.versions.get(k))
         said = ", ".join(f"{k} {a.versions.get(k, 'none')} and {b.versions.get(k, 'none')}" for k in names)
         yield f"the references that judged differ ({said}): verdicts may differ for that, bits do not"
-    moved = any(change.kind not in ("same bits", "same outcome", *NEWS, "missing case") for change in found)
+    moved = any(change.kind not in (*SAME, *NEW, "missing case") for change in changes)
     if moved and a.engine.library_sha256 and a.engine.library_sha256 == b.engine.library_sha256:
         yield "both sides ran the same library: the machine, the scenes or the reference made what changed"
 
@@ -67,33 +74,23 @@ def _notes(a: Side, b: Side, found: tuple[Change, ...]) -> Iterator[str]:
 # --- a case as a whole
 
 
-def _alone(one: CaseSeen | None, other: CaseSeen | None) -> Change:
-    case = one or other
-    assert case is not None
-    kind: Kind = "missing case" if other is None else "new case"
-    sides = (one.verdict if one else "", other.verdict if other else "")
-    closer: Closer = "neither" if not case.agrees else "A" if other is None else "B"
-    return Change(case.case, "", kind, closer, verdicts=sides)
-
-
-def _outcomes(one: CaseSeen, other: CaseSeen) -> Change:
-    """A case that at least one side has no numbers of."""
+def _without_numbers(one: CaseOutcome, other: CaseOutcome) -> SideChange:
+    """Return the change of a case that at least one side has no numbers of."""
     kind = _became(one, other)
     note = "" if one.ended == other.ended else f"{one.ended}, then {other.ended}"
     if kind != "same outcome" and other.message:
         note += f"{': ' * bool(note)}{other.message}"
-    closer: Closer = "neither"
-    if one.agrees or other.agrees:
-        closer = "both" if one.agrees and other.agrees else "A" if one.agrees else "B"
-    sides, known = (one.verdict, other.verdict), (one.findings, other.findings)
-    return Change(one.case, "", kind, closer, verdicts=sides, findings=known, note=note)
+    sides, findings = (one.verdict, other.verdict), (one.explained_by, other.explained_by)
+    closer = closest(one.agrees, other.agrees)
+    return SideChange(one.case, "", kind, closer, verdicts=sides, findings=findings, note=note)
 
 
-def _became(one: CaseSeen, other: CaseSeen) -> Kind:
+def _became(one: CaseOutcome, other: CaseOutcome) -> ChangeKind:
     if one.ended == other.ended:
         if one.ended in ("refused", "unusable") and _other_words(one, other):
             return "changed"
-        return "same outcome" if (one.verdict, one.findings) == (other.verdict, other.findings) else "judged otherwise"
+        alike = (one.verdict, one.explained_by) == (other.verdict, other.explained_by)
+        return "same outcome" if alike else "judged otherwise"
     if one.ended in CRASHES or other.ended in CRASHES:
         if one.ended in CRASHES and other.ended in CRASHES:
             return "changed"
@@ -103,27 +100,25 @@ def _became(one: CaseSeen, other: CaseSeen) -> Kind:
     return "changed"
 
 
-def _other_words(one: CaseSeen, other: CaseSeen) -> bool:
+def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
     """Whether LAMMPS said something else that matters: a refusal may be worded anew if it says what is expected."""
     if "differs" in (one.verdict, other.verdict) and one.verdict != other.verdict:
         return True
-    told = bool(one.message and other.message)  # a baseline does not hold them
-    return told and one.message != other.message and not (one.agrees and other.agrees)
+    recorded = bool(one.message and other.message)  # a baseline does not hold them
+    return recorded and one.message != other.message and not (one.agrees and other.agrees)
 
 
 # --- a field
 
 
-def _fields(one: CaseSeen, other: CaseSeen, a: Side, b: Side, policy: Policy) -> Iterator[Change]:
+def _fields(one: CaseOutcome, other: CaseOutcome, a: Side, b: Side, policy: Policy) -> Iterator[SideChange]:
     ours, others = a.samples(one.case), b.samples(one.case)
     for name in [*one.fields, *(new for new in other.fields if new not in one.fields)]:
         mine, theirs = one.fields.get(name), other.fields.get(name)
-        if mine is None or theirs is None:
-            kind: Kind = "new field" if mine is None else "missing field"
-            sides = (mine.verdict if mine else "", theirs.verdict if theirs else "")
-            stage = mine.stage if mine else theirs.stage if theirs else ""
-            inside = (mine.verdict if mine else theirs.verdict if theirs else "") in INSIDE
-            closer: Closer = "neither" if not inside else "A" if theirs is None else "B"
-            yield Change(one.case, name, kind, closer, stage, sides)
-        else:
+        if mine is not None and theirs is not None:
             yield field_change(one.case, mine, theirs, (ours, others), policy)
+        elif only := mine or theirs:
+            kind: ChangeKind = "new field" if mine is None else "missing field"
+            verdicts = mine.verdict if mine else "", theirs.verdict if theirs else ""
+            closer = closest(verdicts[0] in INSIDE, verdicts[1] in INSIDE)
+            yield SideChange(one.case, name, kind, closer, only.stage, verdicts)

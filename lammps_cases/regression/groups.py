@@ -7,15 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from lammps_cases.records.outcome import CHANGE_KINDS, SAME, ChangeKind
 from lammps_cases.records.wording import INSIDE, counted
-from lammps_cases.regression.kinds import KINDS, Change, Closer, Kind
+from lammps_cases.regression.change import Closer, SideChange
 
 UNEXPLAINED = "unexplained"  # outside the bound, and no finding says why
 LISTED = 6  # fields, or cases, named in a line
 
 
 @dataclass(frozen=True)
-class Group:
+class ChangeGroup:
     """Changes of one kind that share what came or went.
 
     Attributes
@@ -26,7 +27,7 @@ class Group:
     agree : how many fields of A, and of B, agree with the reference
     """
 
-    kind: Kind
+    kind: ChangeKind
     trait: str
     side: Literal["A", "B", ""]
     cases: tuple[str, ...]
@@ -66,46 +67,46 @@ class Group:
         for side, agreeing in zip("AB", self.agree, strict=True):
             if agreeing == self.count and set(tally) == {side}:
                 return f"; {named[side]} agrees with the reference"
-        said = [f"{named.get(side, side)} {tally[side]}" for side in ("A", "B", "both", "neither") if tally.get(side)]
-        return f"; closer to the reference: {', '.join(said)}" if set(tally) != {"neither"} else ""
+        counts = [f"{named.get(side, side)} {tally[side]}" for side in ("A", "B", "both", "neither") if tally.get(side)]
+        return f"; closer to the reference: {', '.join(counts)}" if set(tally) != {"neither"} else ""
 
 
-def groups(changes: Iterable[Change]) -> list[Group]:
+def groups(changes: Iterable[SideChange]) -> list[ChangeGroup]:
     """Groups of all changes but those that are none; the largest first within a kind.
 
     A field that gained one finding and lost another is in the groups of both.
     """
-    found: dict[tuple[Kind, str, Literal["A", "B", ""], bool], list[Change]] = {}
+    members: dict[tuple[ChangeKind, str, Literal["A", "B", ""], bool], list[SideChange]] = {}
     for change in changes:
-        if change.kind in ("same bits", "same outcome"):
+        if change.kind in SAME:
             continue
         for trait, side in _moved(change):
-            found.setdefault((change.kind, trait, side, bool(change.field)), []).append(change)
-    made = [_group(kind, trait, side, members) for (kind, trait, side, _), members in found.items()]
-    return sorted(made, key=lambda g: (-KINDS.index(g.kind), -g.count, g.trait, g.side))
+            members.setdefault((change.kind, trait, side, bool(change.field)), []).append(change)
+    collected = [_group(kind, trait, side, same) for (kind, trait, side, _), same in members.items()]
+    return sorted(collected, key=lambda g: (-CHANGE_KINDS.index(g.kind), -g.count, g.trait, g.side))
 
 
-def _moved(change: Change) -> list[tuple[str, Literal["A", "B", ""]]]:
+def _moved(change: SideChange) -> list[tuple[str, Literal["A", "B", ""]]]:
     """What only one of the sides shows."""
     one, other = (_traits(change, at) for at in (0, 1))
     if change.kind in ("within bounds", "new case", "missing case", "new field", "missing field"):
         return [("", "")]
-    gone: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "A") for trait in sorted(one - other)]
-    came: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "B") for trait in sorted(other - one)]
-    return [*gone, *came] or [("", "")]
+    lost: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "A") for trait in sorted(one - other)]
+    gained: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "B") for trait in sorted(other - one)]
+    return [*lost, *gained] or [("", "")]
 
 
-def _traits(change: Change, at: int) -> set[str]:
+def _traits(change: SideChange, at: int) -> set[str]:
     if change.field and change.verdicts[at] == "differs":
         return {UNEXPLAINED}
     return set(change.findings[at])
 
 
-def _group(kind: Kind, trait: str, side: Literal["A", "B", ""], members: Sequence[Change]) -> Group:
+def _group(kind: ChangeKind, trait: str, side: Literal["A", "B", ""], members: Sequence[SideChange]) -> ChangeGroup:
     fields = Counter(change.field for change in members if change.field)
     closer = Counter(change.closer for change in members)
     one, other = (sum(change.verdicts[at] in INSIDE for change in members) for at in (0, 1))
-    return Group(
+    return ChangeGroup(
         kind,
         trait,
         side,

@@ -9,15 +9,16 @@ from pathlib import Path
 from lammps_cases.pages import frame
 from lammps_cases.pages.frame import TableCell, TableRow
 from lammps_cases.records import wording
+from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
 from lammps_cases.regression import pairs
-from lammps_cases.regression.groups import Group
-from lammps_cases.regression.kinds import ABOUT, KINDS, Change, Kind
+from lammps_cases.regression.change import SideChange
+from lammps_cases.regression.groups import ChangeGroup
 from lammps_cases.regression.pairs import Compared, Pair
 from lammps_cases.scene.fields import place
 
 ASSETS = Path(__file__).parent / "assets"
 # One character for a cell: nothing to see, other bits, or which side is closer to the reference.
-MARKS: dict[Kind, str] = {
+MARKS: dict[ChangeKind, str] = {
     "same bits": "·",
     "same outcome": "·",
     "within bounds": "≈",
@@ -32,7 +33,7 @@ class Line:
     """A change in the list, as text."""
 
     anchor: str
-    change: Change
+    change: SideChange
     a: str
     b: str
     difference: str
@@ -46,8 +47,8 @@ class View:
     columns: list[str]
     rows: list[TableRow]
     lines: list[Line]
-    kinds: dict[Kind, int]
-    groups: list[Group]
+    kinds: dict[ChangeKind, int]
+    groups: list[ChangeGroup]
     closer: dict[str, str]
 
     @property
@@ -71,34 +72,30 @@ def render(found: Compared) -> str:
         "bad" if found.exit_code else "good",
         found=found,
         stamp=pairs.STAMPS[found.exit_code],
-        table=[_in_table(pair) for pair in found.pairs],
+        table=[(pair, *pair.tally, pairs.ratio(pair)) for pair in found.pairs],
         views=[_view(pair) for pair in shown],
         about=ABOUT,
     )
 
 
-def _in_table(pair: Pair) -> tuple[Pair, int, int, int, str]:
-    counts = pair.changes.counts
-    same = counts.get("same bits", 0) + counts.get("same outcome", 0)
-    return pair, same, counts.get("within bounds", 0), len(pairs.other(pair)), pairs.ratio(pair)
-
-
 def _view(pair: Pair) -> View:
     changes = pair.changes.fields
     columns = _columns(changes)
-    by_case: dict[str, dict[str, Change]] = {}
+    by_case: dict[str, dict[str, SideChange]] = {}
     for change in changes:
         by_case.setdefault(change.case, {})[change.field] = change
-    told = [change for change in changes if change.kind not in ("same bits", "same outcome")]
-    anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(told)}
+    different = pair.changes.different
+    anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(different)}
     closer = pair.names | CLOSER
     rows = [_row(case, columns, found, anchors, closer) for case, found in sorted(by_case.items())]
-    lines = [Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), wording.number(c.difference)) for c in told]
-    lines.sort(key=lambda line: (not line.change.fault, -KINDS.index(line.change.kind), line.change.case))
+    lines = [
+        Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), wording.number(c.difference)) for c in different
+    ]
+    lines.sort(key=lambda line: (not line.change.fault, -CHANGE_KINDS.index(line.change.kind), line.change.case))
     return View(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
 
 
-def _columns(changes: Sequence[Change]) -> list[str]:
+def _columns(changes: Sequence[SideChange]) -> list[str]:
     """Cases as a whole first, then fields in the order of a step."""
 
     def rank(field: str) -> tuple[int, int, str]:
@@ -111,17 +108,17 @@ def _columns(changes: Sequence[Change]) -> list[str]:
 def _row(
     case: str,
     columns: Sequence[str],
-    found: dict[str, Change],
+    found: dict[str, SideChange],
     anchors: dict[tuple[str, str], str],
     closer: dict[str, str],
 ) -> TableRow:
     cells = [None if field not in found else _cell(found[field], anchors, closer) for field in columns]
-    kinds = sorted({change.kind for change in found.values()}, key=KINDS.index)
+    kinds = sorted({change.kind for change in found.values()}, key=CHANGE_KINDS.index)
     quiet = not any(change.fault for change in found.values())
     return TableRow(case, cells, data={"kinds": "|".join(kinds)} | ({"quiet": ""} if quiet else {}), hidden=quiet)
 
 
-def _cell(change: Change, anchors: dict[tuple[str, str], str], closer: dict[str, str]) -> TableCell:
+def _cell(change: SideChange, anchors: dict[tuple[str, str], str], closer: dict[str, str]) -> TableCell:
     anchor = anchors.get((change.case, change.field), "")
     mark = MARKS.get(change.kind, closer[change.closer])
     if not anchor:
@@ -129,7 +126,7 @@ def _cell(change: Change, anchors: dict[tuple[str, str], str], closer: dict[str,
     return TableCell(mark, f"k-{change.kind.replace(' ', '-')}", pairs.fault(change), f"#{anchor}")
 
 
-def _side(change: Change, side: int) -> str:
+def _side(change: SideChange, side: int) -> str:
     """Verdict of a side, findings, and how far it is from the reference."""
     ratio = change.over_bound[side]
     parts = [change.verdicts[side], ", ".join(change.findings[side])]

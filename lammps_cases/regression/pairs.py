@@ -9,10 +9,10 @@ from typing import Any
 
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.wording import counted, plain
+from lammps_cases.regression.change import Policy, SideChange
 from lammps_cases.regression.changes import Changes, compare
-from lammps_cases.regression.groups import Group, groups
-from lammps_cases.regression.kinds import Change, Policy
-from lammps_cases.regression.seen import Side
+from lammps_cases.regression.groups import ChangeGroup, groups
+from lammps_cases.regression.outcomes import Side
 from lammps_cases.regression.sources import LABELS
 from lammps_cases.regression.timing import Speed, Turns, of_saved
 from lammps_cases.report import markdown
@@ -42,7 +42,13 @@ class Pair:
         return {"A": self.a, "B": self.b}
 
     @property
-    def groups(self) -> list[Group]:
+    def tally(self) -> tuple[int, int, int]:
+        """How many fields are the same, within bounds, and changed beyond them."""
+        different, within = len(self.changes.different), self.changes.counts.get("within bounds", 0)
+        return len(self.changes.fields) - different, within, different - within
+
+    @property
+    def groups(self) -> list[ChangeGroup]:
         """What changed, in a few lines."""
         return groups(self.changes.fields)
 
@@ -105,8 +111,7 @@ def document(found: Compared) -> dict[str, Any]:
         "fields": [
             ({} if alone else {"pair": pair.name}) | row(change, pair.a, pair.b)
             for pair in found.pairs
-            for change in pair.changes.fields
-            if alone or change.kind not in ("same bits", "same outcome")
+            for change in (pair.changes.fields if alone else pair.changes.different)
         ],
     }
 
@@ -122,7 +127,7 @@ def _pair(pair: Pair) -> dict[str, Any]:
     }
 
 
-def _group(group: Group, pair: Pair) -> dict[str, Any]:
+def _group(group: ChangeGroup, pair: Pair) -> dict[str, Any]:
     return {
         "change": group.kind,
         "trait": group.trait,
@@ -134,7 +139,7 @@ def _group(group: Group, pair: Pair) -> dict[str, Any]:
     }
 
 
-def row(change: Change, a: str = "A", b: str = "B") -> dict[str, Any]:
+def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
     """A change as JSON: case, field, change and closer_to_reference always, the rest where it says something."""
 
     def both(values: tuple[Any, Any]) -> dict[str, Any] | None:
@@ -185,7 +190,7 @@ def checked(changes: Changes, report: str) -> Iterator[str]:
         yield f"  if this is meant: eos-ref accept {report} --reason TEXT"
 
 
-def fault(change: Change) -> str:
+def fault(change: SideChange) -> str:
     """A change in one line."""
     where = " ".join(part for part in (change.case, change.field) if part)
     at = "" if change.step is None else f" from step {change.step}"
@@ -198,7 +203,7 @@ def fault(change: Change) -> str:
     return f"{what}: {where}{at}{verdicts}{note}"
 
 
-def _said(change: Change, side: int) -> str:
+def _said(change: SideChange, side: int) -> str:
     known = ", ".join(change.findings[side])
     return f"{change.verdicts[side]} by {known}" if known else change.verdicts[side]
 
@@ -224,18 +229,8 @@ def shown(found: Compared) -> list[Pair]:
 
 
 def _table_of_pairs(found: Compared) -> str:
-    rows = []
-    for pair in found.pairs:
-        counts = pair.changes.counts
-        same = counts.get("same bits", 0) + counts.get("same outcome", 0)
-        within, time = counts.get("within bounds", 0), ratio(pair)
-        rows.append((pair.name, same, within, len(other(pair)), time))
-    return markdown.table(("pair", "same", "within bounds", "changed", "time of second over first"), rows)
-
-
-def other(pair: Pair) -> list[Change]:
-    """The changes of a pair beyond its bounds."""
-    return [c for c in pair.changes.fields if c.kind not in ("same bits", "same outcome", "within bounds")]
+    head = ("pair", "same", "within bounds", "changed", "time of second over first")
+    return markdown.table(head, [(pair.name, *pair.tally, ratio(pair)) for pair in found.pairs])
 
 
 def ratio(pair: Pair) -> str:

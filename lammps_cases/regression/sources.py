@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -13,8 +13,8 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.regression import baseline, seen
-from lammps_cases.regression.seen import Side
+from lammps_cases.regression import baseline, outcomes
+from lammps_cases.regression.outcomes import Side
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -24,22 +24,13 @@ LABELS = string.ascii_uppercase  # of the sides, in the order given
 WRITTEN = ("compare.json", "compare.html", "summary.md", "bisect.json")
 
 
-@dataclass(frozen=True)
-class Source:
-    """One thing to compare: an engine, or a side that is known already."""
-
-    name: str
-    engine: Engine | None = None
-    known: Side | None = None
-
-
 def is_side(name: str) -> bool:
     """Whether a word names a side: an engine, or what has a slash or is a folder."""
     return installations.is_engine(name) or "/" in name or Path(name).is_dir()
 
 
-def source(name: str) -> Source:
-    """What a name means.
+def source(name: str) -> Engine | Side:
+    """Return what a name denotes: an engine to run, or the side that a folder holds.
 
     Raises
     ------
@@ -47,12 +38,12 @@ def source(name: str) -> Source:
         Neither an engine nor a folder of a run or a baseline, or one that cannot be read.
     """
     if installations.is_engine(name):
-        return Source(name, installations.resolve(name))
+        return installations.resolve(name)
     folder = Path(name)
     if (folder / baseline.IDENTITY).exists():
-        return Source(name, known=baseline.read(folder).side(name))
+        return baseline.read(folder, name)
     if (folder / "run.json").exists():
-        return Source(name, known=replace(seen.read(folder), name=name))
+        return replace(outcomes.read(folder), name=name)
     inside = sorted(path.parent.name for path in folder.glob(f"*/{baseline.IDENTITY}"))
     rule = f"{FORMS}; the folder holds the baselines {', '.join(inside)}" if inside else FORMS
     raise InputError("side", rule, name)
@@ -84,7 +75,7 @@ def _named(case: str, wanted: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Running:
+class RunOptions:
     """How engines are run."""
 
     jobs: int
@@ -93,59 +84,62 @@ class Running:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Sources and the cases on which they are compared; an engine is run when its side is asked for.
+class Sources:
+    """Engines and saved sides, and the cases on which they are compared; an engine is run when its side is needed.
 
     Attributes
     ----------
-    known : the sides that are saved, by place
     cases : what an engine runs
     folder : every engine writes its report into a folder of this, named by its place in the alphabet
     """
 
-    sources: tuple[Source, ...]
-    known: Mapping[int, Side]
+    each: tuple[Engine | Side, ...]
     cases: tuple[Case, ...]
     folder: Path
-    how: Running
+    options: RunOptions
 
     def side(self, at: int) -> Side:
-        """A side, by its place."""
-        engine = self.sources[at].engine
-        if engine is None:
-            return self.known[at]
-        folder, how = self.folder / LABELS[at], self.how
+        """Return a side, by its place; that of an engine after a run."""
+        engine = self.each[at]
+        if isinstance(engine, Side):
+            return engine
+        folder, how = self.folder / LABELS[at], self.options
         command = campaign.command_line()
-        done = campaign.run_cases(self.cases, engine, how.jobs, folder, command, progress=how.progress, store=how.store)
-        return seen.of_run(done, folder, engine.name)
+        run = campaign.run_cases(self.cases, engine, how.jobs, folder, command, progress=how.progress, store=how.store)
+        return outcomes.of_run(run, folder, engine.name)
 
 
-def ask(
-    names: Sequence[str], cases: Sequence[str], tag: str | None, paths: Sequence[Path], folder: Path, how: Running
-) -> Asked:
-    """Sides by name, on the cases chosen by name and tag; engines run those that the saved sides hold.
+def select(
+    names: Sequence[str],
+    cases: Sequence[str],
+    tag: str | None,
+    paths: Sequence[Path],
+    folder: Path,
+    options: RunOptions,
+) -> Sources:
+    """Return sides by name, on the cases chosen by name and tag; engines run those that the saved sides hold.
 
     Raises
     ------
     InputError
         A side, a case or a tag that does not exist, or a saved side where an engine is about to write.
     """
-    found = tuple(source(name) for name in names)
-    chosen: list[Case] = []
-    if tag is not None or any(each.engine for each in found):
-        chosen = casefile.select(casefile.load(paths), cases, tag)
+    each = [source(name) for name in names]
+    engines = [at for at, one in enumerate(each) if not isinstance(one, Side)]
+    chosen = casefile.select(casefile.load(paths), cases, tag) if tag is not None or engines else []
     tagged = {case.name for case in chosen} if tag is not None else None
-    known = {at: narrowed(each.known, cases, tagged) for at, each in enumerate(found) if each.known}
-    if known and chosen:
-        held = {name for side in known.values() for name in side.cases}
+    each = [narrowed(one, cases, tagged) if isinstance(one, Side) else one for one in each]
+    saved = [one for one in each if isinstance(one, Side)]
+    if saved and chosen:
+        held = {name for side in saved for name in side.cases}
         chosen = [case for case in chosen if case.name in held]
         if not chosen:
-            raise InputError("cases", "none is in it", where=", ".join(side.name for side in known.values()))
-    written = {(folder / LABELS[at]).resolve() for at, each in enumerate(found) if each.engine}
-    for side in known.values():
+            raise InputError("cases", "none is in it", where=", ".join(side.name for side in saved))
+    written = {(folder / LABELS[at]).resolve() for at in engines}
+    for side in saved:
         if Path(side.name).resolve() in written:
             raise InputError("side", "is where an engine is about to write: choose another --out", side.name)
-    return Asked(found, known, tuple(chosen), output(folder), how)
+    return Sources(tuple(each), tuple(chosen), output(folder), options)
 
 
 def output(folder: Path) -> Path:

@@ -11,7 +11,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.regression.seen import Side
+from lammps_cases.regression.outcomes import Side
 from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup.commands import job

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.records.run_record import EngineRecord, Verdict
+from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
+from lammps_cases.records.run_record import Ended, EngineRecord, Verdict, as_expected
+from lammps_cases.regression.change import Policy, SideChange
 from lammps_cases.regression.changes import compare
-from lammps_cases.regression.kinds import Change, Policy
-from lammps_cases.regression.seen import At, CaseSeen, Ended, FieldSeen, Sample, Samples, Side
+from lammps_cases.regression.outcomes import Sample, Samples, Side
 
 
 def field(
@@ -20,13 +21,13 @@ def field(
     over: float | None = 0.5,
     findings: Sequence[str] = (),
     steps: Sequence[tuple[int, Verdict, str]] = (),
-) -> FieldSeen:
-    at = tuple(At(step, of_step, None, bits_of_step) for step, of_step, bits_of_step in steps)
-    return FieldSeen(name, "pair", verdict, tuple(findings), over, bits, at)
+) -> FieldOutcome:
+    at = tuple(StepOutcome(step, of_step, None, bits_of_step) for step, of_step, bits_of_step in steps)
+    return FieldOutcome(name, verdict, tuple(findings), over, bits, "pair", at)
 
 
-def case(name: str, *fields: FieldSeen, seconds: float = 0.0) -> CaseSeen:
-    return CaseSeen(name, "answered", "pass", seconds=seconds, fields={f.field: f for f in fields})
+def case(name: str, *fields: FieldOutcome, seconds: float = 0.0) -> CaseOutcome:
+    return CaseOutcome(name, "pass", True, seconds=seconds, fields={f.field: f for f in fields})
 
 
 def ended(
@@ -36,8 +37,8 @@ def ended(
     message: str = "",
     findings: Sequence[str] = (),
     name: str = "one",
-) -> CaseSeen:
-    return CaseSeen(name, how, verdict, tuple(findings), expects, message)
+) -> CaseOutcome:
+    return CaseOutcome(name, verdict, as_expected(verdict, expects), how, tuple(findings), expects, message)
 
 
 class Kept(Samples):
@@ -55,13 +56,13 @@ def sample(*values: float, bound: float = 1.0, step: int | None = None) -> Sampl
     return Sample(step, np.array(values), np.full(len(values), bound))
 
 
-def side(*cases: CaseSeen, name: str = "side", **more: Any) -> Side:
+def side(*cases: CaseOutcome, name: str = "side", **more: Any) -> Side:
     kept: Kept = more.pop("kept", Kept())
     engine = EngineRecord(version_string="20250722", distribution=more.pop("version", "1"))
     return Side(name, engine, {"eos-ref": "0.1.0"}, {c.case: c for c in cases}, lambda case: kept)
 
 
-def one_field(a: FieldSeen, b: FieldSeen, policy: Policy = Policy(), **kept: tuple[Sample, Sample]) -> Change:  # noqa: B008
+def one_field(a: FieldOutcome, b: FieldOutcome, policy: Policy = Policy(), **kept: tuple[Sample, Sample]) -> SideChange:  # noqa: B008
     """The change of a single field of a single case."""
     ours, theirs = (Kept(**{name: both[at] for name, both in kept.items()}) for at in (0, 1))
     found = compare(side(case("one", a), kept=ours), side(case("one", b), kept=theirs), policy)

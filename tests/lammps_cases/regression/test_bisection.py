@@ -11,8 +11,8 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.regression.bisection import Found, bisect
-from lammps_cases.regression.kinds import Policy
-from lammps_cases.regression.seen import Side
+from lammps_cases.regression.change import Policy
+from lammps_cases.regression.outcomes import Side
 from tests.support.edited_runs import of_field
 from tests.support.made_sides import case, ended, field, side
 from tests.support.outcome import Outcome

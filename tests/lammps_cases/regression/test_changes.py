@@ -6,10 +6,11 @@ import math
 
 import pytest
 
+from lammps_cases.records.outcome import CHANGE_KINDS, CaseOutcome, ChangeKind
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, StepRecord, Verdict
+from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import compare
-from lammps_cases.regression.kinds import KINDS, Kind, Policy
-from lammps_cases.regression.seen import CaseSeen, case_seen
+from lammps_cases.regression.outcomes import comparable
 from tests.support.made_sides import case, ended, field, one_field, sample, side
 
 LENIENT, STRICT = Policy(), Policy(bits=True, findings=True)
@@ -34,7 +35,7 @@ def test_the_same_digest_is_the_same_whatever_the_verdict(verdict: Verdict) -> N
         (("differs", math.inf), ("differs", math.inf), "changed", "neither"),
     ],
 )
-def test_other_bits(one: tuple[Verdict, float], other: tuple[Verdict, float], kind: Kind, closer: str) -> None:
+def test_other_bits(one: tuple[Verdict, float], other: tuple[Verdict, float], kind: ChangeKind, closer: str) -> None:
     change = one_field(field(verdict=one[0], over=one[1]), field(verdict=other[0], over=other[1], bits="bb"))
     assert (change.kind, change.closer, change.fault) == (kind, closer, kind == "changed")
 
@@ -129,7 +130,7 @@ def test_strict_takes_other_bits_for_a_fault() -> None:
         (case("one", field()), ended("unusable", "differs"), "changed", "A"),
     ],
 )
-def test_how_a_case_ended(one: CaseSeen, other: CaseSeen, kind: Kind, closer: str) -> None:
+def test_how_a_case_ended(one: CaseOutcome, other: CaseOutcome, kind: ChangeKind, closer: str) -> None:
     (change,) = compare(side(one), side(other), LENIENT).fields
     assert (change.kind, change.closer, change.field) == (kind, closer, "")
     assert change.fault == (kind != "same outcome")
@@ -151,9 +152,9 @@ def test_cases_and_fields_of_one_side() -> None:
 
 
 def test_every_kind_is_explained_and_counted() -> None:
-    from lammps_cases.regression.kinds import ABOUT
+    from lammps_cases.records.outcome import ABOUT
 
-    assert set(ABOUT) == set(KINDS)
+    assert set(ABOUT) == set(CHANGE_KINDS)
     found = compare(side(case("one", field()), case("two", field())), side(case("one", field())), LENIENT)
     assert found.counts == {"same bits": 1, "missing case": 1}
 
@@ -175,20 +176,20 @@ def _twin(difference: float) -> CaseRecord:
 
 
 def test_the_second_run_of_a_twin_is_part_of_its_digest() -> None:
-    same, other = (compare(side(case_seen(_twin(1.0))), side(case_seen(_twin(d))), LENIENT) for d in (1.0, 2.0))
+    same, other = (compare(side(comparable(_twin(1.0))), side(comparable(_twin(d))), LENIENT) for d in (1.0, 2.0))
     assert same.fields[0].kind == "same bits"
     assert (other.fields[0].kind, other.fields[0].step) == ("within bounds", 1)
 
 
 def test_a_case_with_numbers_was_answered_however_its_deck_ended() -> None:
     pressure = FieldRecord(field="pressure", stage="eos", verdict="pass")
-    assert case_seen(CaseRecord(case="one", verdict="refused", ended="refused")).ended == "refused"
-    assert case_seen(CaseRecord(case="one", verdict="refused", ended="refused", fields=[pressure])).ended == "answered"
+    assert comparable(CaseRecord(case="one", verdict="refused", ended="refused")).ended == "refused"
+    assert comparable(CaseRecord(case="one", verdict="refused", ended="refused", fields=[pressure])).ended == "answered"
 
 
 def test_fields_of_an_audit_are_told_apart_by_type() -> None:
     one, two = (FieldRecord(field="pressure", stage="eos", verdict="pass", atom_type=t, digest=f"{t}") for t in (1, 2))
-    assert list(case_seen(CaseRecord(case="deck", verdict="pass", fields=[one, two])).fields) == [
+    assert list(comparable(CaseRecord(case="deck", verdict="pass", fields=[one, two])).fields) == [
         "pressure (type 1)",
         "pressure (type 2)",
     ]

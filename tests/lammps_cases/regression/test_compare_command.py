@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.records.outcome import CHANGE_KINDS
 from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import page, pairs
-from lammps_cases.regression.kinds import KINDS, Policy
-from lammps_cases.regression.seen import of_run, read
+from lammps_cases.regression.change import Policy
+from lammps_cases.regression.outcomes import of_run, read
 from tests.support.edited_runs import NAMES, of_field
 from tests.support.made_sides import case, ended, field, side
 from tests.support.outcome import Outcome
@@ -79,7 +80,9 @@ def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_r
 
 def test_every_kind_of_change_has_a_colour_on_the_page() -> None:
     style = (page.ASSETS / "compare.css").read_text()
-    assert [kind for kind in KINDS if f".k-{kind.replace(' ', '-')}" not in style and kind != "same outcome"] == []
+    assert [
+        kind for kind in CHANGE_KINDS if f".k-{kind.replace(' ', '-')}" not in style and kind != "same outcome"
+    ] == []
 
 
 def test_other_bits_within_bounds_pass_unless_strict(

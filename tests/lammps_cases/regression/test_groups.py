@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import compare
 from lammps_cases.regression.groups import groups
-from lammps_cases.regression.kinds import Policy
-from lammps_cases.regression.seen import Side
+from lammps_cases.regression.outcomes import Side
 from lammps_cases.regression.timing import TOTAL, Turns, of_saved
 from tests.support.made_sides import case, ended, field, side
 

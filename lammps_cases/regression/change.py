@@ -1,0 +1,78 @@
+"""A change from one side to the other, and what counts as one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from lammps_cases.records.outcome import NEW, SAME, ChangeKind, FieldOutcome
+from lammps_cases.records.wording import INSIDE
+
+Closer = Literal["A", "B", "both", "neither"]
+
+
+def closest(a: bool, b: bool) -> Closer:
+    """Return the side that agrees with the reference, given whether A does and whether B does."""
+    return ("both" if b else "A") if a else "B" if b else "neither"
+
+
+def judged(field: FieldOutcome) -> tuple[str, tuple[str, ...]]:
+    """What a verdict says of LAMMPS: inside the bound, explained by some findings, or neither."""
+    return ("inside", ()) if field.verdict in INSIDE else (field.verdict, field.explained_by)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What is held against side B.
+
+    Attributes
+    ----------
+    bits : other bits within bounds, and an exact field that is only within its bound
+    findings : the same bits explained by other findings (those of the case, which other fields may have brought in)
+    news : cases and fields that side A does not hold
+    """
+
+    bits: bool = False
+    findings: bool = False
+    news: bool = True
+
+    def alike(self, one: FieldOutcome, other: FieldOutcome) -> bool:
+        """Whether the same bits were judged the same."""
+        if self.bits and one.verdict != other.verdict:
+            return False
+        if self.findings and one.explained_by != other.explained_by:
+            return False
+        return judged(one)[0] == judged(other)[0]
+
+    def faults(self, kind: ChangeKind) -> bool:
+        """Whether a change of some kind is one."""
+        if kind in SAME:
+            return False
+        return self.bits if kind == "within bounds" else self.news or kind not in NEW
+
+
+@dataclass(frozen=True)
+class SideChange:
+    """One field of a case, or the case as a whole (``field`` empty), on both sides.
+
+    Attributes
+    ----------
+    closer : the side that agrees with the reference, or is closer to it; of a twin: whose two runs agree
+    verdicts, findings, over_bound : of A and of B; a verdict is empty where a side has none
+    step : the first at which the bits part
+    fault : whether it is held against B
+    difference : largest difference of the two LAMMPS arrays, over the bound, at the worst step if both kept that
+    """
+
+    case: str
+    field: str
+    kind: ChangeKind
+    closer: Closer = "neither"
+    stage: str = ""
+    verdicts: tuple[str, str] = ("", "")
+    findings: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    over_bound: tuple[float | None, float | None] = (None, None)
+    step: int | None = None
+    difference: float | None = None
+    note: str = ""
+    fault: bool = False

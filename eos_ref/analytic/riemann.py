@@ -74,7 +74,7 @@ class Riemann:
         logs = [np.log(gas.pressure) for gas in (self.left, self.right)]
         found, last = max(logs) + max(target, 0) / (self.left.c + self.right.c), np.inf
         while True:
-            jumps = [_jump(gas.c, found - log) for gas, log in zip((self.left, self.right), logs, strict=True)]
+            jumps = [jump(gas.c, found - log) for gas, log in zip((self.left, self.right), logs, strict=True)]
             step = (jumps[0][0] + jumps[1][0] - target) / (jumps[0][1] + jumps[1][1])
             if not abs(step) < last:
                 return found
@@ -88,18 +88,19 @@ class Riemann:
     @cached_property
     def velocity(self) -> Any:
         """Velocity between the waves, that of the contact."""
-        return self.right.u + _jump(self.right.c, self.log_pressure - np.log(self.right.pressure))[0]
+        return self.right.u + jump(self.right.c, self.log_pressure - np.log(self.right.pressure))[0]
 
     def waves(self) -> tuple[Any, Any, Any, Any, Any]:
         """Speeds from left to right: outer and inner edge of the left wave, contact, inner and outer of the right.
 
         The two edges of a shock are the same.
         """
-        outer_l, inner_l = self._edges(self.left, -1)
-        outer_r, inner_r = self._edges(self.right, 1)
+        outer_l, inner_l = self.edges(self.left, -1)
+        outer_r, inner_r = self.edges(self.right, 1)
         return outer_l, inner_l, self.velocity, inner_r, outer_r
 
-    def _edges(self, gas: Gas, side: int) -> tuple[Any, Any]:
+    def edges(self, gas: Gas, side: int) -> tuple[Any, Any]:
+        """Speeds of the outer and the inner edge of the wave on one side, -1 left or 1 right; of a shock the same."""
         ratio = self.pressure / gas.pressure
         if ratio > 1:
             speed = gas.u + side * gas.c * np.sqrt(ratio)
@@ -123,7 +124,7 @@ class Riemann:
         return rho_n, u_n
 
     def _side(self, gas: Gas, side: int, xi_n: Array) -> tuple[Array, Array]:
-        outer, inner = self._edges(gas, side)
+        outer, inner = self.edges(gas, side)
         far_n, star_n = side * (xi_n - outer) > 0, side * (xi_n - inner) <= 0
         fan_u_n = np.clip(xi_n, min(outer, inner), max(outer, inner)) - side * gas.c  # meant between the edges only
         u_n = np.where(far_n, gas.u, np.where(star_n, self.velocity, fan_u_n))
@@ -132,7 +133,7 @@ class Riemann:
         return rho_n, u_n
 
 
-def _jump(c: Any, log_ratio: Any) -> tuple[Any, Any]:
+def jump(c: Any, log_ratio: Any) -> tuple[Any, Any]:
     """Velocity gained across the right wave, and its derivative, for ln of the pressure ratio."""
     if log_ratio > 0:
         return 2 * c * np.sinh(log_ratio / 2), c * np.cosh(log_ratio / 2)

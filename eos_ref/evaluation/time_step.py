@@ -91,7 +91,7 @@ class Simulation:
         if want := [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]:
             self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
         self._surfaces()
-        self._properties()
+        self.properties()
         if "f" in plan or "heatflow" in plan or "drho" in plan:
             self._forces()
         records = quantities.QUANTITIES.values()
@@ -121,7 +121,8 @@ class Simulation:
         if shift_nc is not None:
             self.fields["shift/v"] = shift_nc
 
-    def _properties(self) -> None:
+    def properties(self) -> None:
+        """Evaluate the properties of a particle that the plan has: viscosity, pressure, temperature."""
         s, e, found, plan = self.state, self.evaluator, self.fields, self.plan
         if "viscosity" in plan:
             found["viscosity"] = e.viscosity(self.gradient.v_ncc)

@@ -175,7 +175,7 @@ def judge(
             record, arrays = _evaluated(ready, looked, engine, predictor)
     with contextlib.suppress(Exception):
         searched = differs and record.verdict == "differs" and ready.twin is None
-        if searched and (reason := _first_step(site, ready, engine.distribution, predictor)):
+        if searched and (reason := first_step_outside(site, ready, engine.distribution, predictor)):
             record.blame, record.beyond = reason.first, reason.beyond
             record.message = wording.message(record)
     return record, arrays
@@ -214,7 +214,7 @@ def _same(arrays: Arrays, others: Arrays) -> bool:
     return all(arrays[name].tobytes() == others[name].tobytes() for name in arrays)
 
 
-def _first_step(site: str | None, ready: PreparedCase, engine: str, predictor: Predictor) -> Reason | None:
+def first_step_outside(site: str | None, ready: PreparedCase, engine: str, predictor: Predictor) -> Reason | None:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
     if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:

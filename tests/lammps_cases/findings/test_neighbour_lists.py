@@ -111,7 +111,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., CaseRecord]:
 
     def judge(given: Seen, engine: EngineRecord = ENGINE) -> CaseRecord:
         monkeypatch.setattr(campaign, "solve", lambda site, told: given.every)
-        monkeypatch.setattr(campaign, "_first_step", lambda *of: None)
+        monkeypatch.setattr(campaign, "first_step_outside", lambda *of: None)
         return campaign.judge(None, given.ready, [given.answer], engine)[0]
 
     return judge

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import multiprocessing
 import os
@@ -129,22 +130,15 @@ from pathlib import Path
 from tests.support import made_runs
 from lammps_cases.history import store
 
-opened, outcome = store.History._opened, store._outcome
+class Deadly:
+    lammps = property(lambda self: os.kill(os.getpid(), signal.SIGKILL))
 
-def small(self, mode):
-    connection = opened(self, mode)
-    connection.execute("PRAGMA cache_size = 10")  # much is on the disk before the end
-    return connection
-
-def deadly(connection, case):
-    if case.case == "case-1499":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return outcome(connection, case)
-
-store.History._opened, store._outcome = small, deadly
-cases = [made_runs.case(f"case-{k}", digest=f"{k:016x}") for k in range(1500)]
+cases = [made_runs.case(f"case-{k}") for k in range(1500)]
+for case in cases:
+    case.message = f"{case.case:2000}"  # more than SQLite keeps in memory: much is on the disk before the end
+cases[-1].seconds = Deadly()
 with store.History(Path(sys.argv[1])) as history:
-    history.add(made_runs.run(cases=cases, seconds=7.0))
+    history.add(made_runs.run(cases=cases, seconds=7.0), content="x")
 """
 
 
@@ -253,8 +247,8 @@ def test_forgetting_drops_runs_and_what_only_they_had(file: Path) -> None:
         assert history.forget("2026-11-01") == 1
         assert [run.date for run in history.runs()] == ["2026-11-01"]
         assert history.cases() == ["one", "two.a"]
-        rows = history._rows("SELECT count(*) FROM fields")
-    assert rows == [(2,)]
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        assert database.execute("SELECT count(*) FROM fields").fetchall() == [(2,)]
     assert file.stat().st_size < before / 2
 
 

@@ -142,14 +142,14 @@ def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[Plain, Any], Any]) 
     monkeypatch.setitem(QUANTITIES, NEW, Quantity(NEW, "compressions", PRESSURE, inputs=("rho",)))
     monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure"))
     monkeypatch.setattr(Plain, NEW, formula, raising=False)
-    evaluate = Simulation._properties
+    evaluate = Simulation.properties
 
     def properties(self: Simulation) -> None:
         evaluate(self)
         if NEW in self.plan:
             self.fields[NEW] = self.evaluator.compression(self.state.rho_n)
 
-    monkeypatch.setattr(Simulation, "_properties", properties)
+    monkeypatch.setattr(Simulation, "properties", properties)
 
 
 def _right(stages: Plain, rho_n: Any) -> Any:

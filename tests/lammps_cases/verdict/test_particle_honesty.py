@@ -187,7 +187,7 @@ def test_one_wrong_number_of_lammps_is_seen(
 ) -> None:
     ready, answer = answers(FORCES)
     monkeypatch.setattr(array_evaluator.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
-    monkeypatch.setattr(campaign, "_first_step", lambda *of: None)
+    monkeypatch.setattr(campaign, "first_step_outside", lambda *of: None)
     snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
     snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1
     spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)

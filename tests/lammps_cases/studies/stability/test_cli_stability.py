@@ -52,7 +52,9 @@ def test_lines_that_differ_end_with_one_unless_a_finding_is_known(
     assert "made                        48 runs,    24 fail, 2 of 6 lines differ (24.0 s)" in out.out
     assert "2 lines differ without a known finding" in out.out
     assert (tmp_path / "report.html").exists()
-    assert measured == [{"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "report": measured[0]["report"]}]
+    assert measured == [
+        {"chosen": ["made"], "quick": False, "site": None, "jobs": 1, "progress": measured[0]["progress"]}
+    ]
     shown = MapDifference("made", "why")
     monkeypatch.setattr(expected, "LEDGER", (replace(LEDGER[0], expected_in_maps=(shown,)),))
     assert eos_ref_command("stability", "made", "--out", tmp_path).code == 0

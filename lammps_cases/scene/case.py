@@ -17,9 +17,10 @@ from lammps_cases.scene.fields import FieldName
 from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
-from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings, Violation
+from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
 from lammps_cases.scene.values import SceneModel
+from lammps_cases.scene.violations import Violation
 
 Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body

@@ -9,24 +9,6 @@ from pydantic import Field, model_validator
 
 from lammps_cases.scene.values import Finite, Positive, SceneModel, Vector
 
-# Rules of the manual that a scene may break on purpose, to see LAMMPS refuse it.
-Violation = Literal[
-    "atom-style-atomic",
-    "no-fix-rheo",
-    "no-fix-pressure",
-    "no-fix-pressure-read",
-    "no-fix-viscosity",
-    "pressure-before-rheo",
-    "pressure-group",
-    "pressure-twice",
-    "rheo-group",
-    "rheo-twice",
-    "unknown-pressure-style",
-    "missing-argument",
-    "no-fix-thermal",
-    "atom-style-rheo",
-]
-
 
 class Rebuild(SceneModel):
     """When neighbour lists are built anew."""

@@ -13,9 +13,11 @@ from lammps_cases.engine.session import Job, Run
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
+from lammps_cases.scene.violations import broken
 from lammps_cases.setup.plan import Plan
 
 ALWAYS_READ = ("type", "x", "rho", "pressure")  # arrays of atoms
+ARRAYS_OF = {"atomic": (), "rheo": ("rho",), "rheo/thermal": ("rho", "esph")}  # that are given, by atom style
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -32,16 +34,13 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
     lists : bool
         Read the list of neighbours with them.
     """
-    per_atom = {}
-    if atoms.rho_n is not None:
-        per_atom["rho"] = atoms.rho_n
-    if atoms.energy_n is not None and _atom_style(scene) == "rheo/thermal":
-        per_atom["esph"] = atoms.energy_n
-    if scene.violate == "atom-style-atomic":
-        per_atom = {}
+    setup = broken(_setup(scene, atoms, plan), scene.violate)
+    (style,) = (line.split()[1] for line in setup if line.startswith("atom_style"))
+    given = {"rho": atoms.rho_n, "esph": atoms.energy_n}
+    per_atom = {name: given_n for name in ARRAYS_OF[style] if (given_n := given[name]) is not None}
     return Job(
-        setup=tuple(_setup(scene, atoms, plan)),
-        commands=tuple(_physics(scene, atoms, plan)),
+        setup=setup,
+        commands=broken(_physics(scene, atoms, plan), scene.violate),
         runs=tuple(_runs(scene, every_step)),
         id_n=atoms.id_n,
         type_n=atoms.type_n,
@@ -82,16 +81,10 @@ def _runs(scene: Scene, every_step: bool) -> Iterable[Run]:
         done = step
 
 
-def _atom_style(scene: Scene) -> str:
-    if scene.violate == "atom-style-atomic":
-        return "atomic"
-    return "rheo/thermal" if scene.thermal and scene.violate != "atom-style-rheo" else "rheo"
-
-
 def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     yield f"units {scene.units}"
     yield f"dimension {scene.dimension}"
-    yield f"atom_style {_atom_style(scene)}"
+    yield f"atom_style {'rheo/thermal' if scene.thermal else 'rheo'}"
     if not scene.engine.newton:
         yield "newton off"
     yield "boundary " + " ".join("p" if periodic else "f" for periodic in atoms.periodic)
@@ -114,7 +107,7 @@ def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     for t, atom_type in enumerate(scene.types, 1):
         yield f"mass {t} {atom_type.mass!r}"
     solid = [t for t, atom_type in enumerate(scene.types, 1) if atom_type.phase == "solid"]
-    for t in solid if scene.violate != "atom-style-atomic" else ():
+    for t in solid:
         yield f"set type {t} rheo/status 1"
     cut = kernel_cut(scene, atoms.spacing)
     if plan.needs("pair rheo"):
@@ -123,7 +116,7 @@ def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     if scene.evolve:
         yield f"timestep {scene.evolve.timestep!r}"
     yield from _fixes(scene, cut, plan)
-    if scene.violate != "no-fix-pressure" and (columns := _columns(scene)):
+    if columns := _columns(scene):
         yield f"compute q all rheo/property/atom {' '.join(field.words() for field in columns)}"
 
 
@@ -223,35 +216,14 @@ def _actions(force: ForceSettings) -> Iterable[str]:
 
 
 def _fixes(scene: Scene, cut: float, plan: Plan) -> Iterable[str]:
-    violate = scene.violate
-    rheo = _rheo(scene, cut, plan.needs("fix rheo/thermal") or violate == "no-fix-thermal")
-    pressure = "rheo/pressure " + " ".join(
+    pressure = " ".join(
         f"{law.types} {law.style}" + (f" {law.value!r}" if law.value is not None else "") for law in scene.pressure
     )
-    if violate == "unknown-pressure-style":
-        pressure = pressure.replace(scene.pressure[0].style, "taitwater", 1)
-    if violate == "missing-argument":
-        pressure = pressure.rsplit(" ", 1)[0]
-    if violate in ("pressure-group", "rheo-group"):
-        yield "group some id 1"
-    rheo_fix = f"fix rheo {'some' if violate == 'rheo-group' else 'all'} {rheo}"
-    pressure_fix = f"fix pressure {'some' if violate == 'pressure-group' else 'all'} {pressure}"
-    if scene.example is not None:
-        rheo_fix = scene.example.line("rheo") or rheo_fix
-        pressure_fix = scene.example.line("pressure") or pressure_fix
-    if violate == "pressure-before-rheo":
-        yield pressure_fix
-    if violate != "no-fix-rheo":
-        yield rheo_fix
-    if violate == "rheo-twice":
-        yield rheo_fix.replace("fix rheo", "fix rheo2", 1)
-    if violate != "no-fix-viscosity":
-        yield f"fix viscosity all {_viscosity(scene)}"
-    if violate not in ("no-fix-pressure", "no-fix-pressure-read", "pressure-before-rheo"):
-        yield pressure_fix
-    if violate == "pressure-twice":
-        yield pressure_fix.replace("fix pressure", "fix pressure2", 1)
-    if plan.needs("fix rheo/thermal") and violate != "no-fix-thermal":
+    example = scene.example
+    yield (example and example.line("rheo")) or f"fix rheo all {_rheo(scene, cut, plan.needs('fix rheo/thermal'))}"
+    yield f"fix viscosity all {_viscosity(scene)}"
+    yield (example and example.line("pressure")) or f"fix pressure all rheo/pressure {pressure}"
+    if plan.needs("fix rheo/thermal"):
         yield f"fix thermal all {_thermal(scene)}"
     if plan.needs("pair rheo"):
         yield from _forces(scene)

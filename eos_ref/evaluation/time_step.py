@@ -12,13 +12,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.stages import Stages
 from eos_ref.model import per_atom, quantities
 from eos_ref.model.parameters import Box, Gradients, Model, State, Surface, check_state
 from eos_ref.numbers.columns import axes, dot, joined, matrix
@@ -63,11 +64,26 @@ class Simulation:
         check_state(model, box, state)
         if isinstance(fields, str):
             raise InputError("fields", "must be a list of names", fields)
-        self.model, self.box, self.state = model, box, state.copy()
-        self.asked = tuple(fields) or quantities.needed_to_step(model)
-        self.plan = quantities.required(model, self.asked)
-        self.evaluator = evaluator(model, box, self.state.type_n, self.state.solid_n)
-        self.mass_n = model.mass[self.state.type_n - 1]
+        own = state.copy()
+        self._start(own, evaluator(model, box, own.type_n, own.solid_n), tuple(fields))
+        self.mass_n = model.mass[own.type_n - 1]
+
+    @classmethod
+    def with_evaluator(cls, state: State, evaluator: Stages, fields: Iterable[str]) -> Self:
+        """Return a simulation of a state as it is, neither checked nor copied, by an evaluator that is ready for it.
+
+        For states in other number types, and for particles of one type with different masses (``evaluator.mass_n``).
+        """
+        simulation = cls.__new__(cls)
+        simulation._start(state, evaluator, tuple(fields))
+        simulation.mass_n = evaluator.mass_n
+        return simulation
+
+    def _start(self, state: State, evaluator: Stages, fields: tuple[str, ...]) -> None:
+        self.model, self.box, self.state = evaluator.model, evaluator.box, state
+        self.evaluator: Any = evaluator
+        self.asked = fields or quantities.needed_to_step(self.model)
+        self.plan = quantities.required(self.model, self.asked)
         self.other_nc: Array = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
         self.fields: dict[str, Array] = {}
         self.gradient, self.surface = Gradients(), Surface()

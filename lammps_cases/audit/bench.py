@@ -1,4 +1,4 @@
-"""What the looks cost: processor time of a deck's first run with and without them, in turns.
+"""Cost of the samples: processor time of a deck's first run with and without them, measured alternately.
 
 ``python -m lammps_cases.audit.bench DECK [STEPS [EVERY [REPEATS]]]`` prints both times of every turn and the ratio of
 the smallest ones. The deck's first run is cut to STEPS steps on both sides; each measurement is a process of its own.
@@ -15,12 +15,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lammps_cases.audit.follow import Follower
+from lammps_cases.audit.options import Task
 from lammps_cases.audit.scratch import copy_folder
-from lammps_cases.audit.watch import Watch
+from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import open_lammps
 
 
-class _First(Watch):
+class _FirstRun(DeckWatch):
     """Times the first run and ends the deck with it."""
 
     audited = True
@@ -28,22 +29,23 @@ class _First(Watch):
 
     def run(self, values: list[str], execute: Callable[[], None]) -> bool:
         if self.audited:
-            self._begin(["run"])
+            self.begin(["run"])
         begin = time.process_time()
-        self.lmp.command(f"run {self.limit}")
+        self.lmp.command(f"run {self.task.steps}")
         self.spent = time.process_time() - begin
         return True
 
 
 def first_run(deck: str, steps: int, every: int, audited: bool) -> float:
-    """Processor seconds of a deck's first run, cut to ``steps`` steps."""
+    """Return the processor seconds of a deck's first run, cut to ``steps`` steps."""
     with tempfile.TemporaryDirectory() as folder:
         copy_folder(Path(deck).resolve().parent, Path(folder))
         os.chdir(folder)
         lmp = open_lammps()
-        watch = _First(lmp, every, steps, lambda message: None)
+        task = Task(Path(deck).name, folder, every, steps, allow_shell=False, engine=None, output="")
+        watch = _FirstRun(lmp, task, lambda message: None)
         watch.audited = audited
-        Follower(lmp, watch, lambda where, command: None).deck(Path(Path(deck).name))
+        Follower(lmp, watch, lambda where, command: None).deck(Path(task.deck))
         lmp.close()
         os.chdir("/")
     return watch.spent

@@ -10,16 +10,16 @@ from pathlib import Path
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.follow import Follower
-from lammps_cases.audit.options import Ended, Identity, Place, Task
-from lammps_cases.audit.watch import Watch
+from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, Task
+from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import EngineMissing, EngineRefused, describe, open_lammps
 from lammps_cases.records.run_record import Seconds
 
 
 def main(task: Task, connection: Connection) -> None:
-    """Run a deck and send `Identity`, `Place`, `Facts`, `Look` and at last `Ended`, `InputError` or `EngineMissing`."""
+    """Run a deck and send the messages of `lammps_cases.audit.options`; at last `DeckEnd`, or the error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    # What the C++ runtime prints when it dies belongs into the record, not on the terminal.
+    # What the C++ runtime prints when it dies belongs in the record, not on the terminal.
     output = os.open(task.output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     os.dup2(output, 1)
     os.dup2(output, 2)
@@ -30,8 +30,8 @@ def main(task: Task, connection: Connection) -> None:
         connection.send(error)
 
 
-def audit(task: Task, connection: Connection) -> Ended:
-    """Run a deck in the current folder, with looks.
+def audit(task: Task, connection: Connection) -> DeckEnd:
+    """Run a deck in the current folder, with samples.
 
     Raises
     ------
@@ -40,16 +40,16 @@ def audit(task: Task, connection: Connection) -> Ended:
     begin = time.perf_counter()
     lmp = open_lammps(task.engine)
     who = describe(lmp, task.engine)
-    connection.send(Identity(who))
-    watch = Watch(lmp, task.every, task.steps, connection.send, task.fields, who["distribution"])
-    follower = Follower(lmp, watch, lambda where, text: connection.send(Place(where, text)), task.allow_shell)
+    connection.send(EngineIdentity(who))
+    watch = DeckWatch(lmp, task, connection.send, who["distribution"])
+    follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), task.allow_shell)
     refused = ""
     try:
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
     arrays, last = watch.final()
-    seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.look_seconds, total=time.perf_counter() - begin)
-    return Ended(
+    seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
+    return DeckEnd(
         watch.done, watch.runs, seconds, watch.questions.lines(), watch.questions.stability, arrays, last, refused
     )

@@ -7,11 +7,11 @@ followed (a keyword of a later version, a variable where a number is expected) i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NoReturn
 
-from eos_ref import EOSTable, parse_fix_rheo
+from eos_ref import EOSTable, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model, PairRheo, Thermal, Viscosity
 from eos_ref.syntax.ranges import type_range
@@ -67,13 +67,9 @@ class Deck:
             case ["clear"]:
                 self.__init__()  # type: ignore[misc]
 
-    def styles(self, style: str) -> list[list[str]]:
-        """The fixes of a style."""
-        return [values for values in self.fixes.values() if values[3] == style]
-
     def fix(self, style: str) -> list[str] | None:
-        """The last fix of a style."""
-        return found[-1] if (found := self.styles(style)) else None
+        """Return the words of the last fix of a style."""
+        return next((values for values in reversed(self.fixes.values()) if values[3] == style), None)
 
     def model(self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable) -> Model:
         """The particle model.
@@ -97,7 +93,30 @@ class Deck:
             thermal=None if heated is None else thermal(heated, ntypes),
         )
 
-    # --- why the sums over pairs cannot be told
+    def laws(self, ntypes: int) -> EOSTable | None:
+        """Return the equations of state of fix rheo and fix rheo/pressure; None unless both are defined."""
+        pressure, rheo = self.fix("rheo/pressure"), self.fix("rheo")
+        if pressure is None or rheo is None:
+            return None
+        fix, command = parse_fix_rheo(" ".join(rheo), ntypes), " ".join(pressure)
+        return resolve(parse_fix_rheo_pressure(command), ntypes, fix.rho0, fix.cs, command)
+
+    def changes_laws(self, values: list[str]) -> bool:
+        """Whether a command would change the equations of state."""
+        match values:
+            case ["fix", _, _, style, *_]:
+                return style in _LAWS
+            case ["unfix", name]:
+                return name in self.fixes and self.fixes[name][3] in _LAWS
+            case _:
+                return values[0] == "clear"
+
+    def sums_walls(self) -> bool:
+        """Whether densities of walls are summed, then reconstructed."""
+        words = self.fix("rheo") or []
+        return "rho/sum" in words and "interface/reconstruct" in words
+
+    # --- why sums over pairs cannot be checked
 
     def hides_pairs(self) -> str:
         """Why the neighbours of a particle are not simply all within the cutoff; or nothing."""
@@ -121,7 +140,7 @@ class Deck:
         """What else adds to the heat flow; or nothing."""
         if self.bonded:
             return f"{self.bonded[0]} may add to it"
-        return self._foreign(lambda style: style in _NO_HEAT or style.startswith("wall/"))
+        return self._other_fix(lambda style: style in _NO_HEAT or style.startswith("wall/"))
 
     def adds_force(self) -> str:
         """What adds to the force and is not followed; or nothing."""
@@ -130,21 +149,18 @@ class Deck:
             return f"pair_style {others[0]} adds to it"
         if self.bonded:
             return f"{self.bonded[0]} adds to it"
-        found = self._foreign(lambda style: style in _NO_FORCE or style in _FOLLOWED)
-        if found:
-            return found
+        if reason := self._other_fix(lambda style: style in _NO_FORCE or style in _FOLLOWED):
+            return reason
         try:
             self.actions()
         except InputError as error:
             return str(error)
         return ""
 
-    def _foreign(self, known: object) -> str:
-        assert callable(known)
-        for name, values in self.fixes.items():
-            if not known(values[3]):
-                return f"fix {name} ({values[3]}) may add to it"
-        return ""
+    def _other_fix(self, harmless: Callable[[str], bool]) -> str:
+        """Name a fix that may add to a sum over pairs, unless its style is harmless; or nothing."""
+        others = ((name, values[3]) for name, values in self.fixes.items() if not harmless(values[3]))
+        return next((f"fix {name} ({style}) may add to it" for name, style in others), "")
 
     def actions(self) -> list[Action]:
         """The fixes that change forces, in LAMMPS' order.
@@ -157,6 +173,7 @@ class Deck:
         return [action(values) for values in self.fixes.values() if values[3] in _FOLLOWED]
 
 
+_LAWS = ("rheo", "rheo/pressure")
 _FOLLOWED = ("gravity", "addforce", "setforce")
 _PAIR_WORDS = ("rheo", "artificial/visc", "rho/damp", "harmonic/means")
 # Fixes that leave forces alone, or do not act between an evaluation and a look.

@@ -1,7 +1,7 @@
-"""The fields that an audit can check: where LAMMPS shows each at a look, and why it cannot be checked, where it cannot.
+"""The fields that an audit can check, and the reasons why it cannot check the others.
 
-A look comes after the forces: there the state (positions, velocities, densities, energies, phases) is the very one that
-the evaluation saw, so whatever follows from the state alone can be checked.
+A sample is taken after the forces: there the state (positions, velocities, densities, energies, phases) is that of the
+evaluation, so that whatever follows from the state alone can be checked.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ DEFAULT = ("pressure",)
 
 
 def checked() -> tuple[str, ...]:
-    """Fields that an audit can check, in the order of a force evaluation, in which a difference is blamed."""
+    """Return the fields that an audit can check, in the order of a force evaluation, which blame follows."""
     return tuple(name for name in QUANTITIES if name in FIELDS and FIELDS[name].unaudited == "")
 
 
 def offered() -> tuple[str, ...]:
-    """Fields that may be asked for: those that an audit can check, then what no look can."""
+    """Return the fields that may be named: those that an audit can check, then those that it cannot."""
     return (*checked(), *(name for name in QUANTITIES if name in FIELDS and FIELDS[name].unaudited))
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """Fields by their names, each once, in the order of a force evaluation; ``all`` stays alone.
+    """Return fields by their names, each once, in the order of a force evaluation; ``all`` stays alone.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Choice:
-    """What is checked in a run, and why the rest is not."""
+    """The fields checked in a run, and why each of the others is not."""
 
     fields: tuple[str, ...]
     unchecked: dict[str, str]
@@ -64,8 +64,8 @@ class Setting:
     between: str = ""  # a command that run executes in between and that may change the model
 
 
-def choose(asked: Sequence[str], model: Model | InputError, setting: Setting) -> Choice:
-    """What of the fields asked for can be checked in a run.
+def choose(requested: Sequence[str], model: Model | InputError, setting: Setting) -> Choice:
+    """Choose those of the requested fields that can be checked in a run.
 
     Raises
     ------
@@ -73,11 +73,11 @@ def choose(asked: Sequence[str], model: Model | InputError, setting: Setting) ->
         A field named explicitly that cannot be.
     """
     fields, unchecked = [], {}
-    for name in offered() if ALL in asked else asked:
+    for name in offered() if ALL in requested else requested:
         reason = why_not(name, model, setting)
         if not reason:
             fields.append(name)
-        elif ALL in asked:
+        elif ALL in requested:
             unchecked[name] = reason
         else:
             raise InputError(name, f"cannot be checked in this deck: {reason}", where="option --fields")
@@ -85,7 +85,7 @@ def choose(asked: Sequence[str], model: Model | InputError, setting: Setting) ->
 
 
 def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
-    """Why a field cannot be checked; nothing if it can."""
+    """Return why a field cannot be checked; nothing if it can."""
     if reason := FIELDS[name].unaudited:
         return reason
     if name == "pressure":
@@ -125,5 +125,5 @@ def _of_pairs(name: str, model: Model, setting: Setting) -> str:
 
 
 def corrected_by_hidden_densities(model: Model) -> bool:
-    """Whether the matrices of reproducing kernels held densities of walls that no look can see."""
+    """Whether the matrices of reproducing kernels held densities of walls that LAMMPS never shows."""
     return model.corrects_gradients and model.fix.interface_reconstruct and not model.fix.rho_sum

@@ -1,7 +1,7 @@
 """The flow of a deck: which command comes next, and the hook before every run.
 
 LAMMPS executes every command; only label, jump, include, if, next's consequence and quit are followed here, so
-that runs inside them are met, fixes are known as LAMMPS got them, and no command passes unjudged. Conditions,
+that runs inside them are met, fixes are known as LAMMPS got them, and no command passes unchecked. Conditions,
 variables and substitution remain LAMMPS' own: an ``if`` is handed to LAMMPS with each branch replaced by a
 number, and a line is substituted once, by LAMMPS (a random variable must not advance twice).
 """
@@ -14,8 +14,8 @@ from typing import Any
 
 from eos_ref.errors import InputError
 from lammps_cases.audit import guard, text
-from lammps_cases.audit.watch import Watch
-from lammps_cases.engine.session import EngineRefused
+from lammps_cases.audit.watch import DeckWatch
+from lammps_cases.engine.session import EngineRefused, translated
 
 BRANCH = "eosref_branch"  # names of variables that decks will not use
 LINE = "eosref_line"
@@ -23,7 +23,7 @@ _FLOW = frozenset({"jump", "include", "label", "next", "clear", "run", "partitio
 
 
 class Finished(Exception):
-    """The deck ends here: quit, or as many steps as asked for."""
+    """End of the deck: quit, or the last step that the audit is to do."""
 
 
 class _Script:
@@ -41,15 +41,17 @@ class Follower:
     ----------
     lmp : lammps
         An open instance; the current folder is the deck's.
-    watch : Watch
-        Told of every command, and given the runs.
+    watch : DeckWatch
+        Notes every command, and executes the runs.
     report : callable
         Called with place and text of every command before LAMMPS gets it.
     allow_shell : bool
-        Whether commands are not judged by `guard`.
+        Whether commands are left unchecked by `guard`.
     """
 
-    def __init__(self, lmp: Any, watch: Watch, report: Callable[[str, str], None], allow_shell: bool = False) -> None:
+    def __init__(
+        self, lmp: Any, watch: DeckWatch, report: Callable[[str, str], None], allow_shell: bool = False
+    ) -> None:
         self.lmp, self.watch, self.report, self.allow_shell = lmp, watch, report, allow_shell
         self.scripts: list[_Script] = []
         self.seeking: str | None = None
@@ -89,24 +91,24 @@ class Follower:
 
     def _line(self, line: str) -> None:
         command = text.without_comment(line)
-        found = text.words(command)
-        if not found:
+        words = text.words(command)
+        if not words:
             return
         if self.seeking is not None:  # lines on the way to a label are not substituted
-            if [word.value for word in found] == ["label", self.seeking]:
+            if [word.value for word in words] == ["label", self.seeking]:
                 self.seeking = None
             return
         self.report(self.where, command)
         if "$" in command:
-            command = self._ask(lambda: self.lmp.expand(command))
-            found = text.words(command)
+            command = self._call(lambda: self.lmp.expand(command))
+            words = text.words(command)
         if not self.allow_shell:
-            guard.check(found, self.where)
-        if found:
-            self._dispatch(command, found)
+            guard.check(words, self.where)
+        if words:
+            self._dispatch(command, words)
 
-    def _dispatch(self, command: str, found: list[text.Word]) -> None:
-        values = [word.value for word in found]
+    def _dispatch(self, command: str, words: list[text.Word]) -> None:
+        values = [word.value for word in words]
         match values:
             case ["label", _]:
                 pass
@@ -117,16 +119,16 @@ class Follower:
             case ["include", file]:
                 self._file(Path(file))
             case ["if", *_]:
-                self._if(found)
+                self._if(words)
             case ["next", *names]:
                 self.execute(command)
                 self.skip_jump = any(not self.lmp.has_id("variable", name) for name in names)
             case ["run", *_]:
-                self._hidden(found)
+                self._hidden(words)
                 if self.watch.run(values, lambda: self.execute(command)):
                     raise Finished
             case _:
-                self._hidden(found)
+                self._hidden(words)
                 self.execute(command)
                 self.watch.note(values)
 
@@ -137,33 +139,33 @@ class Follower:
         self.scripts[-1] = self._script(self.scripts[-1].path if file == "SELF" else Path(file))
         self.seeking = label[0] if label else None
 
-    def _if(self, found: list[text.Word]) -> None:
+    def _if(self, words: list[text.Word]) -> None:
         try:
-            conditions, commands = text.branches(found)
+            conditions, commands = text.branches(words)
         except ValueError:
             raise EngineRefused(f"ERROR: Illegal if command ({self.where})") from None
         numbered = [f'"variable {BRANCH} internal {k}"' for k in range(1, len(commands) + 1)]
-        asked = f"if {conditions[0]} then {numbered[0]}"
+        numbered_if = f"if {conditions[0]} then {numbered[0]}"
         for condition, branch in zip(conditions[1:], numbered[1:], strict=False):
-            asked += f" elif {condition} {branch}"
+            numbered_if += f" elif {condition} {branch}"
         if len(commands) > len(conditions):
-            asked += f" else {numbered[-1]}"
+            numbered_if += f" else {numbered[-1]}"
         self.execute(f"variable {BRANCH} internal 0")
-        self.execute(asked)
+        self.execute(numbered_if)
         taken = round(self.lmp.extract_variable(BRANCH))
         for inner in commands[taken - 1] if taken else ():
             self._line(inner)
 
-    def _hidden(self, found: list[text.Word]) -> None:
-        """Refuse to go on where LAMMPS would change flow or laws unseen, or execute what cannot be judged."""
-        for inner in guard.nested(found):
-            words = text.words(text.without_comment(inner))
-            values = [word.value for word in words]
+    def _hidden(self, words: list[text.Word]) -> None:
+        """Refuse commands within another that change flow or laws, or that cannot be checked beforehand."""
+        for inner in guard.nested(words):
+            held = text.words(text.without_comment(inner))
+            values = [word.value for word in held]
             if values[:1] == ["if"]:
-                self._hidden(words)
-            elif values and (values[0] in _FLOW or guard.is_open(values) or self.watch.concerns(values)):
+                self._hidden(held)
+            elif values and (values[0] in _FLOW or guard.is_open(values) or self.watch.deck.changes_laws(values)):
                 raise InputError(
-                    f"command {found[0].value}",
+                    f"command {words[0].value}",
                     "may not hold a command that the audit has to follow",
                     inner,
                     self.where,
@@ -172,14 +174,13 @@ class Follower:
     def execute(self, command: str) -> None:
         """Hand over a substituted command; LAMMPS may neither substitute it again nor see a comment in it."""
         if "#" in command or "$" in command:
-            self._ask(lambda: self.lmp.set_string_variable(LINE, command))
+            self._call(lambda: self.lmp.set_string_variable(LINE, command))
             command = f"${{{LINE}}}"
-        self._ask(lambda: self.lmp.command(command))
+        self._call(lambda: self.lmp.command(command))
 
-    def _ask(self, call: Callable[[], Any]) -> Any:
+    def _call(self, call: Callable[[], Any]) -> Any:
         try:
-            return call()
-        except (EngineRefused, InputError):
-            raise
-        except Exception as error:  # lammps raises plain Exception with LAMMPS' message
+            with translated():
+                return call()
+        except EngineRefused as error:
             raise EngineRefused(f"{' '.join(str(error).split())} ({self.where})") from None

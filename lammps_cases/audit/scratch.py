@@ -22,13 +22,13 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST) -> None:
         More than ``largest`` bytes, or a file that cannot be read.
     """
     copied = 0
-    seen: set[Path] = set()
+    done: set[Path] = set()
     for directory, folders, files in os.walk(source, followlinks=True):
         here = Path(directory)
-        if here.resolve() in seen or (target.resolve().is_relative_to(here.resolve()) and here != source):
+        if here.resolve() in done or (target.resolve().is_relative_to(here.resolve()) and here != source):
             folders.clear()  # a link that leads back, or the copy itself
             continue
-        seen.add(here.resolve())
+        done.add(here.resolve())
         to = target / here.relative_to(source)
         to.mkdir(parents=True, exist_ok=True)
         for file in sorted(files):

@@ -1,4 +1,4 @@
-"""`audit_deck`: the copy, the process that runs the deck in it, and what becomes of its messages."""
+"""`audit_deck`: the copy, the process that runs the deck in it, and the record made of its messages."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pathlib import Path
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.guard import check_script
-from lammps_cases.audit.options import AuditOptions, AuditResult, Look, Task
+from lammps_cases.audit.options import AuditOptions, AuditResult, SampleRows, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
-PATIENCE = 0.5  # seconds between two looks at the clock
+PATIENCE = 0.5  # seconds between two checks of the time limit
 
 
 def run_child(task: Task, connection: Connection) -> None:
@@ -35,7 +35,7 @@ ENTRY: Callable[[Task, Connection], None] = run_child
 
 
 def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
-    """Run a deck, unchanged, in a copy of its folder, and check the fields asked for at every atom.
+    """Run a deck, unchanged, in a copy of its folder, and check the requested fields at every atom.
 
     Checked is, every so many steps (`AuditOptions`) and at the start of every run, what a force evaluation has just
     used: the pressure, P = EOS(rho, e) with the laws that fix rheo and fix rheo/pressure hold at that moment, and
@@ -50,13 +50,13 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     Returns
     -------
     AuditResult
-        One case: its fields (the pressure per atom type), a check per look, what was not checked, and warnings.
+        One case: its fields (the pressure per atom type), a check per sample, what was not checked, and warnings.
         LAMMPS' own error makes it ``refused``; its death ``crashed`` or ``timeout``, with what had been checked before.
 
     Raises
     ------
     InputError
-        The deck cannot be read, is not allowed to run, cannot be followed, or has nothing to check; a field asked for
+        The deck cannot be read, is not allowed to run, cannot be followed, or has nothing to check; a requested field
         cannot be checked in it.
     EngineMissing
         There is no LAMMPS with RHEO.
@@ -152,7 +152,7 @@ def _listen(
             if isinstance(message, Exception):
                 raise message
             findings.take(message)
-            if isinstance(message, Look):
+            if isinstance(message, SampleRows):
                 options.progress.advance(message.done, options.steps, "steps")
     except TimeoutError:
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
@@ -178,5 +178,5 @@ def _death(code: int | None) -> str:
 def _tail(output: Path) -> str:
     """The last line that the dying process printed."""
     lines = output.read_text(errors="replace").split("\n") if output.exists() else []
-    said = [line.strip() for line in lines if line.strip()]
-    return f": {said[-1][:300]}" if said else ""
+    printed = [line.strip() for line in lines if line.strip()]
+    return f": {printed[-1][:300]}" if printed else ""

@@ -1,6 +1,6 @@
 """Syntax of LAMMPS input scripts: logical lines, comments, words.
 
-As the manual's page on parsing rules says; what it leaves open was found by trying (LAMMPS 22Jul2025).
+As the manual's page on parsing rules says; what it leaves open was determined by experiment (LAMMPS 22Jul2025).
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def without_comment(text: str) -> str:
 
 def words(text: str) -> list[Word]:
     """Split at blanks; a word that begins with a quote goes on to the next quote of its kind."""
-    found: list[Word] = []
+    split: list[Word] = []
     position = 0
     while position < len(text):
         if text[position].isspace():
@@ -85,12 +85,12 @@ def words(text: str) -> list[Word]:
             end = text.find(quote, begin + len(quote))
             end = len(text) if end < 0 else end
             position = end + len(quote)
-            found.append(Word(text[begin:position], text[begin + len(quote) : end]))
+            split.append(Word(text[begin:position], text[begin + len(quote) : end]))
         else:
             while position < len(text) and not text[position].isspace():
                 position += 1
-            found.append(Word(text[begin:position], text[begin:position]))
-    return found
+            split.append(Word(text[begin:position], text[begin:position]))
+    return split
 
 
 def branches(command: list[Word]) -> tuple[list[str], list[list[str]]]:

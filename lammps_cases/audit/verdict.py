@@ -1,11 +1,11 @@
-"""From looks to the record of an audit."""
+"""From samples to the record of an audit."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from lammps_cases.audit.fields import offered
-from lammps_cases.audit.options import Ended, Facts, Identity, Look, Place, Row
+from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, RunFacts, SampleRow, SampleRows
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
@@ -13,47 +13,49 @@ from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, Fiel
 
 @dataclass
 class Findings:
-    """What has arrived from the process that runs the deck, so far."""
+    """The messages of the process that runs the deck, so far, taken together."""
 
-    place: Place = field(default_factory=lambda: Place("", ""))
+    place: CommandPlace = field(default_factory=lambda: CommandPlace("", ""))
     who: dict[str, str] = field(default_factory=dict)
-    facts: Facts | None = None
+    facts: RunFacts | None = None
     done: int = 0
     checks: list[CheckRecord] = field(default_factory=list)
     fields: dict[tuple[str, int], FieldRecord] = field(default_factory=dict)
     unchecked: dict[tuple[str, str], list[int]] = field(default_factory=dict)  # runs by field and reason
     chosen: set[str] = field(default_factory=set)
     blame: Blame | None = None
-    ended: Ended | None = None
+    ended: DeckEnd | None = None
 
     def take(self, message: object) -> None:
         """Take one message."""
         match message:
-            case Place():
+            case CommandPlace():
                 self.place = message
-            case Identity():
+            case EngineIdentity():
                 self.who = message.who
-            case Facts():
+            case RunFacts():
                 self.facts = message
                 self.chosen |= message.stages.keys()
                 for reason in message.unchecked.items():
                     self.unchecked.setdefault(reason, []).append(message.run)
-            case Look():
-                self._look(message)
-            case Ended():
+            case SampleRows():
+                self._sample(message)
+            case DeckEnd():
                 self.ended = message
                 self.done = message.done
 
-    def _look(self, look: Look) -> None:
-        self.done = look.done
-        for key, row in look.rows.items():
-            self.checks.append(_check(look, key, row))
-            record = self._field(look, key, row)
+    def _sample(self, sample: SampleRows) -> None:
+        self.done = sample.done
+        for key, row in sample.rows.items():
+            name, t = key
+            values = {k: v for k, v in row._asdict().items() if k in CheckRecord.model_fields}
+            self.checks.append(CheckRecord(step=sample.step, run=sample.run, field=name, type=t, **values))
+            record = self._field(sample, key, row)
             self.fields[key] = _joined(self.fields[key], record) if key in self.fields else record
             if row.verdict == "differs" and self.blame is None:
-                self.blame = _blame(look, key, row)
+                self.blame = _blame(sample, key, row)
 
-    def _field(self, look: Look, key: tuple[str, int], row: Row) -> FieldRecord:
+    def _field(self, sample: SampleRows, key: tuple[str, int], row: SampleRow) -> FieldRecord:
         name, t = key
         facts = self.facts or NOTHING
         return FieldRecord(
@@ -61,19 +63,19 @@ class Findings:
             stage=facts.stages.get(name, "eos"),
             derivation=facts.derivations[t - 1] if t and facts.derivations else facts.derivation,
             atom_type=t or None,
-            worst_step=look.step,
+            worst_step=sample.step,
             **{name: value for name, value in row._asdict().items() if name != "natoms"},
         )
 
     def _unchecked(self) -> list[str]:
-        """A line per field and reason, with the runs if it was checked, or not for another reason, in others."""
+        """Return a line per field and reason, with the runs if others differ."""
         several = len({run for runs in self.unchecked.values() for run in runs} | {c.run for c in self.checks}) > 1
-        seen = {name for name, _ in self.fields}
-        missed = [name for name in offered() if name in self.chosen - seen and self.checks]
+        compared = {name for name, _ in self.fields}
+        missed = [name for name in offered() if name in self.chosen - compared and self.checks]
         return [
             f"{name}: {reason}" + (f" (run {', '.join(map(str, runs))})" if several else "")
             for (name, reason), runs in self.unchecked.items()
-        ] + [f"{name}: {UNTOLD}" for name in missed]
+        ] + [f"{name}: {NEVER_COMPARABLE}" for name in missed]
 
     def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
         """Make the record; ``failure`` says how LAMMPS ended, if not well."""
@@ -87,7 +89,7 @@ class Findings:
         case = CaseRecord(
             case=name,
             tags=["audit"],
-            about="an input deck of the user, unchanged",
+            about="your input deck, run unmodified",
             verdict=worst([of_fields, failure.verdict]) if failure else of_fields,
             ended=failure.verdict if failure else "answered",
             engine_error=failure.message if failure else "",
@@ -109,52 +111,38 @@ class Findings:
         return case
 
     def _natoms(self) -> dict[int, int]:
-        """Atoms of the last look, by type; of all types together (0), if no field was looked at by type."""
+        """Return the atoms of the last sample by type; of all types together (0), if no field was compared by type."""
         last = self.checks[-1] if self.checks else None
-        found = {
+        natoms = {
             check.type: check.natoms
             for check in self.checks[-64:]
             if last is not None and (check.step, check.run) == (last.step, last.run)
         }
-        return {t: n for t, n in found.items() if t} or found
+        return {t: n for t, n in natoms.items() if t} or natoms
 
 
-UNTOLD = (
-    "no look could tell it of any atom: all lie beside reconstructed walls whose densities LAMMPS does not show as it "
-    "used them, at the cutoff of others, or off the plane of a 2D deck"
+NEVER_COMPARABLE = (
+    "no sample had an atom to compare it for: all lie beside reconstructed walls whose densities LAMMPS does not show "
+    "as it used them, at the cutoff of others, or off the plane of a 2D deck"
 )
-NOTHING = Facts(0, 0, "", [], [])
-
-
-def _check(look: Look, key: tuple[str, int], row: Row) -> CheckRecord:
-    return CheckRecord(
-        step=look.step,
-        run=look.run,
-        field=key[0],
-        type=key[1],
-        natoms=row.natoms,
-        verdict=row.verdict,
-        max_abs=row.max_abs,
-        max_over_bound=row.max_over_bound,
-        worst_id=row.worst_id,
-    )
+NOTHING = RunFacts(0, 0, "", [], [])
 
 
 def _joined(a: FieldRecord, b: FieldRecord) -> FieldRecord:
-    """The earlier look with the worst ratio, with the worst verdict and difference of both."""
+    """Return the earlier sample with the worst ratio, with the worst verdict and difference of both."""
     record = b if (b.max_over_bound or 0) > (a.max_over_bound or 0) else a
     verdict, max_abs = worst([a.verdict, b.verdict]), max(a.max_abs or 0.0, b.max_abs or 0.0)
     explained = list(dict.fromkeys([*a.explained_by, *b.explained_by])) if verdict == "explained" else []
     return record.model_copy(update={"verdict": verdict, "max_abs": max_abs, "explained_by": explained})
 
 
-def _blame(look: Look, key: tuple[str, int], row: Row) -> Blame:
+def _blame(sample: SampleRows, key: tuple[str, int], row: SampleRow) -> Blame:
     name, t = key
     assert row.first_id is not None
     return Blame(
         field=name,
-        step=look.step,
-        run=look.run,
+        step=sample.step,
+        run=sample.run,
         type=t or None,
         atom=row.first_id,
         outside=row.outside,

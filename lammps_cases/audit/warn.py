@@ -1,6 +1,6 @@
-"""Questionable set-ups of a deck, seen in the commands and in the looks; each said in one plain line with numbers.
+"""Questionable set-ups of a deck, by its commands and samples; one plain line with numbers for each.
 
-Judged over fluid particles only: the density of a solid is made up (by reconstruction, or by a sum over half a
+Judged by fluid particles only: the density of a solid is constructed (by reconstruction, or by a sum over half a
 neighbourhood) and may lie anywhere.
 """
 
@@ -26,7 +26,7 @@ _FROM_FILE = frozenset({"read_data", "read_restart", "read_dump"})
 
 @dataclass
 class _Range:
-    """Smallest and largest value, and the mean, of all that was seen."""
+    """Smallest and largest value, and the mean, of all samples."""
 
     low: float = math.inf
     high: float = -math.inf
@@ -49,103 +49,103 @@ class _Range:
 
 
 @dataclass
-class _Seen:
+class _TypeHistory:
     """One type under one law."""
 
     law: EOS
     default: int = 0  # atoms that begin with the default density, if all do
-    looks: int = 0
+    samples: int = 0
     rho: _Range = field(default_factory=_Range)
     p: _Range = field(default_factory=_Range)
 
 
 @dataclass
 class Questions:
-    """Collects evidence; `lines` says what is questionable."""
+    """Collects evidence of questionable set-ups; `lines` are the warnings."""
 
     _rho_set: bool = False
-    _seen: dict[tuple[int, EOS], _Seen] = field(default_factory=dict)
-    _said: list[str] = field(default_factory=list)
+    _types: dict[tuple[int, EOS], _TypeHistory] = field(default_factory=dict)
+    _lines: list[str] = field(default_factory=list)
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
     stability: list[str] = field(default_factory=list)  # how far from failing, where that is no warning
     _judged: tuple[Model, float] | None = None
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
-        if values[0] == "clear":  # another system: what is known of the first one ends here
-            self._said = self.lines()
+        if values[0] == "clear":  # another system: the first one ends here
+            self._lines = self.lines()
             self._rho_set = False
-            self._seen.clear()
+            self._types.clear()
         if values[0] in _FROM_FILE or (values[0] == "set" and "rheo/rho" in values):
             self._rho_set = True
 
     def unwatched(self, run: int) -> None:
         """A run without laws."""
-        self._said.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
+        self._lines.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
 
-    def look(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:
+    def take(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:
         """Take density and pressure of all atoms of one type."""
         fluid = status_n & SOLID == 0
         if not fluid.all():
             rho_n, p_n = rho_n[fluid], p_n[fluid]
         if not rho_n.size:
             return
-        first = not any(seen_type == t for seen_type, _ in self._seen)
-        seen = self._seen.setdefault((t, law), _Seen(law))
+        first = not any(other == t for other, _ in self._types)
+        history = self._types.setdefault((t, law), _TypeHistory(law))
         if first and not self._rho_set and bool(np.all(rho_n == DEFAULT_RHO)):
-            seen.default = rho_n.size
-        seen.looks += 1
-        seen.rho.add(rho_n)
-        seen.p.add(p_n)
+            history.default = rho_n.size
+        history.samples += 1
+        history.rho.add(rho_n)
+        history.p.add(p_n)
 
     def begin(self, run: int, model: Model, box: Box, state: State, timestep: float) -> None:
-        """Take the particles at the start of a run; said once for a model and a time step."""
+        """Take the particles at the start of a run; judged once for a model and a time step."""
         if self._judged == (model, timestep):
             return
         self._judged = model, timestep
         for advice in judge(model, box, state, timestep):
-            said = self._said if advice.warns else self.stability
-            said.append(advice.text if run == 1 else f"run {run}: {advice.text}")
+            lines = self._lines if advice.warns else self.stability
+            lines.append(advice.text if run == 1 else f"run {run}: {advice.text}")
 
     def lines(self) -> list[str]:
-        """The warnings, in the order of systems and types; the same line is not said twice."""
-        said = list(self._said)
-        for (t, law), seen in self._seen.items():
+        """Return the warnings, in the order of systems and types, each once."""
+        lines = list(self._lines)
+        for (t, law), history in self._types.items():
             if not law.needs_energy:  # a gas has neither rho0 nor a pressure around 0
-                questions = [_unset(seen)] if _unset(seen) else [_unreached(seen), _offset(seen)]
-                said += [f"type {t}: {line}" for line in questions if line]
+                questions = [_unset(history)] if _unset(history) else [_unreached(history), _offset(history)]
+                lines += [f"type {t}: {line}" for line in questions if line]
         if self.tilted:
-            said.append(
+            lines.append(
                 f"{self.tilted} atoms of this 2D deck have neighbours at another height z: LAMMPS takes distances in "
                 "space; fields of these atoms and their neighbours were not checked"
             )
-        return list(dict.fromkeys(said))
+        return list(dict.fromkeys(lines))
 
 
-def _unset(seen: _Seen) -> str:
-    law = seen.law
-    if not seen.default or law.rho0 == DEFAULT_RHO:
+def _unset(history: _TypeHistory) -> str:
+    law = history.law
+    if not history.default or law.rho0 == DEFAULT_RHO:
         return ""
     return (
-        f"rho was never set: all {seen.default} fluid atoms begin with the default density {DEFAULT_RHO:g} while "
+        f"rho was never set: all {history.default} fluid atoms begin with the default density {DEFAULT_RHO:g} while "
         f"rho0 = {law.rho0:g}, so their pressure begins at {float(law.pressure(DEFAULT_RHO)):.4g}"
     )
 
 
-def _unreached(seen: _Seen) -> str:
-    rho, rho0 = seen.rho, seen.law.rho0
+def _unreached(history: _TypeHistory) -> str:
+    rho, rho0 = history.rho, history.law.rho0
     gap = max(rho.low - rho0, rho0 - rho.high)
     if not gap > max(rho.width, 1e-6 * rho0):  # nearer than the density varies, a longer run may reach it
         return ""
     return (
         f"rho0 = {rho0:g} was never reached: the density of the fluid stayed within {rho.low:.6g} to {rho.high:.6g} "
-        f"in all {seen.looks} looks"
+        f"in all {history.samples} samples"
     )
 
 
-def _offset(seen: _Seen) -> str:
-    p, background = seen.p, seen.law.background
-    natural = 1e-6 * seen.law.rho0 * seen.law.cs**2  # a smaller pressure is no offset but the start of a flow
+def _offset(history: _TypeHistory) -> str:
+    p, background = history.p, history.law.background
+    natural = 1e-6 * history.law.rho0 * history.law.cs**2  # a smaller pressure is no offset but the start of a flow
     if not abs(p.mean) > max(OFFSET * p.width, natural):
         return ""
     return (

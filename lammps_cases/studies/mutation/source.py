@@ -73,6 +73,7 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
         "evaluation.time_step:Simulation.rounded",
         "evaluation.time_step:Simulation.precise",
         "evaluation.time_step:Simulation._evaluated_in",
+        "evaluation.time_step:Simulation.with_evaluator",
     ),
     "derivatives": (
         "eos.laws:linear_stiffness",
@@ -107,7 +108,7 @@ ONLY = {
 EXCLUDED_ASSIGNMENTS = {
     "numbers.elementary:powm1": ("normal",),
     "evaluation.pairs:directed_pairs": ("wrap_nc", "points, extent", "span"),
-    "evaluation.time_step:Simulation.__init__": ("self.fresh",),
+    "evaluation.time_step:Simulation._start": ("self.fresh",),
     "evaluation.time_step:Simulation.step": ("self.fresh",),
 }
 ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {

@@ -23,7 +23,7 @@ from click.testing import CliRunner
 
 from eos_ref import EOSTable, InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
-from lammps_cases.audit.options import Place, Task
+from lammps_cases.audit.options import CommandPlace, Task
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.progress import Steps
@@ -179,30 +179,30 @@ def test_original_folder_stays_untouched(kept: Callable[[str], Path]) -> None:
 
 
 def _stiffer(task: Task, connection: Connection) -> None:
-    from lammps_cases.audit import child, watch
+    from lammps_cases.audit import child, deck
 
-    right = watch.Watch._laws
+    right = deck.Deck.laws
 
-    def wrong(self: watch.Watch) -> EOSTable | None:
-        table = right(self)
+    def wrong(self: deck.Deck, ntypes: int) -> EOSTable | None:
+        table = right(self, ntypes)
         assert table is not None
         one, two = table.laws
         return EOSTable((one, replace(two, cs=two.cs * (1 + 1e-12))))
 
-    watch.Watch._laws = wrong  # type: ignore[method-assign]
+    deck.Deck.laws = wrong  # type: ignore[method-assign]
     child.main(task, connection)
 
 
 def _at_each_look(act: Callable[[Any, int, int], None], task: Task, connection: Connection) -> None:
     from lammps_cases.audit import child, watch
 
-    right = watch.Watch._look
+    right = watch.DeckWatch._sample
 
-    def wrong(self: watch.Watch, step: int, n: int, tag: Any, x_nc: Any) -> None:
-        act(self.lmp, step, n)
-        right(self, step, n, tag, x_nc)
+    def wrong(self: watch.DeckWatch, run: watch.WatchedRun, table: EOSTable, step: int, tag_n: Any, x_nc: Any) -> None:
+        act(self.lmp, step, len(tag_n))
+        right(self, run, table, step, tag_n, x_nc)
 
-    watch.Watch._look = wrong  # type: ignore[method-assign]
+    watch.DeckWatch._sample = wrong  # type: ignore[method-assign]
     child.main(task, connection)
 
 
@@ -232,7 +232,7 @@ def _wrong_look(task: Task, connection: Connection) -> None:
 
 
 def _hang(task: Task, connection: Connection) -> None:
-    connection.send(Place("in.plain:7", "run   45"))
+    connection.send(CommandPlace("in.plain:7", "run   45"))
     time.sleep(600)
 
 

@@ -20,8 +20,8 @@ from eos_ref import InputError, parse_fix_rheo
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
+from lammps_cases.audit.evaluation import Sample, SampleEvaluation
 from lammps_cases.audit.options import Task
-from lammps_cases.audit.seen import Seen, View
 from lammps_cases.records.run_record import CaseRecord
 
 pytestmark = pytest.mark.lammps
@@ -142,14 +142,14 @@ def test_deck_does_the_same_as_without_audit(name: str, kept: Callable[[str], Pa
 
 
 def _wrong(plant: Callable[[Any], None], task: Task, connection: Connection) -> None:
-    from lammps_cases.audit import child, look
+    from lammps_cases.audit import child, sample
 
-    plant(look)
+    plant(sample)
     child.main(task, connection)
 
 
-def _damage(field: str, look: Any) -> None:
-    right = look.Reader._shown
+def _damage(field: str, sample: Any) -> None:
+    right = sample.Sampler._shown
     calls: list[int] = []
 
     def wrong(self: Any, n: int) -> Any:
@@ -161,27 +161,27 @@ def _damage(field: str, look: Any) -> None:
             values[row, -1] += 1 if field == "coordination" else 1e-9
         return shown
 
-    look.Reader._shown = wrong
+    sample.Sampler._shown = wrong
 
 
-def _thicker(look: Any) -> None:
-    right = look.Reader.__init__
+def _thicker(sample: Any) -> None:
+    right = sample.Sampler.__init__
 
     def wrong(self: Any, lmp: Any, names: Any, model: Model, *rest: Any) -> None:
         one, two = model.viscosity
         right(self, lmp, names, replace(model, viscosity=(replace(one, K=one.K * (1 + 1e-10)), two)), *rest)
 
-    look.Reader.__init__ = wrong
+    sample.Sampler.__init__ = wrong
 
 
-def _heavier(look: Any) -> None:
-    right = look.Reader._view
+def _heavier(sample: Any) -> None:
+    right = sample.Sampler._sample
 
     def wrong(self: Any, *arguments: Any) -> Any:
-        view = right(self, *arguments)
-        return replace(view, mass_n=view.mass_n * (1 + 1e-12))
+        right_one = right(self, *arguments)
+        return replace(right_one, mass_n=right_one.mass_n * (1 + 1e-12))
 
-    look.Reader._view = wrong
+    sample.Sampler._sample = wrong
 
 
 SUMMED_WRONG = ["coordination", "rho", "grad/v", "shift/v", "surface/r", "surface/n", "surface/divr", "f", "drho"]
@@ -332,8 +332,9 @@ def test_pairs_at_the_cutoff_are_open() -> None:
         n = len(x_nc)
         ones_n = np.ones(n)
         state = State(x_nc, np.zeros((n, 2)), ones_n, np.ones(n, int), np.zeros(n, bool))
-        seen = Seen(View(model, Box((0, 0), (10, 10), (True, True)), state, ones_n), ("coordination", "surface"))
-        counted = seen.output("coordination")
+        sample = Sample(model, Box((0, 0), (10, 10), (True, True)), state, ones_n)
+        evaluation = SampleEvaluation(sample, ("coordination", "surface"))
+        counted = evaluation.output("coordination")
         assert np.all(error(counted) == 4) and np.all((value(counted) >= 24) & (value(counted) <= 28))
-        assert np.all((error(seen.output("surface")) > 0) == open_)
-        assert np.all(value(seen.output("surface")) == (limit == 29)) or open_
+        assert np.all((error(evaluation.output("surface")) > 0) == open_)
+        assert np.all(value(evaluation.output("surface")) == (limit == 29)) or open_

@@ -1,7 +1,7 @@
-"""The look at the fields of the particle model: what LAMMPS shows, and what the reference makes of the same state.
+"""Samples of the fields of the particle model: what LAMMPS shows, and what the reference makes of the same state.
 
-Most fields are arrays of atoms; the others are shown by a compute of our own, evaluated at the look and by nobody
-else. LAMMPS evaluates a compute anew for every step and after every set-up, from what the forces have just used.
+Most fields are arrays of atoms; the others are shown by a compute of the audit's own, evaluated at a sample and by
+nobody else. LAMMPS evaluates a compute anew for every step and after every set-up, from what the forces have just used.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from eos_ref.model.parameters import Box, Model, State
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
+from lammps_cases.audit.evaluation import Sample, SampleEvaluation
+from lammps_cases.audit.explanation import Explained, explain
 from lammps_cases.audit.fields import checked
-from lammps_cases.audit.seen import Explained, Seen, View, explain
 from lammps_cases.comparison.compare import Comparison, compare_field, excess
 from lammps_cases.findings import LEDGER
 from lammps_cases.scene.fields import FIELDS
@@ -31,17 +32,17 @@ SOLID = 1
 ATOM_VARIABLE = 1  # extract_variable's LMP_VAR_ATOM
 
 
-class Reader:
-    """Reads fields from LAMMPS at a look; set up before a run.
+class Sampler:
+    """Reads and compares fields; set up before a run.
 
     Parameters
     ----------
     lmp : lammps
     fields : sequence of str
-        Without pressure.
+        The pressure among them is left out.
     model : Model
     actions : sequence of Action
-        Fixes that change forces; only asked for with ``f``.
+        Fixes that change forces; used only with ``f``.
     mass_t : array or None
         Mass per type, from index 1; None where every particle has its own.
     engine : str
@@ -61,7 +62,7 @@ class Reader:
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
         self.actions = list(actions) if "f" in self.fields else []
         self.listed = [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
-        self.last: Explained = {}
+        self.explained: Explained = {}  # by earlier samples
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}
         end = 1
@@ -77,43 +78,52 @@ class Reader:
         for group, name in self.groups.items():
             lmp.command(f"variable {name} atom gmask({group})")
 
-    def look(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
+    def compare(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
         """Compare all fields of the particles there are; ``setup`` on the set-up of a run."""
         n = len(tag_n)
-        if (
-            not n or not np.isfinite(x_nc[:n]).all()
-        ):  # nothing to list pairs of; the pressures are compared all the same
+        if not n or not np.isfinite(x_nc[:n]).all():  # no pairs to list; the pressures are compared all the same
             return {}
-        view = self._view(n, x_nc, setup)
+        sample = self._sample(n, x_nc, setup)
         shown = self._shown(n)
-        seen = Seen(view, self.fields)
-        self.tilted = max(self.tilted, int(seen.tilted().sum()))
-        found = {}
-        for field in self.fields:
-            known_n = seen.known(field)
-            if known_n.any():
-                found[field] = _compare(field, tag_n, shown[field], seen.output(field), known_n)
-        self._explain(view, shown, seen, found)
-        return found
+        reference = SampleEvaluation(sample, self.fields)
+        self.tilted = max(self.tilted, int(reference.tilted().sum()))
+        rows_of = {field: rows_n for field in self.fields if (rows_n := reference.comparable(field)).any()}
+        comparisons = {
+            field: compare_field(
+                field,
+                FIELDS[field].stage,
+                tag_n[rows_n],
+                *_sides(shown[field], reference.output(field), rows_n),
+                derivation=derived(0),
+            )
+            for field, rows_n in rows_of.items()
+        }
+        self._explain(sample, shown, rows_of, comparisons)
+        return comparisons
 
-    def _explain(self, view: View, shown: Mapping[str, Array], seen: Seen, found: Mapping[str, Comparison]) -> None:
-        before = frozenset(field for field, comparison in found.items() if comparison.record.verdict == "differs")
+    def _explain(
+        self,
+        sample: Sample,
+        shown: Mapping[str, Array],
+        rows_of: Mapping[str, Array],
+        comparisons: Mapping[str, Comparison],
+    ) -> None:
+        before = frozenset(field for field, c in comparisons.items() if c.record.verdict == "differs")
         if not before:
             return
 
         def outside(stages: type[Plain], undefined: bool) -> frozenset[str]:
-            by = Seen(view, self.fields, stages)
-            return frozenset(
-                field for field in found if not _inside(shown[field], by.output(field), seen.known(field), undefined)
-            )
+            by = SampleEvaluation(sample, self.fields, stages)
+            sides = {field: _sides(shown[field], by.output(field), rows_n) for field, rows_n in rows_of.items()}
+            return frozenset(field for field, arrays in sides.items() if not _inside(*arrays, undefined))
 
-        explained = explain(view, shown, self.listed, before, outside, self.last)
-        self.last = self.last | explained
+        explained = explain(sample, shown, self.listed, before, outside, self.explained)
+        self.explained = self.explained | explained
         for field, entries in explained.items():
-            found[field].record.verdict = "explained"
-            found[field].record.explained_by = [entry.id for entry in entries]
+            record = comparisons[field].record
+            record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
 
-    def _view(self, n: int, x_nc: Array, setup: bool) -> View:
+    def _sample(self, n: int, x_nc: Array, setup: bool) -> Sample:
         atoms, model = self.lmp.numpy, self.model
         d, fix = model.dimension, model.fix
         state, box = particles(self.lmp, model, n, x_nc)
@@ -121,7 +131,7 @@ class Reader:
         acts = {g: atoms.extract_variable(name, "all", ATOM_VARIABLE)[:n] != 0 for g, name in self.groups.items()}
         actions = [(action, acts[action.group]) for action in self.actions]
         summed = setup and fix.rho_sum and fix.interface_reconstruct
-        return View(model, box, state, mass_n, actions, summed, x_nc[:n, 2].copy() if d == 2 else None)
+        return Sample(model, box, state, mass_n, actions, summed, x_nc[:n, 2].copy() if d == 2 else None)
 
     def _shown(self, n: int) -> dict[str, Array]:
         d = self.model.dimension
@@ -137,7 +147,7 @@ class Reader:
 
 
 def particles(lmp: Any, model: Model, n: int, x_nc: Array) -> tuple[State, Box]:
-    """The particles and the box as they are now, copied."""
+    """Return the particles and the box as they are now, copied."""
     atoms, d = lmp.numpy, model.dimension
     state = State(
         x_nc=x_nc[:n, :d].copy(),
@@ -152,23 +162,22 @@ def particles(lmp: Any, model: Model, n: int, x_nc: Array) -> tuple[State, Box]:
 
 
 def drop(lmp: Any) -> None:
-    """Take the compute away; it holds on to the fixes that were there when the run began."""
+    """Remove the compute; it holds on to the fixes that were there when the run began."""
     if lmp.has_id("compute", COMPUTE):
         lmp.command(f"uncompute {COMPUTE}")
 
 
-def _compare(field: str, id_n: Array, lammps_n: Array, reference: Any, known_n: Array) -> Comparison:
-    reference_n, bound_n = np.asarray(value(reference), float), error(reference)
-    a, b, bound = (np.asarray(side, float)[known_n] for side in (lammps_n, reference_n, bound_n))
-    return compare_field(field, FIELDS[field].stage, id_n[known_n], a, b, bound, derivation=derived(0))
+def _sides(lammps_n: Array, reference: Any, rows_n: Array) -> tuple[Array, Array, Array]:
+    """Return a field of some particles by LAMMPS and by the reference, and its bound."""
+    a, b, bound = (np.asarray(side, float)[rows_n] for side in (lammps_n, value(reference), error(reference)))
+    return a, b, bound
 
 
-def _inside(lammps_n: Array, reference: Any, known_n: Array, undefined: bool) -> bool:
-    reference_n, bound_n = np.asarray(value(reference), float)[known_n], error(reference)[known_n]
-    lammps_n = np.asarray(lammps_n, float)[known_n]
+def _inside(lammps_n: Array, reference_n: Array, bound_n: Array, undefined: bool) -> bool:
+    """Return whether a field is inside its bound; where values may be undefined, those that have one, if any."""
     if undefined:
         some = np.isfinite(bound_n)
-        lammps_n, reference_n, bound_n = lammps_n[some], reference_n[some], bound_n[some]
         if not some.any():
             return False
+        lammps_n, reference_n, bound_n = lammps_n[some], reference_n[some], bound_n[some]
     return bool(np.all(excess(lammps_n, reference_n, bound_n)[1] <= 1))

@@ -1,0 +1,163 @@
+"""The fields of one sample by the reference: a force evaluation of the state that LAMMPS shows.
+
+Everything follows from the state as it is: densities, of walls too, are LAMMPS'; they are summed only for the field
+``rho`` itself, and reconstructed for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.eos.bounds import EPS
+from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.cutoff import at_cutoff
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import BoolArray, Box, Model, State
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.rounded import Rounded, error
+from lammps_cases.audit.deck import Action
+from lammps_cases.audit.fields import corrected_by_hidden_densities, needs
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Particles as LAMMPS shows them right after a force evaluation, in its own order.
+
+    Attributes
+    ----------
+    model, box, state : of the reference
+    mass_n : (n,) masses
+    actions : fixes that change forces, each with the particles it acts on
+    summed : whether the densities of walls are not those that the forces used (after the set-up of a run with rho/sum
+        and interface/reconstruct; see the ledger)
+    z_n : (n,) heights of particles in 2D, which ought to be all the same
+    """
+
+    model: Model
+    box: Box
+    state: State
+    mass_n: Array
+    actions: Sequence[tuple[Action, BoolArray]] = ()
+    summed: bool = False
+    z_n: Array | None = None
+
+
+class _GivenDensities(Plain):
+    """Stages that take the densities as they are given; their sum is kept beside them."""
+
+    given_n: Any
+    summed_n: Any = None
+
+    def density_sum(self) -> Any:
+        """Keep the sum, return the given densities."""
+        self.summed_n = super().density_sum()
+        return self.given_n
+
+    def correct(self, rho_n: Any) -> None:
+        """See `Plain.correct`; solids of both keywords are corrected with their sums, before the reconstruction."""
+        fix = self.model.fix
+        both = fix.rho_sum and fix.interface_reconstruct
+        super().correct(where(self.solid_n, self.summed_n, rho_n) if both else rho_n)
+
+    def interface(self, rho_n: Any, acceleration_nc: Any, energy_n: Any = None) -> tuple[Any, Any]:
+        """Return the same-phase fraction and the given densities."""
+        return self.same_phase(), rho_n
+
+
+class SampleEvaluation:
+    """A force evaluation of a sample, with rounding bounds.
+
+    Parameters
+    ----------
+    sample : Sample
+    fields : sequence of str
+    stages : class
+        Evaluator: the reference's, or that of a finding's variant.
+    """
+
+    def __init__(self, sample: Sample, fields: Sequence[str], stages: type[Plain] = Plain) -> None:
+        s = sample.state
+        energy_n = None if s.energy_n is None else Rounded(s.energy_n)
+        state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
+        evaluator = type("Given", (_GivenDensities, at_cutoff(stages)), {})
+        self.sample = sample
+        self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
+        self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n
+        self.simulation = Simulation.with_evaluator(state, self.stages, fields)
+        with np.errstate(all="ignore"):
+            results = self.simulation.evaluate()
+            if "f" in results:
+                results["f"] = self._acted_on(results["f"])
+
+    def _acted_on(self, force_nc: Any) -> Any:
+        """Return the forces after the fixes that change them: by group, where those of a `Model` act by type."""
+        d = self.sample.model.dimension
+        for action, acts_n in self.sample.actions:
+            rows = acts_n[:, None]
+            vector_c = np.array([v or 0.0 for v in action.vector[:d]])
+            if action.style == "gravity":
+                # A direction that LAMMPS has scaled to length 1, and size times direction: three roundings on either
+                # side.
+                acceleration_c = Rounded(vector_c, 6 * EPS * np.abs(vector_c))
+                force_nc = where(rows, force_nc + self.sample.mass_n[:, None] * acceleration_c, force_nc)
+            elif action.style == "addforce":
+                force_nc = where(rows, force_nc + vector_c, force_nc)
+            else:
+                set_c = np.array([v is not None for v in action.vector[:d]])
+                force_nc = where(rows & set_c, vector_c + np.zeros(force_nc.shape), force_nc)
+        return force_nc
+
+    def output(self, field: str) -> Any:
+        """Return a field of the evaluation; ``rho`` is the sum."""
+        return self.stages.summed_n if field == "rho" else self.simulation.output(field)
+
+    def comparable(self, field: str) -> BoolArray:
+        """Return the particles for which a field can be compared, (n,).
+
+        Left out are particles whose density LAMMPS does not show as it was used, those at a surface whose class
+        rounding decides, and those near particles that do not lie in one plane.
+        """
+        sample = self.sample
+        model, solid_n = sample.model, sample.state.solid_n
+        all_n: BoolArray = np.ones(len(solid_n), bool)
+        if field == "rho" and model.fix.interface_reconstruct:
+            return ~solid_n & self._in_plane()
+        if not needs(field, "pairs", model):
+            return all_n
+        if sample.summed and field not in ("chi", "coordination"):
+            return ~all_n
+        comparable_n = self._in_plane()
+        if needs(field, "correction", model) and corrected_by_hidden_densities(model):
+            comparable_n = comparable_n & ~self._beside(solid_n)
+        if field in ("surface/r", "surface/n", "shift/v") and "surface" in self.simulation.fields:
+            open_n = error(self.simulation.fields["surface"]) > 0
+            comparable_n = comparable_n & ~open_n & ~self._beside(open_n)
+        return comparable_n
+
+    def _beside(self, some_n: BoolArray) -> BoolArray:
+        """Return the particles that have neighbours among some."""
+        if not some_n.any():
+            return some_n
+        pairs = self.stages
+        beside_n: BoolArray = np.bincount(pairs.i, some_n[pairs.j], len(some_n)) > 0
+        return beside_n
+
+    def _in_plane(self) -> BoolArray:
+        """Return the particles that lie in a plane with their neighbours, as do these with theirs."""
+        tilted_n = self.tilted()
+        return ~(tilted_n | self._beside(tilted_n))
+
+    def tilted(self) -> BoolArray:
+        """Return the particles of a 2D deck with neighbours above or below: LAMMPS takes distances in space."""
+        z_n, pairs = self.sample.z_n, self.stages
+        if z_n is None or "pairs" not in self.simulation.plan:
+            return np.zeros(len(self.sample.state.solid_n), bool)
+        tilted_n: BoolArray = np.bincount(pairs.i, z_n[pairs.i] != z_n[pairs.j], len(z_n)) > 0
+        return tilted_n

@@ -1,4 +1,4 @@
-"""Case files as tests: what ``pytest --eos-ref`` collects, and how a case that fails is told."""
+"""Case files as tests: what ``pytest --eos-ref`` collects, and the report of a case that fails."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Abandoned(Exception):
     """Something that was begun and is left without its end."""
 
 
-class Judge:
+class CaseJudge:
     """One LAMMPS process for all cases, and what judges them; ``folder`` takes the arrays of a report."""
 
     def __init__(self, engine: Engine, store: Store, strict: bool) -> None:
@@ -52,10 +52,10 @@ class Judge:
         self.engine = EngineRecord(name=engine.name)
         self._engine = engine
         self._workers: Workers | None = None
-        self._living = ExitStack()
+        self._resources = ExitStack()
 
     def start(self) -> None:
-        """Start LAMMPS, unless it lives.
+        """Start LAMMPS, unless it runs.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class Judge:
         """
         if self._workers is None:
             forkserver.context("lammps_cases.verdict.judgement")
-            self._workers = self._living.enter_context(Workers(self._engine.site, 1))
+            self._workers = self._resources.enter_context(Workers(self._engine.site, 1))
         if not self.engine.version_string:
             who = self._workers.outcome(self._workers.identify())
             self.engine = campaign.engine_record(self._engine, {} if isinstance(who, Failure) else who)
@@ -79,19 +79,19 @@ class Judge:
         assert self._workers is not None
         limit = case.scene.engine.time_limit
         ready = campaign.prepare(case)
-        futures = [self._workers.submit(told, limit) for told in ready.jobs]
+        futures = [self._workers.submit(job, limit) for job in ready.jobs]
         outcomes: campaign.Outcomes = []
         for future in futures:
             outcome = self._workers.outcome(future, limit)
             outcomes.append(outcome)
         arguments = (ready, outcomes, self.engine, self.store)
-        found = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))
-        if isinstance(found, Failure):
+        judged = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))
+        if isinstance(judged, Failure):
             from lammps_cases.verdict.outcome import blank_record
 
             lost = blank_record(case, ready.eos, ready.atoms, self.engine)
-            return campaign.faulty(lost, HarnessError(text=found.message))
-        record, arrays = found
+            return campaign.faulty(lost, HarnessError(text=judged.message))
+        record, arrays = judged
         if arrays and self.folder:
             write_arrays(self.folder / "fields" / f"{record.case}.npz", arrays)
         return record
@@ -102,12 +102,12 @@ class Judge:
 
     def stop(self, at_once: bool = False) -> None:
         """End LAMMPS; at once, if it may be computing."""
-        with suppress(Abandoned), self._living:
+        with suppress(Abandoned), self._resources:
             if at_once:
                 raise Abandoned
 
 
-JUDGE = pytest.StashKey[Judge]()
+JUDGE = pytest.StashKey[CaseJudge]()
 
 
 class CaseYaml(pytest.File):
@@ -120,13 +120,13 @@ class CaseYaml(pytest.File):
         except InputError as error:
             raise self.CollectError(str(error)) from None
         lines = case_lines(self.path)
-        known = {tag: mark_of(tag) for case in cases for tag in case.tags}
-        for tag, mark in known.items():
+        marks = {tag: mark_of(tag) for case in cases for tag in case.tags}
+        for tag, mark in marks.items():
             self.config.addinivalue_line("markers", f"{mark}: cases with the tag {tag}")
         for case in cases:
             item = CaseItem.from_parent(self, name=case.name, case=case, line=lines.get(case.name, 1))
             for tag in case.tags:
-                item.add_marker(known[tag])
+                item.add_marker(marks[tag])
             yield item
 
 
@@ -140,13 +140,13 @@ class CaseItem(pytest.Item):
         self.record: CaseRecord | None = None
 
     def setup(self) -> None:
-        """Start LAMMPS, once; that there is none is an error that ends the session, and no reason to skip a case."""
+        """Start LAMMPS, once; a missing LAMMPS ends the session with an error, no case is skipped for it."""
         missing = ""
         try:
             self.config.stash[JUDGE].start()
         except EngineMissing as error:
             missing = f"{error} (eos-ref doctor says more)"
-        if missing:  # told outside the handler, so that pytest has no chain of tracebacks to show
+        if missing:  # outside the handler, so that pytest has no chain of tracebacks to show
             self.session.shouldfail = "eos-ref: there is no LAMMPS to run"
             pytest.fail(missing, pytrace=False)
 
@@ -202,7 +202,7 @@ def verdict_line(record: CaseRecord) -> str:
 
 
 def failure_lines(record: CaseRecord) -> list[str]:
-    """The verdict, every field outside its bound, and the command that runs the case alone."""
+    """Return the verdict, every field outside its bound, and the command that runs the case alone."""
     lines = [verdict_line(record)]
     for field in record.fields:
         if field.verdict in ("differs", "explained"):

@@ -22,12 +22,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Take the plugin proper into use, if it was asked for."""
-    asked = sorted(name for name, value in vars(config.option).items() if name.startswith("eos_ref") and value)
-    if not asked:
+    """Register the session plugin if one of its options is given."""
+    given = sorted(name for name, value in vars(config.option).items() if name.startswith("eos_ref") and value)
+    if not given:
         return
-    if not {"eos_ref", "eos_ref_shipped"} & set(asked):
-        raise pytest.UsageError(f"--{asked[0].replace('_', '-')} needs --eos-ref or --eos-ref-shipped")
+    if not {"eos_ref", "eos_ref_shipped"} & set(given):
+        raise pytest.UsageError(f"--{given[0].replace('_', '-')} needs --eos-ref or --eos-ref-shipped")
     from lammps_cases.ci.pytest_session import SessionPlugin
 
     config.pluginmanager.register(SessionPlugin(config), "eos-ref-session")

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseYaml, Judge, named
+from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseJudge, CaseYaml, named
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import installations
 from lammps_cases.findings import LEDGER
@@ -30,23 +30,23 @@ from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import casefile
 
 SUFFIXES = (".yaml", ".yml")
-# Other YAML files are none of ours; where one of these keys is misspelt, another tells.
+# Other YAML files are left alone; where one of these keys is misspelt, another identifies a case file.
 OWN_KEY = re.compile(r"""^\{?\s*["']?(about|matrix|scene)["']?\s*:""", re.MULTILINE)
 
 
 class SessionPlugin:
-    """What pytest calls."""
+    """Hooks of a session, called by pytest."""
 
     def __init__(self, config: pytest.Config) -> None:
         option = config.option
         self._config = config
-        # None in the process that reports; in one of pytest-xdist what that process tells it
-        self._told: dict[str, Any] | None = getattr(config, "workerinput", None)
+        # None in the process that reports; in one of pytest-xdist the input from that process
+        self._worker_input: dict[str, Any] | None = getattr(config, "workerinput", None)
         try:
             engine = installations.resolve(option.eos_ref_engine or "env")
         except InputError as error:
             raise pytest.UsageError(f"eos-ref: {error}") from None
-        self._judge = config.stash[JUDGE] = Judge(
+        self._judge = config.stash[JUDGE] = CaseJudge(
             engine, prediction_keys.open_store(option.eos_ref_fresh), option.eos_ref_strict
         )
         self._engine = self._judge.engine
@@ -72,11 +72,11 @@ class SessionPlugin:
             with suppress(OSError):  # what cannot be read is said when it is collected
                 if not OWN_KEY.search(file_path.read_text(encoding="utf-8", errors="replace")):
                     return None
-        found: pytest.Collector = CaseYaml.from_parent(parent, path=file_path)
-        return found
+        collector: pytest.Collector = CaseYaml.from_parent(parent, path=file_path)
+        return collector
 
     def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
-        """Leave out cases without the tag asked for, and long ones that nobody asked for."""
+        """Leave out cases without the requested tag, and long ones that are not selected."""
         tag: str | None = config.option.eos_ref_tag
         out = {
             item
@@ -94,8 +94,8 @@ class SessionPlugin:
     def pytest_sessionstart(self) -> None:
         """Open the folder of the report, before pytest-xdist starts its processes."""
         option = self._config.option
-        if self._told is not None:
-            self._folder = Path(self._told["eos_ref_folder"]) if self._told["eos_ref_folder"] else None
+        if self._worker_input is not None:
+            self._folder = Path(self._worker_input["eos_ref_folder"]) if self._worker_input["eos_ref_folder"] else None
         elif option.eos_ref_out and not option.collectonly:
             try:
                 self._folder = self._output.enter_context(output_folder(Path(option.eos_ref_out)))
@@ -105,7 +105,7 @@ class SessionPlugin:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
-        """Tell a process of pytest-xdist where the report is made."""
+        """Pass the folder of the report to a process of pytest-xdist."""
         node.workerinput["eos_ref_folder"] = str(self._folder or "")
 
     @pytest.hookimpl(wrapper=True)
@@ -128,7 +128,7 @@ class SessionPlugin:
             self._unjudged += report.nodeid.partition("::")[0].endswith(SUFFIXES)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Note a file that is no good."""
+        """Note a file that cannot be collected."""
         self._unjudged += report.failed and report.nodeid.endswith(SUFFIXES)
 
     # --- the end
@@ -137,7 +137,7 @@ class SessionPlugin:
         """Stop LAMMPS, join the records, write the report."""
         whole = exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED)
         self._judge.stop(at_once=not whole)
-        if self._told is not None:
+        if self._worker_input is not None:
             return
         if not self._records:
             self._written = "no report written: no case was judged" if self._folder else ""
@@ -175,7 +175,7 @@ class SessionPlugin:
         return f"report: {Path(out) / 'report.html'}"
 
     def _abandon(self) -> None:
-        """Whatever happened: nothing half-written, and no process left."""
+        """Leave no partial files and no process, whatever happened."""
         self._judge.stop(at_once=True)
         with suppress(Abandoned), self._output:
             raise Abandoned
@@ -199,8 +199,8 @@ class SessionPlugin:
 
 def _lines(run: RunRecord) -> list[str]:
     lines = [f"{wording.engine(run)}: {wording.sentence(run)}"]
-    seen = [found for found in findings.of_run(run, LEDGER) if found.status == "seen"]
-    lines += [f"finding {found.entry.id}: {found.entry.title} ({found.words})" for found in seen]
+    shown = [finding for finding in findings.of_run(run, LEDGER) if finding.status == "seen"]
+    lines += [f"finding {finding.entry.id}: {finding.entry.title} ({finding.words})" for finding in shown]
     lines += run.notes
     if run.predictions.stored:
         lines.append(f"{run.predictions} (--eos-ref-fresh computes them anew)")

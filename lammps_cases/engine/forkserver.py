@@ -12,7 +12,7 @@ from multiprocessing.context import ForkServerContext
 
 
 def context(*modules: str) -> ForkServerContext:
-    """The multiprocessing context of the server; starts it if it does not run, without waiting for it.
+    """Return the multiprocessing context of the server; start it if it does not run, without waiting for it.
 
     Workers begin with the modules named, which the server imports once for all of them.
     """

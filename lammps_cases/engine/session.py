@@ -42,7 +42,7 @@ class EngineCrashed(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Run:
+class RunCommand:
     """A run command, and whether all arrays are read after it."""
 
     command: str
@@ -51,7 +51,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Job:
-    """Everything LAMMPS is told, in order: set-up, atoms, per-atom values, commands, runs.
+    """All input to LAMMPS, in order: set-up, atoms, per-atom values, commands, runs.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Job:
 
     setup: tuple[str, ...]
     commands: tuple[str, ...]
-    runs: tuple[Run, ...]
+    runs: tuple[RunCommand, ...]
     id_n: Array
     type_n: Array
     x_nc: Array
@@ -102,7 +102,7 @@ class Answer:
 
 
 def package_directory(site: str | None = None) -> Path:
-    """Folder of the lammps Python package, in ``site`` (a folder for sys.path) or in this environment.
+    """Return the folder of the lammps Python package, in ``site`` (a folder for sys.path) or in this environment.
 
     Raises
     ------
@@ -139,9 +139,9 @@ def _load_mpi(soname: str, site: Path) -> None:
 
 
 def _file_of_mpich(name: str, site: Path) -> Path:
-    """A file of the mpich distribution beside LAMMPS, or else of this environment."""
-    found = list(importlib.metadata.distributions(name="mpich", path=[str(site)]))
-    distribution = found[0] if found else importlib.metadata.distribution("mpich")
+    """Return a file of the mpich distribution beside LAMMPS, or else of this environment."""
+    beside = next(iter(importlib.metadata.distributions(name="mpich", path=[str(site)])), None)
+    distribution = beside or importlib.metadata.distribution("mpich")
     for file in distribution.files or ():
         if file.name == name:
             return Path(str(file.locate()))
@@ -149,7 +149,7 @@ def _file_of_mpich(name: str, site: Path) -> Path:
 
 
 def mpiexec(site: str | None = None) -> Path:
-    """The program that starts LAMMPS on several ranks.
+    """Return the program that starts LAMMPS on several ranks.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def mpiexec(site: str | None = None) -> Path:
 
 
 def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str, ...] = ()) -> Any:
-    """A LAMMPS instance that prints nothing.
+    """Open a LAMMPS instance that prints nothing.
 
     Raises
     ------
@@ -184,13 +184,13 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
 
 
 def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
-    """Version, git commit, library and MPI of an instance."""
+    """Return version, git commit, library and MPI of an instance."""
     package = package_directory(site)
-    found = list(importlib.metadata.distributions(name="lammps", path=[str(package.parent)]))
+    distribution = next(iter(importlib.metadata.distributions(name="lammps", path=[str(package.parent)])), None)
     library = package / "liblammps.so"
     return {
         "version_string": str(lmp.version()),
-        "distribution": found[0].version if found else "",
+        "distribution": distribution.version if distribution else "",
         "library": str(library) if library.exists() else "",
         "git": _git(lmp),
         "mpi": "MPI" if lmp.has_mpi_support else "serial",
@@ -198,7 +198,7 @@ def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
 
 
 def _git(lmp: Any) -> str:
-    """Branch and revision that the library was built from, as ``info config`` prints them."""
+    """Return branch and revision that the library was built from, as ``info config`` prints them."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "info"
         lmp.command(f"info config out overwrite {file}")
@@ -230,7 +230,7 @@ def _commands(lmp: Any, commands: tuple[str, ...]) -> None:
 
 
 def run(lmp: Any, job: Job) -> Answer:
-    """Run one job in a fresh state of a living instance.
+    """Run one job in a fresh state of an open instance.
 
     Raises
     ------
@@ -274,7 +274,7 @@ def run(lmp: Any, job: Job) -> Answer:
 def read(
     lmp: Any, outputs: Mapping[str, tuple[int, ...]] | None = None, atom_arrays: tuple[str, ...] = ()
 ) -> dict[str, Array]:
-    """Per-atom arrays sorted by id, copied: properties of the atom style, columns of compute ``q`` as ``q.NAME``."""
+    """Return per-atom arrays sorted by id, copied: properties of the atom style, and ``q.NAME`` of compute ``q``."""
     n = lmp.extract_global("nlocal")
     id_n = lmp.numpy.extract_atom("id")[:n].copy()
     order_n = np.argsort(id_n, kind="stable")
@@ -292,20 +292,20 @@ def read(
 
 
 def read_list(lmp: Any, id_n: Array) -> dict[str, Array]:
-    """The list of neighbours of pair style rheo, copied, in slots: the atoms of the process, then their images.
+    """Return the neighbour list of pair style rheo, copied; it counts local atoms, then ghosts.
 
     Returns
     -------
     dict
-        ``row_s``, the atom in each slot as its row of the sorted ``id_n``; ``x_sc``, its place; ``pair_ps``, the two
-        slots of every pair, in the order of the list.
+        ``row_s``, for each local or ghost atom the row of its id in the sorted ``id_n``; ``x_sc``, its position;
+        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list.
     """
-    slots = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
-    id_s = lmp.numpy.extract_atom("id", nelem=slots).ravel()
-    found = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
-    pairs = [np.column_stack([np.full(len(others), slot), others.ravel()]) for slot, others in found if len(others)]
+    natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
+    id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
+    neighbours = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
+    pairs = [np.column_stack([np.full(len(of), atom), of.ravel()]) for atom, of in neighbours if len(of)]
     return {
         "row_s": np.searchsorted(id_n, id_s),
-        "x_sc": lmp.numpy.extract_atom("x", nelem=slots, dim=3).copy(),
+        "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
         "pair_ps": np.concatenate([np.zeros((0, 2), int), *pairs]),
     }

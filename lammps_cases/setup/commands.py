@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from eos_ref.syntax.ranges import type_range
-from lammps_cases.engine.session import Job, Run
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
@@ -65,19 +65,19 @@ def _more_arrays(scene: Scene) -> Iterable[str]:
     return (field.array for field in fields if not field.column and field.array not in ALWAYS_READ)
 
 
-def _runs(scene: Scene, every_step: bool) -> Iterable[Run]:
+def _runs(scene: Scene, every_step: bool) -> Iterable[RunCommand]:
     if not scene.whole_model:
         steps = scene.evolve.steps if scene.evolve else 0
         if steps:
-            yield Run(f"run {steps} post no", read=False)
+            yield RunCommand(f"run {steps} post no", read=False)
         # After time steps, run 0 evaluates once more: the pressure that forces use then belongs to the final density.
-        yield Run("run 0 post no")
+        yield RunCommand("run 0 post no")
         return
     done = None
     for step in range(scene.snapshots[-1] + 1) if every_step else scene.snapshots:
         # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
         again = "" if done is None else "pre no "
-        yield Run(f"run {step - (done or 0)} {again}post no")
+        yield RunCommand(f"run {step - (done or 0)} {again}post no")
         done = step
 
 

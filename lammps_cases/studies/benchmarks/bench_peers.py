@@ -17,7 +17,7 @@ from typing import Any
 
 from eos_ref.errors import InputError
 from lammps_cases.engine import ranks
-from lammps_cases.engine.session import Run
+from lammps_cases.engine.session import RunCommand
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -91,7 +91,7 @@ def _stepping(start: Start, threads: int) -> Callable[[], float]:
 def _lammps(start: Start, count: int) -> list[float]:
     """Seconds of one step of LAMMPS on some ranks, after a few to warm up."""
     told = job(start.case.scene, start.atoms, plan(start.case.scene))
-    runs = (Run(f"run {WARM} post no", read=False), Run(f"run {STEPS} pre no post no"))
+    runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
     answer = ranks.solve(None, replace(told, runs=runs, ranks=count))
     return [answer.run_seconds[-1] / STEPS]
 

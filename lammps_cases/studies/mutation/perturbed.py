@@ -14,7 +14,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, Run
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, RunCommand
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import Snapshot, combined
@@ -98,7 +98,7 @@ def first_difference(site: str | None, judge: Judge, case: PerturbedCase) -> Rea
     """Task: find the first step, field and atom outside the bound, in a run that is read after every step."""
     job = case.jobs[0]
     last = case.ready.case.scene.snapshots[-1]
-    runs = (Run("run 0 post no"), *(Run("run 1 pre no post no") for _ in range(last)))
+    runs = (RunCommand("run 0 post no"), *(RunCommand("run 1 pre no post no") for _ in range(last)))
     answer = in_order(solve(site, replace(job, runs=runs)), case.row_n)
     return first_step(case.ready.case, case.ready.atoms, answer, judge.engine.distribution, judge.predictor)
 

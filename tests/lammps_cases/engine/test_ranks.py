@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.engine import ranks
-from lammps_cases.engine.session import EngineCrashed, EngineRefused, Job, Run
+from lammps_cases.engine.session import EngineCrashed, EngineRefused, Job, RunCommand
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 
@@ -44,7 +44,7 @@ def test_refusal_ends_the_processes_and_costs_no_later_job(job: Job) -> None:
     right = ranks.solve(None, job)
     began = _processes()
     with pytest.raises(EngineRefused, match="no_such_command"):
-        ranks.solve(None, replace(job, runs=(Run("no_such_command"),)))
+        ranks.solve(None, replace(job, runs=(RunCommand("no_such_command"),)))
     again = ranks.solve(None, job)
     assert _processes() != began
     assert again.arrays["f"].tobytes() == right.arrays["f"].tobytes()

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from lammps_cases.engine.session import Job, Run
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile, models
 from lammps_cases.setup.commands import job
@@ -32,14 +32,14 @@ def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
         assert absent not in words
     fixes = [command.split()[3] for command in commands if command.startswith("fix ")]
     assert fixes == ["rheo", "rheo/viscosity", "rheo/pressure"], "what LAMMPS itself insists on, and no more"
-    assert told("near-rho0.linear.2d").runs == (Run("run 0 post no"),)
+    assert told("near-rho0.linear.2d").runs == (RunCommand("run 0 post no"),)
 
 
 def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
     summed, moved = told("summed.2d"), told("evolved.2d")
     assert any(command.startswith("pair_style rheo") for command in summed.commands)
     assert any("rho/sum" in command for command in summed.commands)
-    assert moved.runs == (Run("run 10 post no", read=False), Run("run 0 post no"))
+    assert moved.runs == (RunCommand("run 10 post no", read=False), RunCommand("run 0 post no"))
     assert any("enforce2d" in command for command in moved.commands)
     assert not any("enforce2d" in command for command in told("evolved.3d").commands)
     assert any("rheo/thermal" in command for command in told("evolved.ideal-gas").commands)

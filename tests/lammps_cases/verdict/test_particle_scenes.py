@@ -14,7 +14,7 @@ import pytest
 
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.trajectory import predict
-from lammps_cases.engine.session import Answer, Job, Run
+from lammps_cases.engine.session import Answer, Job, RunCommand
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -197,7 +197,7 @@ def test_halting_does_not_change_the_run(make: Make, workers: Workers) -> None:
 def test_run_continues_without_another_setup(make: Make) -> None:
     runs = tell(make("plain"))[1].runs
     assert runs == tuple(
-        Run(f"run {n} {pre}post no") for n, pre in ((0, ""), (1, "pre no "), (9, "pre no "), (2, "pre no "))
+        RunCommand(f"run {n} {pre}post no") for n, pre in ((0, ""), (1, "pre no "), (9, "pre no "), (2, "pre no "))
     )
 
 
@@ -224,10 +224,10 @@ def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers) -> 
         "quit 7": ("crashed", "LAMMPS on several ranks ended with code 7"),
     }
     for command, (verdict, message) in faults.items():
-        got = workers.outcome(workers.submit(replace(told, runs=(Run(command),)), 60.0))
+        got = workers.outcome(workers.submit(replace(told, runs=(RunCommand(command),)), 60.0))
         assert isinstance(got, Failure) and got.verdict == verdict
         assert message in got.message
-    endless = replace(told, runs=(Run("run 100000000 post no"),))
+    endless = replace(told, runs=(RunCommand("run 100000000 post no"),))
     got = workers.outcome(workers.submit(endless, 4.0), 4.0)
     assert isinstance(got, Failure) and got.verdict == "timeout"
     assert solve(workers, told).steps == (0, 1, 10, 12)

@@ -13,7 +13,7 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import listed
 
 
-@click.command("audit", short_help="Check a LAMMPS input deck while LAMMPS runs it, unchanged.")
+@click.command("audit")
 @click.argument("deck", type=click.Path(path_type=Path))
 @click.option("--every", default=10, show_default=True, metavar="M", help="Look at all atoms every M time steps.")
 @click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")

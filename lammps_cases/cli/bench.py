@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PARTS = ("laws", "model", "peers", "runs")
 
 
-@click.command("bench", short_help="Speed against peers, as ratios.")
+@click.command("bench")
 @click.argument("parts", nargs=-1, type=click.Choice(PARTS))
 @click.option("--states", type=click.IntRange(1000), default=10_000_000, show_default=True, help="States per law.")
 @click.option("--repeats", type=click.IntRange(1), default=9, show_default=True, help="Measurements of each side.")

@@ -15,7 +15,7 @@ from lammps_cases.cli.shared import json_option, paths_option, table, tag_option
 MOST_NAMES = 8  # of cases that show a finding, beyond which they are counted
 
 
-@click.command("list", short_help="List the cases.")
+@click.command("list")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
 @tag_option
 @paths_option
@@ -47,7 +47,7 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
     return 0
 
 
-@click.command("explain", short_help="What a case models, and why.")
+@click.command("explain")
 @click.argument("name", metavar="CASE")
 @paths_option
 @json_option
@@ -170,7 +170,7 @@ def _show(explanation: dict[str, Any]) -> None:
         click.echo("\n".join(f"  {line}" for line in explanation["commands_of_twin"]))
 
 
-@click.command("ledger", short_help="List the findings.")
+@click.command("ledger")
 @json_option
 def ledger_command(as_json: bool) -> int:
     """List the findings: where LAMMPS differs from its manual, with the argument and what to do meanwhile.

@@ -13,7 +13,7 @@ from lammps_cases.records.progress import Bar
 SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
 
 
-@click.command("chart", short_help="Speed against accuracy, measured and drawn.")
+@click.command("chart")
 @click.argument("sections", nargs=-1, type=click.Choice(SECTIONS))
 @click.option("--quick", is_flag=True, help="Fewer methods, regimes and resolutions: about a minute.")
 @click.option(

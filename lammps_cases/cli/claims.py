@@ -24,7 +24,7 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 Loose = Sequence[tuple[str, "CaseRecord"]]  # probes without a claim that ended as nobody foresaw, with their engines
 
 
-@click.command("claims", short_help="The manual's claims: which hold, on which engine, by which cases.")
+@click.command("claims")
 @click.argument("names", nargs=-1, metavar="[CLAIM]...")
 @click.option(
     "--run", "runs", multiple=True, type=click.Path(path_type=Path), help="Judge by a finished run; runs nothing."

@@ -11,7 +11,7 @@ import click
 from lammps_cases.cli.shared import engine_option, json_option
 
 
-@click.command("doctor", short_help="What is installed and works.")
+@click.command("doctor")
 @engine_option
 @json_option
 def doctor_command(engine: str, as_json: bool) -> int:

@@ -28,7 +28,7 @@ OUTCOME = ("id", "case", "verdict", "expected", "natoms", "steps", "message", "e
 FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest", "explained_by")
 
 
-@click.command("history", short_help="How verdicts, errors and times went over versions.")
+@click.command("history")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
 @click.option("--field", default="", help="Errors of this field alone (a name or pattern).")
 @click.option("--engine", default="", help="Only engines whose name or version fits this pattern, or holds it.")

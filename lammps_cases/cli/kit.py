@@ -11,7 +11,7 @@ import click
 from lammps_cases.cli.shared import json_option
 
 
-@click.command("kit", short_help="Write the files that run this in a CI service.")
+@click.command("kit")
 @click.argument("name", required=False)
 @click.option("--out", type=click.Path(path_type=Path), help="Repository to write into.  [default: print]")
 @click.option(

@@ -12,7 +12,7 @@ import click
 # command: (module, one line of help); the module holds a click command of the same name
 COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("lammps_cases.cli.run", "Run cases against LAMMPS and write a report: the main job."),
-    "audit": ("lammps_cases.cli.audit", "Check a LAMMPS input deck while LAMMPS runs it, unchanged."),
+    "audit": ("lammps_cases.cli.audit", "Check your input deck, run unmodified, while LAMMPS runs it."),
     "list": ("lammps_cases.cli.cases", "List the cases."),
     "explain": ("lammps_cases.cli.cases", "Show what a case models, what it does not, and why."),
     "ledger": ("lammps_cases.cli.cases", "List the findings: where LAMMPS differs from its manual."),
@@ -24,9 +24,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "accept": ("lammps_cases.cli.regression", "Take a run as the accepted baseline of its engine, with a reason."),
     "bisect": ("lammps_cases.cli.regression", "Name the first of several engines that changed."),
-    "history": ("lammps_cases.cli.history", "Show how errors, times and verdicts went over versions."),
-    "claims": ("lammps_cases.cli.claims", "The manual's claims: which hold, on which engine, by which cases."),
-    "power": ("lammps_cases.cli.mutation", "Plant faults and say which case catches each, and what goes unseen."),
+    "history": ("lammps_cases.cli.history", "Show how errors, times and verdicts changed from version to version."),
+    "claims": ("lammps_cases.cli.claims", "Check the manual's claims: which hold, on which engine, by which cases."),
+    "power": ("lammps_cases.cli.mutation", "Plant faults and list which case catches each, and which none does."),
     "kit": ("lammps_cases.cli.kit", "Write the files that run this in a CI service."),
     "chart": ("lammps_cases.cli.chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
     "stability": ("lammps_cases.cli.stability", "Map where methods fail, on LAMMPS and on the reference."),
@@ -49,7 +49,9 @@ class LazyGroup(click.Group):
         """Import the module of a command."""
         if name not in COMMANDS:
             return None
-        command: click.Command = getattr(importlib.import_module(COMMANDS[name][0]), f"{name}_command")
+        module, text = COMMANDS[name]
+        command: click.Command = getattr(importlib.import_module(module), f"{name}_command")
+        command.short_help = text
         return command
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
@@ -73,7 +75,7 @@ def group(context: click.Context) -> None:
     """Validate fluids of LAMMPS' RHEO package against an independent reference.
 
     \b
-    Example:  eos-ref run                     every equation of state against LAMMPS
+    Example:  eos-ref run                     all cases against LAMMPS
               eos-ref audit in.deck           your own deck, checked live
 
     Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing.
@@ -84,7 +86,7 @@ def group(context: click.Context) -> None:
 
 def main() -> None:
     """Entry point: bad input is one line on standard error and exit code 2; a missing engine exit code 3."""
-    # A cancelled CI job, or a closed terminal, is like Ctrl-C: workers stopped, nothing half-written left behind.
+    # A cancelled CI job, or a closed terminal, is like Ctrl-C: workers are stopped, no partial files stay.
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is not signal.SIG_IGN:
             signal.signal(getattr(signal, name), signal.default_int_handler)
@@ -94,7 +96,7 @@ def main() -> None:
         click.echo(f"eos-ref: {_one_line(error)}", err=True)
         code = 2
     except (click.Abort, KeyboardInterrupt):
-        click.echo("eos-ref: interrupted; nothing half-written", err=True)
+        click.echo("eos-ref: interrupted; no partial files were written", err=True)
         code = 130
     except Exception as error:
         code = _exit_code(error)
@@ -109,7 +111,7 @@ def _one_line(error: click.ClickException) -> str:
 
 
 def _exit_code(error: Exception) -> int:
-    """Say a foreseen failure in one line; anything else is a fault of this program and keeps its traceback."""
+    """Report a foreseen failure in one line; anything else is a fault of this program and keeps its traceback."""
     from eos_ref.errors import InputError  # here, not above: importing the reference loads numpy
     from lammps_cases.engine.session import EngineMissing
 

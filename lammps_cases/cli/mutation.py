@@ -18,7 +18,7 @@ FAMILIES = ("told", "read", "formula", "source")
 SECTIONS = ("faults", "resolution", "alarms")
 
 
-@click.command("power", short_help="Plant faults, and say which case catches each.")
+@click.command("power")
 @click.argument("names", nargs=-1, metavar="[SECTION|FAULT]...")
 @click.option("--family", type=click.Choice(FAMILIES), help="Only faults of this family.")
 @click.option("--quick-only", is_flag=True, help="Only the quick cases.")

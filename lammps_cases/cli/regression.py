@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lammps_cases.regression.sources import RunOptions
 
 
-@click.command("compare", short_help="Compare engines, runs, baselines, field by field.")
+@click.command("compare")
 @click.argument("names", nargs=-1, required=True, metavar="A B [SIDE]... [CASE]...")
 @tag_option
 @paths_option
@@ -132,7 +132,7 @@ def _show(done: Compared, out: Path) -> None:
     click.echo(f"report: {out / 'compare.html'}")
 
 
-@click.command("accept", short_help="Take a run as its engine's baseline.")
+@click.command("accept")
 @click.argument("run", type=click.Path(path_type=Path))
 @click.option("--reason", required=True, help="Why; kept with the baseline.")
 @click.option(
@@ -177,7 +177,7 @@ def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool,
     return 0
 
 
-@click.command("bisect", short_help="Name the first engine that changed.")
+@click.command("bisect")
 @click.argument("names", nargs=-1, required=True, metavar="ENGINE ENGINE...")
 @click.option(
     "--case", "cases", multiple=True, metavar="CASE", help="Only this case, or those below it or of a pattern."

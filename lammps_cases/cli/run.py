@@ -22,7 +22,7 @@ from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import RunRecord
 
 
-@click.command("run", short_help="Run cases against LAMMPS.")
+@click.command("run")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
 @tag_option
 @paths_option
@@ -107,7 +107,7 @@ def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json
     return int(bool(changes.faults))
 
 
-@click.command("report", short_help="Render a report again.")
+@click.command("report")
 @click.argument("run", type=click.Path(path_type=Path))
 @json_option
 def report_command(run: Path, as_json: bool) -> int:
@@ -125,7 +125,7 @@ def report_command(run: Path, as_json: bool) -> int:
     return finish(record, run, as_json)
 
 
-@click.command("merge", short_help="Join shards.")
+@click.command("merge")
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @out_option
 @json_option

@@ -12,7 +12,7 @@ from lammps_cases.cli.shared import engine_option, json_option
 from lammps_cases.records.progress import Bar
 
 
-@click.command("stability", short_help="Map where methods fail, on LAMMPS and on the reference.")
+@click.command("stability")
 @click.argument("names", nargs=-1, metavar="[MAP]...")
 @click.option("--quick", is_flag=True, help="Only the maps tagged quick, on few lines: about a minute.")
 @click.option("--tag", help="Only maps with this tag.")

@@ -6,7 +6,7 @@ import importlib.util
 import itertools
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,12 +14,13 @@ from markupsafe import Markup
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.findings import LEDGER, Finding
+from lammps_cases.history.draw import Point
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, findings, plots
+from lammps_cases.report.content import Content
 from lammps_cases.report.drawn import Drawn, WorstAtom, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
@@ -59,38 +60,63 @@ class Shown:
     rows: list[SteppedField]
 
 
+@dataclass(frozen=True)
+class PageContent:
+    """All that the template shows, by the names it uses; ``known`` are the ids of the ledger's findings."""
+
+    run: RunRecord
+    stamp: str
+    sentence: str
+    engine: str
+    counts: dict[str, int]
+    entries: list[Shown]
+    notes: list[str]
+    tags: dict[str, int]
+    matrices: list[agreement.Matrix]
+    findings: list[findings.RunFinding]
+    claims: verdicts.Summary | None
+    known: set[str]
+    provenance: dict[str, str]
+    seeds: dict[str, int]
+    history: Past | None
+    marks: dict[str, tuple[Point, ...]]
+
+    @classmethod
+    def of(cls, content: Content, fields: Path, known: Mapping[str, Drawn], history: Past | None) -> PageContent:
+        """Draw every case of a run; see `render`."""
+        run = content.run
+        return cls(
+            run=run,
+            stamp=wording.stamp(run),
+            sentence=wording.sentence(run),
+            engine=wording.engine(run),
+            counts=wording.counts(run),
+            entries=[_shown(case, run, known.get(case.case) or drawn_from(case, fields)) for case in run.cases],
+            notes=run.notes,
+            tags=_tags(run),
+            matrices=content.matrices,
+            findings=content.findings,
+            claims=verdicts.summary(run),
+            known={finding.entry.id for finding in content.findings},
+            provenance=dict(_provenance(run)),
+            seeds={case.case: case.seed for case in run.cases if case.seed is not None},
+            history=history,
+            marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
+        )
+
+
 def render(
-    run: RunRecord,
-    fields: Path,
-    ledger: Sequence[Finding] = LEDGER,
-    known: Mapping[str, Drawn] | None = None,
-    history: Past | None = None,
+    content: Content, fields: Path, known: Mapping[str, Drawn] | None = None, history: Past | None = None
 ) -> str:
-    """The page of a run; per-atom arrays of cases that are not among the known are read from the folder ``fields``."""
-    known = known or {}
+    """Return the page of a run; arrays of cases that are not in ``known`` are read from the folder ``fields``."""
     return frame.page(
         ASSETS,
         "report",
-        wording.status(run),
+        wording.status(content.run),
         filters={"shade": shade, "sortable": _sortable},
         styles=[HISTORY_CSS] if history else [],
         scripts=[_plotly(), ASSETS / "plots.js"],
-        run=run,
-        stamp=wording.stamp(run),
-        sentence=wording.sentence(run),
-        engine=wording.engine(run),
-        counts=wording.counts(run),
-        entries=[_shown(case, run, known.get(case.case) or drawn_from(case, fields)) for case in run.cases],
-        notes=run.notes,
-        tags=_tags(run),
-        matrices=agreement.matrices(run),
-        findings=findings.of_run(run, ledger),
-        claims=verdicts.summary(run),
-        known={entry.id for entry in ledger},
-        provenance=dict(_provenance(run)),
-        seeds={case.case: case.seed for case in run.cases if case.seed is not None},
-        history=history,
-        marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
+        **vars(PageContent.of(content, fields, known or {}, history)),
     )
 
 

@@ -19,7 +19,7 @@ from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
-from lammps_cases.findings import Finding
+from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records import files, wording
 from lammps_cases.records.run_record import (
@@ -35,6 +35,7 @@ from lammps_cases.records.run_record import (
 )
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.report.arrays import read_arrays
+from lammps_cases.report.content import Content
 from lammps_cases.scene.fields import in_step_order
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
@@ -82,7 +83,7 @@ def scene(
     type_n = np.ones(count, int) if types is None else types
     id_n, mass_n = np.arange(1, count + 1), np.full(count, 1.5)
     energy_n = None if e_n is None else e_n * mass_n
-    state = compare.State(id_n, type_n, rho_n, mass_n, energy_n)
+    state = compare.EosState(id_n, type_n, rho_n, mass_n, energy_n)
     bound_n = compare.bounds.comparison(table, rho_n, type_n, state.e_n)
     wiggle = np.random.default_rng(7).uniform(-noise, noise, count)
     lammps_n = table.pressure(rho_n, type_n, state.e_n) + wiggle * bound_n
@@ -476,7 +477,7 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert "<script>alert" not in html
     assert not any(name.startswith("on") for _, attributes in parsed.elements for name in attributes)
     assert parsed.scripts == 3 + len(parsed.data)
-    text = (Path("x") / markdown.summary(run)).as_posix()
+    text = (Path("x") / markdown.summary(Content.of(run, LEDGER))).as_posix()
     assert "<img" not in text and "<script" not in text
     assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
     assert json.loads(drawn.embedded({"a": "</script>&"})) == {"a": "</script>&"}

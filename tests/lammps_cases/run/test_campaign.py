@@ -200,7 +200,7 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
     assert process.returncode != 0
     if kill != signal.SIGKILL:
         assert process.returncode == 130
-        assert err.strip().splitlines()[-1] == "eos-ref: interrupted; nothing half-written"
+        assert err.strip().splitlines()[-1] == "eos-ref: interrupted; no partial files were written"
         assert not (tmp_path / ".report.partial").exists()
     assert before == {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
     assert subprocess.run([*command, "near-rho0.linear"], check=False, capture_output=True).returncode == 0

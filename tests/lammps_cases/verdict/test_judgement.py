@@ -43,7 +43,7 @@ def answer_of(ready: PreparedCase) -> Answer:
             snapshots.append(arrays | {"q.coordination": fields["coordination"], "f": force_nc, "pressure": None})
         return Answer(snapshots[-1], 0.5, tuple(snapshots), scene.snapshots)
     assert ready.eos is not None and atoms.rho_n is not None
-    p_n = compare.evaluate(ready.eos, compare.State(atoms.id_n, atoms.type_n, atoms.rho_n, atoms.mass_n))
+    p_n = compare.evaluate(ready.eos, compare.EosState(atoms.id_n, atoms.type_n, atoms.rho_n, atoms.mass_n))
     return Answer(arrays | {"pressure": p_n, "q.pressure": p_n.copy()}, 0.5)
 
 

@@ -3,7 +3,7 @@ r"""Evaluate the particle model by compiled sums over pairs, each pair taken onc
 What is shared by all sums of a force evaluation is stored per pair: displacement, :math:`W`, :math:`W'/r`, and the
 gradients of a reproducing kernel. The sums themselves are in
 `eos_ref.compiled.loops`, `eos_ref.compiled.corrections` and `eos_ref.compiled.forces`. Sources are named in
-`eos_ref.evaluation.stages` and `eos_ref.evaluation.array_evaluator`.
+`eos_ref.evaluation.evaluator` and `eos_ref.evaluation.array_evaluator`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from eos_ref.compiled import corrections, forces, loops
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.stages import Stages
+from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.jit import announce_first_use
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms
 from eos_ref.numbers.columns import Axes, axes, joined
@@ -30,8 +30,8 @@ SKIN = 0.1  # of the cutoff
 LANES = (1.0,) * 8  # doubles in a register
 
 
-class Fast(Stages):
-    """Compiled evaluator, with the interface of `Plain`; float64 only.
+class CompiledEvaluator(Evaluator):
+    """Compiled evaluator, with the interface of `ArrayEvaluator`; float64 only.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Fast(Stages):
         return self._buffers[name]
 
     def _volume_among_solids(self, rho_n: Any) -> Any:
-        """Volume of a particle for one of its phase if that is solid; see `Plain.density_pair`."""
+        """Volume of a particle for one of its phase if that is solid; see `ArrayEvaluator.density_pair`."""
         return self.mass_n / (self.rho0_n if self.walls else rho_n)
 
     def _spline(self) -> list[Any]:
@@ -132,7 +132,7 @@ class Fast(Stages):
     # --- pairs, kernel values, coordination; sums over neighbours
 
     def move(self, x_nc: Any) -> None:
-        """Take new positions; see `Plain.move`. Any periodic image will do."""
+        """Take new positions; see `ArrayEvaluator.move`. Any periodic image will do."""
         x_nc = np.ascontiguousarray(x_nc, float)
         model, near, d = self.model, self.neighbours, self.model.dimension
         if not near.holds(x_nc):
@@ -150,14 +150,14 @@ class Fast(Stages):
         self.corrected_n = np.zeros(self.n, bool)
 
     def kernel_sum(self, weight_n: Any = None) -> FloatArray:
-        """See `Stages.kernel_sum`."""
+        """See `Evaluator.kernel_sum`."""
         sum_n = np.zeros(self.n)
         weight_n = np.ones(self.n) if weight_n is None else self._in(weight_n)
         self._each(loops.kernel_sum, self.parts, (weight_n,), (sum_n,))
         return np.asarray(self._out(sum_n))
 
     def correct(self, rho_n: Any) -> None:
-        """Gradients of the reproducing kernels; see `Plain.correct`."""
+        """Gradients of the reproducing kernels; see `ArrayEvaluator.correct`."""
         basis, model = self.basis, self.model
         if basis is None:
             return
@@ -179,7 +179,7 @@ class Fast(Stages):
         self.corrected_n = self._out(corrected_n)
 
     def wall_sums(self, pressure_n: Any, rho_n: Any, acceleration_nc: Any) -> tuple[FloatArray, ...]:
-        """See `Stages.wall_sums`."""
+        """See `Evaluator.wall_sums`."""
         all_n, same_n, wall_nf = np.zeros(self.n), np.zeros(self.n), np.zeros((self.n, 2))
         inputs = map(self._in, (self.solid_n, pressure_n, rho_n, acceleration_nc))
         self._each(loops.wall_sums, self._spline(), (*inputs, self.like), (all_n, same_n, wall_nf))
@@ -193,7 +193,7 @@ class Fast(Stages):
         energy_n: Any = None,
         want: Sequence[str] = ("v", "rho"),
     ) -> Gradients:
-        """Gradients of the fields wanted, in one pass; see `Plain.gradients`."""
+        """See `Evaluator.gradients`; all in one pass over the pairs."""
         found, d = Gradients(), self.model.dimension
         scalars = {"rho": self.apparent_density(rho_n), "energy": energy_n}
         names = [name for name in scalars if name in want]
@@ -219,27 +219,27 @@ class Fast(Stages):
         return found
 
     def shift_sums(self, volume_n: Any, w_h: float) -> Axes:
-        """See `Stages.shift_sums`."""
+        """See `Evaluator.shift_sums`."""
         sum_nc = np.zeros((self.n, self.model.dimension))
         self._each(loops.shift_sums, self._spline(), (self._in(volume_n), w_h, self.like), (sum_nc,))
         return axes(self._out(sum_nc))
 
     def color_sums(self, volume_n: Any) -> tuple[Axes, FloatArray, FloatArray]:
-        """See `Stages.color_sums`."""
+        """See `Evaluator.color_sums`."""
         gradient_nc, color_n, same_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n), np.zeros(self.n)
         inputs = self._in(volume_n), self._in(self.type_n), self.like
         self._each(loops.color_sums, self._spline(), inputs, (gradient_nc, color_n, same_n))
         return axes(self._out(gradient_nc)), self._out(color_n), self._out(same_n)
 
     def surface_sums(self, rho_n: Any) -> tuple[Axes, FloatArray]:
-        """See `Stages.surface_sums`."""
+        """See `Evaluator.surface_sums`."""
         gradient_nc, divr_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n)
         inputs = (self.volume_of_wall(rho_n), self._volume_among_solids(rho_n), self.solid_n)
         self._each(loops.surface_sums, self._spline(), (*map(self._in, inputs), self.like), (gradient_nc, divr_n))
         return axes(self._out(gradient_nc)), self._out(divr_n)
 
     def nearest(self, class_n: Any) -> FloatArray:
-        """See `Stages.nearest`."""
+        """See `Evaluator.nearest`."""
         r_n = np.full(self.n, self.model.cut)
         self._each(loops.nearest, self._spline(), (self._in(class_n == 1), self.like), (r_n,), np.minimum)
         return np.asarray(self._out(r_n))
@@ -255,7 +255,7 @@ class Fast(Stages):
         grad: Gradients,
         temperature_n: Any = None,
     ) -> PairTerms:
-        """Forces, density diffusion and heat flow; see `Plain.pair_terms`."""
+        """See `Evaluator.pair_terms`."""
         model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
         hot, damped = model.thermal is not None, pair.rho_damp and model.corrects_gradients
         solids = self.solid_n.any()
@@ -287,7 +287,7 @@ class Fast(Stages):
     # --- properties of a particle
 
     def eos_pressure(self, rho_n: Any, e_n: Any) -> FloatArray:
-        """See `Stages.eos_pressure`."""
+        """See `Evaluator.eos_pressure`."""
         return self.model.eos.pressure(rho_n, self.type_n, e_n)
 
 

@@ -1,7 +1,7 @@
 r"""The particle model in plain array operations: readable, and for several number types.
 
 Pairs are directed: every pair within the cutoff stands twice, once for each particle that collects. A finding is
-reproduced by a subclass that replaces one small method. Array names as in `eos_ref.evaluation.stages`, whose sums
+reproduced by a subclass that replaces one small method. Array names as in `eos_ref.evaluation.evaluator`, whose sums
 these are.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from eos_ref.eos import rounded_eos
 from eos_ref.errors import InputError
+from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.evaluation.stages import Stages
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
 from eos_ref.model.parameters import BoolArray, Gradients, PairTerms
@@ -24,8 +24,8 @@ from eos_ref.numbers.matrices import cholesky, solve_unit
 from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, value
 
 
-class Plain(Stages):
-    """Stages of a force evaluation in plain array operations; see `Stages` for the parameters."""
+class ArrayEvaluator(Evaluator):
+    """Stages of a force evaluation in plain array operations; see `Evaluator` for the parameters."""
 
     # --- pairs, kernel values, coordination
 
@@ -63,7 +63,7 @@ class Plain(Stages):
         return total_n
 
     def kernel_sum(self, weight_n: Number = None) -> Number:
-        """See `Stages.kernel_sum`."""
+        """See `Evaluator.kernel_sum`."""
         return self.total(self.w if weight_n is None else weight_n[self.j] * self.w)
 
     # --- reproducing kernels
@@ -103,7 +103,7 @@ class Plain(Stages):
     # --- walls
 
     def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
-        """See `Stages.wall_sums`."""
+        """See `Evaluator.wall_sums`."""
         i, j = self.i, self.j
         reach = dot([a_n[j] - a_n[i] for a_n in axes(acceleration_nc)], self.x)
         wall_p = self.solid_n[i] & ~self.solid_n[j]
@@ -112,7 +112,7 @@ class Plain(Stages):
         return *self.phase_sums(), support_n, sum_n
 
     def same_phase(self) -> Number:
-        """Same-phase fraction alone, without the densities of walls; see `Stages.same_fraction`."""
+        """Same-phase fraction alone, without the densities of walls; see `Evaluator.same_fraction`."""
         return self.same_fraction(*self.phase_sums())
 
     def phase_sums(self) -> tuple[Number, Number]:
@@ -162,7 +162,7 @@ class Plain(Stages):
         energy_n: Number = None,
         want: Sequence[str] = ("v", "rho"),
     ) -> Gradients:
-        r"""Gradients :math:`(\nabla f)_i=\sum_jV_j(f_j-f_i)\widetilde\nabla W_{ij}` of the fields wanted."""
+        """See `Evaluator.gradients`."""
         rho_i, rho_j = self.density_pair(rho_n)
         volume = self.mass_n[self.j] / rho_j
         found = Gradients()
@@ -181,12 +181,12 @@ class Plain(Stages):
     # --- shifting, surfaces
 
     def shift_sums(self, volume_n: Number, w_h: Number) -> Axes:
-        """See `Stages.shift_sums`."""
+        """See `Evaluator.shift_sums`."""
         weight = volume_n[self.j] * interactions.shift_weight(self.w, w_h)
         return [self.total(weight * g_a) for g_a in self.gradw]
 
     def color_sums(self, volume_n: Number) -> tuple[Axes, Number, Number]:
-        """See `Stages.color_sums`."""
+        """See `Evaluator.color_sums`."""
         other, volume = self.type_n[self.i] != self.type_n[self.j], volume_n[self.j]
         gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
         return gradient, self.total(where(other, volume * self.w, 0.0)), self.same_type_support(other)
@@ -196,12 +196,12 @@ class Plain(Stages):
         return self.total(where(other, 0.0, self.w))
 
     def surface_sums(self, rho_n: Number) -> tuple[Axes, Number]:
-        """See `Stages.surface_sums`."""
+        """See `Evaluator.surface_sums`."""
         volume = self.mass_n[self.j] / self.density_pair(rho_n)[1]
         return [self.total(volume * g_a) for g_a in self.gradw], self.total(-(volume * dot(self.x, self.gradw)))
 
     def nearest(self, class_n: Number) -> Number:
-        """See `Stages.nearest`; open where rounding leaves the class of a neighbour open."""
+        """See `Evaluator.nearest`; open where rounding leaves the class of a neighbour open."""
         near = (value(class_n) == 1)[self.j]
         nearest_n = np.full(self.n, self.model.cut)
         np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
@@ -213,7 +213,7 @@ class Plain(Stages):
     # --- properties of a particle
 
     def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
-        """See `Stages.eos_pressure`."""
+        """See `Evaluator.eos_pressure`."""
         return rounded_eos.by_type(rounded_eos.pressure, self.model.eos, self.type_n, rho_n, e_n)
 
     # --- pair terms
@@ -229,10 +229,7 @@ class Plain(Stages):
         grad: Gradients,
         temperature_n: Number = None,
     ) -> PairTerms:
-        """Forces, density diffusion and heat flow of pair_style rheo; see `eos_ref.model.interactions`.
-
-        ``pressure_n`` is that of the `apparent_density`.
-        """
+        """See `Evaluator.pair_terms`."""
         model, i, j = self.model, self.i, self.j
         rho_i, rho_j = self.density_pair(rho_n)
         volume_i, volume_j = self.collecting_volume(rho_i), self.mass_n[j] / rho_j

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos import bounds
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.numbers.rounded import Rounded, value
 
 
-class AtCutoff(Plain):
+class AtCutoff(ArrayEvaluator):
     """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
 
     def move(self, x_nc: Any) -> None:
@@ -40,6 +40,6 @@ class AtCutoff(Plain):
         return self.counted_n
 
 
-def at_cutoff(stages: type[Plain]) -> type[Plain]:
+def at_cutoff(stages: type[ArrayEvaluator]) -> type[ArrayEvaluator]:
     """Stages whose coordination is open where rounding decides."""
-    return type("Counted", (AtCutoff,) if stages is Plain else (stages, AtCutoff), {})
+    return type("Counted", (AtCutoff,) if stages is ArrayEvaluator else (stages, AtCutoff), {})

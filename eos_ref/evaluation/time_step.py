@@ -1,8 +1,8 @@
 r"""Force evaluation and time step of fix rheo, in the documented order.
 
 `Simulation` holds a state and the results of its last force evaluation; the stages themselves belong to an evaluator
-(`eos_ref.evaluation.array_evaluator.Plain` or `eos_ref.compiled.evaluator.Fast`). Only what the plan names is evaluated
-(`eos_ref.model.quantities`).
+(`eos_ref.evaluation.array_evaluator.ArrayEvaluator` or `eos_ref.compiled.evaluator.CompiledEvaluator`). Only what the
+plan names is evaluated (`eos_ref.model.quantities`).
 Source: manual, fix rheo, and Palermo et al., Phys. Fluids 36, 113337 (2024); the order and the reuse of old values
 are LAMMPS' to define.
 """
@@ -18,16 +18,15 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.array_evaluator import Plain
-from eos_ref.evaluation.stages import Stages
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.model import per_atom, quantities
-from eos_ref.model.parameters import Box, Gradients, Model, State, Surface, check_state
-from eos_ref.numbers.columns import axes, dot, joined, matrix
+from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state
+from eos_ref.numbers.columns import Number, axes, dot, joined, matrix
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, value
 
-Array = Any
-Evaluator = Callable[..., Any]
+MakeEvaluator = Callable[[Model, Box, IntArray, BoolArray], Evaluator]  # a class, or one with some settings
 LAYER, SURFACE, SPLASH, BULK = 8, 16, 32, 4  # bits of LAMMPS' status; 1 is solid
 
 
@@ -43,7 +42,7 @@ class Simulation:
     fields : iterable of str
         What is wanted of an evaluation, by LAMMPS' names; empty: what time steps need.
     evaluator : class
-        `Plain`, a variant of it, or `eos_ref.compiled.evaluator.Fast`.
+        `ArrayEvaluator`, a variant of it, or `eos_ref.compiled.evaluator.CompiledEvaluator`.
 
     Attributes
     ----------
@@ -59,7 +58,12 @@ class Simulation:
     """
 
     def __init__(
-        self, model: Model, box: Box, state: State, fields: Iterable[str] = (), evaluator: Evaluator = Plain
+        self,
+        model: Model,
+        box: Box,
+        state: State,
+        fields: Iterable[str] = (),
+        evaluator: MakeEvaluator = ArrayEvaluator,
     ) -> None:
         check_state(model, box, state)
         if isinstance(fields, str):
@@ -69,7 +73,7 @@ class Simulation:
         self.mass_n = model.mass[own.type_n - 1]
 
     @classmethod
-    def with_evaluator(cls, state: State, evaluator: Stages, fields: Iterable[str]) -> Self:
+    def with_evaluator(cls, state: State, evaluator: Evaluator, fields: Iterable[str]) -> Self:
         """Return a simulation of a state as it is, neither checked nor copied, by an evaluator that is ready for it.
 
         For states in other number types, and for particles of one type with different masses (``evaluator.mass_n``).
@@ -79,23 +83,23 @@ class Simulation:
         simulation.mass_n = evaluator.mass_n
         return simulation
 
-    def _start(self, state: State, evaluator: Stages, fields: tuple[str, ...]) -> None:
+    def _start(self, state: State, evaluator: Evaluator, fields: tuple[str, ...]) -> None:
         self.model, self.box, self.state = evaluator.model, evaluator.box, state
-        self.evaluator: Any = evaluator
+        self.evaluator: Evaluator = evaluator
         self.asked = fields or quantities.needed_to_step(self.model)
         self.plan = quantities.required(self.model, self.asked)
-        self.other_nc: Array = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
-        self.fields: dict[str, Array] = {}
+        self.other_nc: Number = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
+        self.fields: dict[str, Number] = {}
         self.gradient, self.surface = Gradients(), Surface()
-        self.chi_n: Array = None
-        self.pressure_force_nc: Array = None
+        self.chi_n: Number = None
+        self.pressure_force_nc: Number = None
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
         self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
 
     # --- force evaluation
 
-    def evaluate(self) -> dict[str, Array]:
+    def evaluate(self) -> dict[str, Number]:
         """Evaluate everything the plan names, for the state as it is (F of the documentation)."""
         s, e, plan = self.state, self.evaluator, self.plan
         self.fields, self.evaluated = {}, replace(s)
@@ -163,7 +167,7 @@ class Simulation:
             self.pressure_force_nc = terms.pressure_force_nc
             found["f"] = self._external(terms.force_nc)
 
-    def _external(self, force_nc: Array) -> Array:
+    def _external(self, force_nc: Number) -> Number:
         """Forces of other fixes, in their order."""
         for force in self.model.forces:
             acts_n = force.acts_on(self.state.type_n)
@@ -244,18 +248,18 @@ class Simulation:
         for _ in range(steps):
             self.step(dt)
 
-    def rounded(self, evaluator: Evaluator = Plain) -> Simulation:
+    def rounded(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """The last evaluation once more in `eos_ref.numbers.rounded` arrays: every field with its rounding bound."""
         return self._evaluated_in(Rounded, evaluator)
 
-    def precise(self, evaluator: Evaluator = Plain) -> Simulation:
+    def precise(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """The last evaluation once more in longdoubles, where these have more digits than doubles.
 
         The inverse of an equation of state, which walls need, stays in doubles.
         """
         return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator)
 
-    def _evaluated_in(self, number: Callable[[Any], Array], evaluator: Evaluator) -> Simulation:
+    def _evaluated_in(self, number: Callable[[Any], Number], evaluator: MakeEvaluator) -> Simulation:
         s = self.evaluated
         twin: Simulation = copy.copy(self)
         energy_n = None if s.energy_n is None else number(s.energy_n)
@@ -278,17 +282,16 @@ class Simulation:
             want += ["energy"] if fix.thermal else []
         if not want:
             return Gradients()
-        found: Gradients = self.evaluator.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
-        return found
+        return self.evaluator.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
 
-    def _continuity(self, dt: float, drho_n: Array, gradient: Gradients) -> None:
+    def _continuity(self, dt: float, drho_n: Number, gradient: Gradients) -> None:
         s = self.state
         trace_n = gradient.v_ncc[:, 0, 0].copy()  # np.trace takes five times as long
         for a in range(1, self.model.dimension):
             trace_n += gradient.v_ncc[:, a, a]
         s.rho_n = np.where(s.solid_n, s.rho_n, s.rho_n + dt * (drho_n - s.rho_n * trace_n))
 
-    def _shift(self, dt: float, shift_nc: Array, gradient: Gradients) -> None:
+    def _shift(self, dt: float, shift_nc: Number, gradient: Gradients) -> None:
         s = self.state
         s.x_nc = s.x_nc + dt * shift_nc
         shift = axes(shift_nc)  # sums over a short last axis take ten times as long as sums of columns
@@ -311,7 +314,7 @@ class Simulation:
 
     # --- outputs
 
-    def output(self, field: str) -> Array:
+    def output(self, field: str) -> Number:
         """A field as LAMMPS reports it now: of the state, or of the last force evaluation.
 
         Raises
@@ -326,7 +329,7 @@ class Simulation:
             raise InputError("field", "was not evaluated: name it in fields", field)
         return self.fields[field]
 
-    def stress(self, total: bool) -> Array:
+    def stress(self, total: bool) -> Number:
         """Viscous or total stress of the last gradients and viscosities, and of the pressure of the state."""
         viscosity_n, p_n = self.fields["viscosity"], self.output("pressure") if total else None
         return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))

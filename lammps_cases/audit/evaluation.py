@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.eos.bounds import EPS
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import BoolArray, Box, Model, State
@@ -49,8 +49,8 @@ class Sample:
     z_n: Array | None = None
 
 
-class _GivenDensities(Plain):
-    """Stages that take the densities as they are given; their sum is kept beside them."""
+class _GivenDensities(ArrayEvaluator):
+    """Evaluator that take the densities as they are given; their sum is kept beside them."""
 
     given_n: Any
     summed_n: Any = None
@@ -61,7 +61,7 @@ class _GivenDensities(Plain):
         return self.given_n
 
     def correct(self, rho_n: Any) -> None:
-        """See `Plain.correct`; solids of both keywords are corrected with their sums, before the reconstruction."""
+        """See `ArrayEvaluator.correct`; solids of both keywords take their sums, before the reconstruction."""
         fix = self.model.fix
         both = fix.rho_sum and fix.interface_reconstruct
         super().correct(where(self.solid_n, self.summed_n, rho_n) if both else rho_n)
@@ -82,7 +82,7 @@ class SampleEvaluation:
         Evaluator: the reference's, or that of a finding's variant.
     """
 
-    def __init__(self, sample: Sample, fields: Sequence[str], stages: type[Plain] = Plain) -> None:
+    def __init__(self, sample: Sample, fields: Sequence[str], stages: type[ArrayEvaluator] = ArrayEvaluator) -> None:
         s = sample.state
         energy_n = None if s.energy_n is None else Rounded(s.energy_n)
         state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.audit.evaluation import Sample
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
 
 # The fields outside their bounds by some stages; if the flag is set, values without a bound are left out.
-Outside = Callable[[type[Plain], bool], frozenset[str]]
+Outside = Callable[[type[ArrayEvaluator], bool], frozenset[str]]
 Explained = dict[str, list[Finding]]  # by field
 _After = Callable[[Sequence[Finding]], frozenset[str]]
 

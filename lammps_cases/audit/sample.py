@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import Box, Model, State
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import error, value
@@ -112,7 +112,7 @@ class Sampler:
         if not before:
             return
 
-        def outside(stages: type[Plain], undefined: bool) -> frozenset[str]:
+        def outside(stages: type[ArrayEvaluator], undefined: bool) -> frozenset[str]:
             by = SampleEvaluation(sample, self.fields, stages)
             sides = {field: _sides(shown[field], by.output(field), rows_n) for field, rows_n in rows_of.items()}
             return frozenset(field for field, arrays in sides.items() if not _inside(*arrays, undefined))

@@ -110,7 +110,7 @@ def _explanation(case: Any) -> dict[str, Any]:
 
 def _evaluator(case: Any, ready: Any) -> str | None:
     """Name the body of the reference that judges a case, and the size that decides it."""
-    from eos_ref.evaluation.array_evaluator import Plain
+    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
     from lammps_cases.comparison.trajectory import COMPILED_ABOVE, evaluations, own_stages
     from lammps_cases.verdict.model_cases import problem_of
 
@@ -120,7 +120,7 @@ def _evaluator(case: Any, ready: Any) -> str | None:
     if not scene.whole_model:
         return "the formula of the law, in numpy"
     problem = problem_of(scene, ready.atoms, case.where, scene.snapshots)
-    name = "array" if own_stages(problem) is Plain else "compiled"
+    name = "array" if own_stages(problem) is ArrayEvaluator else "compiled"
     return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
 
 

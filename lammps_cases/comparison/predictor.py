@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, precise_setup, predict, visit, wanted
 
-Made = tuple[type[Plain], type[Simulation]]  # the stages and the stepping of a variant
+Made = tuple[type[ArrayEvaluator], type[Simulation]]  # the stages and the stepping of a variant
 Arrays = dict[str, npt.NDArray[Any]]
 
 

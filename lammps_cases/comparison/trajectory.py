@@ -15,9 +15,9 @@ import numpy as np
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.cutoff import at_cutoff
-from eos_ref.evaluation.stages import Stages
+from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, Gradients, Model, PairTerms, State
 from eos_ref.model.quantities import QUANTITIES, needed_to_step
@@ -67,7 +67,7 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
 
 def predict(
     problem: Problem,
-    evaluator: type[Plain] | None = None,
+    evaluator: type[ArrayEvaluator] | None = None,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
 ) -> Prediction:
@@ -87,7 +87,7 @@ def predict(
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, problem.timestep):
         values.append({field: sim.output(field).copy() for field in fields})
-        errors = sim.rounded(at_cutoff(evaluator or Plain))
+        errors = sim.rounded(at_cutoff(evaluator or ArrayEvaluator))
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
     runs = _moved_runs(problem, stages, stepping, sizes, seed) if last else []
@@ -102,13 +102,13 @@ def evaluations(problem: Problem) -> int:
     return len(problem.state.x_nc) * (1 + problem.steps[-1]) * runs
 
 
-def own_stages(problem: Problem) -> type[Stages]:
+def own_stages(problem: Problem) -> type[Evaluator]:
     """Return the reference's own evaluator: compiled if there are more than `COMPILED_ABOVE` evaluations."""
     if evaluations(problem) <= COMPILED_ABOVE:
-        return Plain
-    from eos_ref.compiled.evaluator import Fast
+        return ArrayEvaluator
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
-    return Fast
+    return CompiledEvaluator
 
 
 # --- one evaluation
@@ -135,7 +135,7 @@ class Sizes(dict[str, FloatArray]):
 # --- many steps
 
 
-def moved(evaluator: type[Stages], sizes: Sizes, random: np.random.Generator) -> type[Stages]:
+def moved(evaluator: type[Evaluator], sizes: Sizes, random: np.random.Generator) -> type[Evaluator]:
     """The stages of an evaluator with every result moved by its bound, up or down at random."""
 
     def move(quantity: Any, name: str) -> Any:
@@ -200,7 +200,7 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 def _moved_runs(
     problem: Problem,
-    evaluator: type[Stages],
+    evaluator: type[Evaluator],
     stepping: type[Simulation],
     sizes: Sizes,
     seed: int,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import SINCE_2, Finding, MapDifference
 from lammps_cases.findings.variants import Variant
 
 
-class ForcePerVolume(Plain):
+class ForcePerVolume(ArrayEvaluator):
     """Pair forces lack the volume of the particle that they act on."""
 
     def collecting_volume(self, rho_i: Number) -> Number:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.numbers.columns import Number
 from eos_ref.numbers.rounded import Decision, Rounded
 from lammps_cases.comparison.trajectory import Problem
@@ -14,7 +14,7 @@ from lammps_cases.findings.variants import Variant
 UNDEFINED = np.inf  # bound of what no reference can predict
 
 
-class StaleGradient(Plain):
+class StaleGradient(ArrayEvaluator):
     """Below zmin the gradient is whatever the memory holds: nothing that depends on it can be predicted."""
 
     def correct(self, rho_n: Number) -> None:
@@ -34,7 +34,7 @@ def falls_back(problem: Problem) -> bool:
     model = problem.model
     if not model.corrects_gradients:
         return False
-    stages = Plain(model, problem.box, problem.state.type_n, problem.state.solid_n)
+    stages = ArrayEvaluator(model, problem.box, problem.state.type_n, problem.state.solid_n)
     stages.move(problem.state.x_nc)
     return bool(np.any(stages.coordination_n < model.fix.zmin))
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.columns import Number
@@ -37,7 +37,7 @@ class Listed:
     pair_ps: IntArray
 
 
-class FollowingLists(Plain):
+class FollowingLists(ArrayEvaluator):
     """Stages that find their pairs in LAMMPS' list.
 
     Attributes
@@ -85,6 +85,7 @@ def _places(wanted: IntArray, known: IntArray) -> IntArray:
 class CountingSteps(Simulation):
     """Steps that tell the stages whose list is in use, and what the slots keep of the accelerations."""
 
+    evaluator: FollowingLists
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))
 
@@ -105,7 +106,7 @@ class CountingSteps(Simulation):
         self.evaluator.kept_sc = self.kept_sc
 
 
-def lists_of_neighbours(problem: Problem, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+def lists_of_neighbours(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
     """LAMMPS' list at every step, if they were read."""
     lists: tuple[Listed, ...] = snapshot.get("lists", ())
     return {"lists": lists} if len(lists) > problem.steps[-1] else None

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.columns import Axes, Number, axes, dot
 from eos_ref.numbers.elementary import sqrt, where
@@ -16,7 +16,7 @@ from lammps_cases.findings.entry import ALL, AlarmDifference, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
 
 
-class SupportTimesDistance(Plain):
+class SupportTimesDistance(ArrayEvaluator):
     """The same-type support of scale/cross/type sums W r in place of W."""
 
     def same_type_support(self, other: Any) -> Number:
@@ -30,7 +30,7 @@ def asks_for_support(problem: Problem) -> bool:
     return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[2] > 0
 
 
-class NormalOfLastPair(Plain):
+class NormalOfLastPair(ArrayEvaluator):
     """The normal of scale/cross/type is, for every particle, the direction of one and the same pair.
 
     ``pair`` holds the indices of the pair; which one it is follows from LAMMPS' order of neighbours.
@@ -61,7 +61,7 @@ def scales_across_types(problem: Problem) -> bool:
     )
 
 
-def last_pair(problem: Problem, stages: type[Plain], snapshot: Snapshot) -> dict[str, Any] | None:
+def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
     """The pair whose direction LAMMPS took out of the shift of the particle that changed most."""
     if "shift/v" not in snapshot:
         return None
@@ -69,6 +69,7 @@ def last_pair(problem: Problem, stages: type[Plain], snapshot: Snapshot) -> dict
     with np.errstate(invalid="ignore"):
         sim.setup()
     plain = sim.evaluator
+    assert isinstance(plain, ArrayEvaluator)
     unscaled_nc = value(np.stack(plain.raw_shift(axes(sim.state.v_nc), sim.state.rho_n), axis=1))
     moves_n = np.any(snapshot["shift/v"] != 0, axis=1, keepdims=True)
     change_nc = np.where(moves_n, unscaled_nc - snapshot["shift/v"], 0.0)

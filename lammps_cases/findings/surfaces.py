@@ -26,6 +26,8 @@ class LayerOfFirst(FollowingLists):
 class StatusOfLayers(CountingSteps):
     """Steps whose status words take the layer from `LayerOfFirst`."""
 
+    evaluator: LayerOfFirst
+
     def output(self, field: str) -> Any:
         """Fields as they are, with fewer particles in the layer."""
         found = super().output(field)

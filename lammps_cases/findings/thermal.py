@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import BEFORE_2, SINCE_2, Finding
 from lammps_cases.findings.variants import Variant
 
 
-class HeatAsTemperatureRate(Plain):
+class HeatAsTemperatureRate(ArrayEvaluator):
     """The heat flow is that of the diffusivity kappa/(rho0 cv), without the volume of the particle heated."""
 
     def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
@@ -23,7 +23,7 @@ class HeatAsTemperatureRate(Plain):
         return super().conduction() / (self.rho0_n * cv_n)
 
 
-class HeatOverDensity(Plain):
+class HeatOverDensity(ArrayEvaluator):
     """The heat flow of a pair is divided by its mean density."""
 
     def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
@@ -31,7 +31,7 @@ class HeatOverDensity(Plain):
         return super().heated_volume(rho_i, rho_j) / (0.5 * (rho_i + rho_j))
 
 
-class TemperatureWithoutMass(Plain):
+class TemperatureWithoutMass(ArrayEvaluator):
     """The temperature is that of the energy of the particle, not per unit mass."""
 
     def specific_energy(self, energy_n: Number) -> Number:

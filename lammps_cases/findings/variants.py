@@ -1,6 +1,6 @@
 """Variants of the reference's particle model: each replaces one small method and reproduces a finding of the ledger.
 
-A variant is a class to put before `eos_ref.evaluation.array_evaluator.Plain` (``stages``) or
+A variant is a class to put before `eos_ref.evaluation.array_evaluator.ArrayEvaluator` (``stages``) or
 `eos_ref.evaluation.time_step.Simulation` (``stepping``), and tells which scenes it makes a difference to. None of
 this is part of the reference.
 """
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.trajectory import Problem
 
@@ -33,18 +33,18 @@ class Variant:
     """
 
     applies: Callable[[Problem], bool]
-    stages: type[Plain] | None = None
+    stages: type[ArrayEvaluator] | None = None
     stepping: type[Simulation] | None = None
-    fit: Callable[[Problem, type[Plain], Snapshot], dict[str, Any] | None] | None = None
+    fit: Callable[[Problem, type[ArrayEvaluator], Snapshot], dict[str, Any] | None] | None = None
     undefined: bool = False
     lists: bool = False
 
 
 def combined(
     variants: Sequence[Variant], problem: Problem, snapshot: Snapshot
-) -> tuple[type[Plain], type[Simulation]] | None:
+) -> tuple[type[ArrayEvaluator], type[Simulation]] | None:
     """Evaluator and simulation with several variants at once; None if one cannot be fitted to LAMMPS' numbers."""
-    stages: type[Plain] = _joined("Stages", (v.stages for v in variants), Plain)
+    stages: type[ArrayEvaluator] = _joined("Evaluator", (v.stages for v in variants), ArrayEvaluator)
     for variant in variants:
         if variant.fit:
             fitted = variant.fit(problem, stages, snapshot)

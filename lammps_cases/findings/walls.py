@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Model, PairTerms
 from eos_ref.numbers.columns import Number, axes, dot
@@ -20,7 +20,7 @@ from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists,
 from lammps_cases.findings.variants import Variant
 
 
-class WallVelocityLost(Plain):
+class WallVelocityLost(ArrayEvaluator):
     """The velocity that a fluid particle sees of a solid lacks the solid's own velocity."""
 
     def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.compare import excess
@@ -22,13 +22,13 @@ from lammps_cases.findings.thermal import HeatOverDensity, TemperatureWithoutMas
 from lammps_cases.findings.walls import WallVelocityLost
 
 
-class _UnitMasses(Plain):
+class _UnitMasses(ArrayEvaluator):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.mass_n = np.ones(self.n)
 
 
-class _UnitDensity(Plain):
+class _UnitDensity(ArrayEvaluator):
     """Equilibrium densities other than the law's own."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -36,40 +36,40 @@ class _UnitDensity(Plain):
         self.rho0_n = np.ones(self.n)
 
 
-class _EquilibriumVolumes(Plain):
+class _EquilibriumVolumes(ArrayEvaluator):
     def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
         rho0_n = 0 * rho_n + self.rho0_n
         return rho0_n[self.i], rho0_n[self.j]
 
 
-class _OwnVolumes(Plain):
+class _OwnVolumes(ArrayEvaluator):
     def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
         rho_i, _ = super().density_pair(rho_n)
         return rho_i, rho_i * (self.mass_n[self.j] / self.mass_n[self.i])
 
 
-class _OtherMean(Plain):
+class _OtherMean(ArrayEvaluator):
     def __init__(self, model: Any, *arguments: Any) -> None:
         pair = replace(model.pair, harmonic_means=not model.pair.harmonic_means)
         super().__init__(replace(model, pair=pair), *arguments)
 
 
-class _UnitSoundSpeed(Plain):
+class _UnitSoundSpeed(ArrayEvaluator):
     def sound_speed(self, energy_n: Number = None) -> Number:
         return np.ones(self.n)
 
 
-class _NoSlipIgnored(Plain):
+class _NoSlipIgnored(ArrayEvaluator):
     def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
         return v_solid
 
 
-class _ThinWalls(Plain):
+class _ThinWalls(ArrayEvaluator):
     def apparent_density(self, rho_n: Number) -> Number:
         return rho_n
 
 
-class _MostConductive(Plain):
+class _MostConductive(ArrayEvaluator):
     def conduction(self) -> Number:
         return 0 * super().conduction() + super().conduction().max()
 
@@ -78,7 +78,7 @@ class _MostConductive(Plain):
 class ModelMutant:
     """A mistake: the stages that make it, and the quantities it changes in a scene that it applies to."""
 
-    stages: type[Plain]
+    stages: type[ArrayEvaluator]
     changes: tuple[str, ...]
     needs_walls: bool = False
 

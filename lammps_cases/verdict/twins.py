@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
@@ -169,4 +169,4 @@ def _with_finding(side: _Side, entry: Finding, predictor: Predictor) -> list[Sna
     """Return the reference's fields of a run with one finding alone."""
     assert entry.model_variant is not None
     made = combined([entry.model_variant], side.problem, side.snapshots[0])
-    return predictor.values(side.problem, made or (Plain, Simulation))
+    return predictor.values(side.problem, made or (ArrayEvaluator, Simulation))

@@ -7,15 +7,15 @@ translated, mirrored or replicated scene holds the same displacements to the las
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from eos_ref.eos.table import EOS, EOSTable
-from eos_ref.evaluation.array_evaluator import Plain
-from eos_ref.evaluation.time_step import Simulation
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
 from eos_ref.model.quantities import order
 from eos_ref.numbers.rounded import error, value
@@ -61,7 +61,7 @@ class Scene:
     box: Box
     state: State
 
-    def simulate(self, fields: Iterable[str] | None = None, evaluator: Callable[..., Any] = Plain) -> Simulation:
+    def simulate(self, fields: Iterable[str] | None = None, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """A simulation that evaluates all that the model has, or some fields."""
         return Simulation(
             self.model, self.box, self.state, everything(self.model) if fields is None else fields, evaluator

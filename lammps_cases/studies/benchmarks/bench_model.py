@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, State
 from lammps_cases.engine import session
@@ -60,9 +60,9 @@ def scene(option: str, dimension: int, edge: int) -> Case:
 
 def simulation(case: Case, stages: Literal["compiled", "plain"] = "compiled") -> Simulation:
     """The reference, ready to step."""
-    evaluator: Any = Plain
+    evaluator: Any = ArrayEvaluator
     if stages == "compiled":
-        from eos_ref.compiled.evaluator import Fast as evaluator
+        from eos_ref.compiled.evaluator import CompiledEvaluator as evaluator
 
     atoms = build(case, case.scene.eos())
     model, box = reference_side.model(case.scene, atoms, case.where), reference_side.box(case.scene, atoms)
@@ -126,14 +126,16 @@ def growth(edges: tuple[int, ...] = (100, 316, 1000), steps: int = 4) -> Iterato
 
 def full_model_for_pressure(edge: int = 300) -> Ratio:
     """What a scene that compares pressures alone costs, against all that the model could evaluate for it."""
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
     case = scene("RK1", 2, edge)
     atoms = build(case, case.scene.eos())
     model, box = reference_side.model(case.scene, atoms, ""), reference_side.box(case.scene, atoms)
     state = reference_side.state(case.scene, atoms)
-    alone = Simulation(model, box, state, ("pressure",), Fast)
-    whole = Simulation(model, box, state, ("coordination", "grad/v", "pressure", "viscosity", "f", "drho"), Fast)
+    alone = Simulation(model, box, state, ("pressure",), CompiledEvaluator)
+    whole = Simulation(
+        model, box, state, ("coordination", "grad/v", "pressure", "viscosity", "f", "drho"), CompiledEvaluator
+    )
     n = len(atoms)
     return against(f"pressure alone, {n:,} particles", "whole model", alone.evaluate, whole.evaluate, 3, n)
 
@@ -163,7 +165,7 @@ def _peak() -> int:
 
 def _lattice_simulation(option: str, edge: int) -> None:
     """Two steps from a state made in place: what the scene's own arrays take is not the reference's."""
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
     case = scene(option, 2, 10)
     model = reference_side.model(case.scene, build(case, case.scene.eos()), "")
@@ -175,4 +177,4 @@ def _lattice_simulation(option: str, edge: int) -> None:
         x_nc, random.uniform(-0.1, 0.1, x_nc.shape), np.ones(n), np.ones(n, np.int32), np.zeros(n, bool), None
     )
     box = Box((0.0, 0.0), (float(edge), float(edge)), (True, True))
-    Simulation(model, box, state, (), Fast).run(2, 0.002)
+    Simulation(model, box, state, (), CompiledEvaluator).run(2, 0.002)

@@ -59,14 +59,14 @@ def taylor_green(repeats: int, pysph: str | None) -> Iterator[Ratio]:
 
 
 def _threads() -> tuple[int, ...]:
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
-    return (1, 2) if "threads" in inspect.signature(Fast.__init__).parameters else (1,)
+    return (1, 2) if "threads" in inspect.signature(CompiledEvaluator.__init__).parameters else (1,)
 
 
 def _stepping(start: Start, threads: int) -> Callable[[], float]:
     """Seconds of one step of ours."""
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
     from eos_ref.evaluation.time_step import Simulation
 
     scene, atoms = start.case.scene, start.atoms
@@ -76,7 +76,7 @@ def _stepping(start: Start, threads: int) -> Callable[[], float]:
         reference_side.box(scene, atoms),
         reference_side.state(scene, atoms),
         (),
-        lambda *given: Fast(*given, **settings),
+        lambda *given: CompiledEvaluator(*given, **settings),
     )
     sim.run(WARM, start.timestep)
 

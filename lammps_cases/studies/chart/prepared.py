@@ -34,11 +34,11 @@ class Prepared:
 
     def simulation(self, fields: Sequence[str]) -> Simulation:
         """The compiled reference, evaluated once."""
-        from eos_ref.compiled.evaluator import Fast
+        from eos_ref.compiled.evaluator import CompiledEvaluator
 
         scene, where = self.case.scene, self.case.where
         model, box = reference_side.model(scene, self.atoms, where), reference_side.box(scene, self.atoms)
-        made = Simulation(model, box, reference_side.state(scene, self.atoms, where), fields, Fast)
+        made = Simulation(model, box, reference_side.state(scene, self.atoms, where), fields, CompiledEvaluator)
         made.evaluate()
         return made
 

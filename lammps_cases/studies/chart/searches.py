@@ -124,7 +124,7 @@ def _searches(quick: bool) -> Panel:
 
 def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
     """A vortex flow of a disordered fluid, stepping with a list of a skin (in cutoffs); and its time step."""
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
     x_nc, box = _lattice(edge, "rebuild")
     k = 2 * np.pi / edge
@@ -136,14 +136,17 @@ def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
     model = Model(2, FixRheo(CUT, "quintic", 0), (1.0,), law, PairRheo(CUT, 1.0), (Viscosity("constant", 0.02),))
     n = len(x_nc)
     state = State(x_nc, v_nc, np.ones(n), np.ones(n, int), np.zeros(n, bool))
-    return Simulation(model, box, state, (), partial(Fast, skin=skin * CUT)), 0.25 / (1 + mach)
+    return Simulation(model, box, state, (), partial(CompiledEvaluator, skin=skin * CUT)), 0.25 / (1 + mach)
 
 
 def _ran(mach: float, skin: float, edge: int, most: int) -> tuple[Simulation, float, FloatArray]:
     """A fluid that has run, rebuilds per step, and densities after `LEAST_STEPS`."""
+    from eos_ref.compiled.evaluator import CompiledEvaluator
+
     sim, dt = fluid(mach, skin, edge)
     sim.run(LEAST_STEPS, dt)
     rho_n, steps = sim.state.rho_n.copy(), LEAST_STEPS
+    assert isinstance(sim.evaluator, CompiledEvaluator)
     near = sim.evaluator.neighbours
     while near.built < REBUILDS + 1 and steps < most:
         sim.run(10, dt)

@@ -82,15 +82,15 @@ def _second_pays(low: int, high: int, rounds: tuple[int, float]) -> Crossing:
 
 
 def _model_threads(quick: bool) -> Iterator[Panel]:
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
-    if "threads" not in inspect.signature(Fast).parameters:
+    if "threads" not in inspect.signature(CompiledEvaluator).parameters:
         return
     points: list[Point] = []
     for edge in QUICK_EDGES if quick else EDGES:
         moved: dict[str, Any] = {"rho": {"ratio": [0.99, 1.01]}, "velocity": {"random": 0.1}, "compare": ["rho", "x"]}
         old = prepared("RK1", 3.0, 0.1, edge, **moved).simulation(())
-        make: Any = Fast
+        make: Any = CompiledEvaluator
         sims = {
             f"{threads} thread{'s' * (threads > 1)}": Simulation(
                 old.model, old.box, old.state, (), partial(make, threads=threads)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.session import EngineBroken, EngineRefused
 from lammps_cases.engine.stepping import instance
 from lammps_cases.engine.workers import Failure, Workers
@@ -44,9 +44,9 @@ def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", thr
     threads : int
         Of the compiled evaluator.
     """
-    from eos_ref.compiled.evaluator import Fast
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
-    make: Callable[..., Any] = Plain if evaluator == "plain" else Fast
+    make: Callable[..., Any] = ArrayEvaluator if evaluator == "plain" else CompiledEvaluator
     if threads != 1:
         make = functools.partial(make, threads=threads)
     ReferenceFlow(start, make).advance(1)  # compiles

@@ -35,13 +35,13 @@ class ReferenceFlow:
     """A flow on the reference; by default on the compiled one."""
 
     def __init__(self, start: Start, evaluator: Callable[..., Any] | None = None) -> None:
-        from eos_ref.compiled.evaluator import Fast
+        from eos_ref.compiled.evaluator import CompiledEvaluator
 
         scene, atoms, where = start.case.scene, start.atoms, start.case.where
         model, box = reference_side.model(scene, atoms, where), reference_side.box(scene, atoms)
         state = reference_side.state(scene, atoms, where)
         self.start, self.step = start, 0
-        self.simulation = Simulation(model, box, state, (), evaluator or Fast)
+        self.simulation = Simulation(model, box, state, (), evaluator or CompiledEvaluator)
         self.simulation.run(0, start.timestep)
 
     def advance(self, steps: int) -> None:

@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.edits import edited, split_name, text_of
 from lammps_cases.studies.mutation.fault import Fault, Kind
@@ -86,7 +86,7 @@ def faults() -> dict[str, SourceFault | LintFault]:
     return {fault.id: fault for fault in found}
 
 
-def stages(fault: Fault) -> type[Plain] | None:
+def stages(fault: Fault) -> type[ArrayEvaluator] | None:
     """The stages that make a mistake of the lint's."""
     known = isinstance(fault, LintFault) and fault.table == "stage"
     return model_mistakes.MUTANTS[fault.name].stages if known else None  # type: ignore[attr-defined]

@@ -29,7 +29,7 @@ MODULES = {
     "model.interactions": 16,
     "model.per_atom": 9,
     "evaluation.array_evaluator": 30,
-    "evaluation.stages": 24,
+    "evaluation.evaluator": 24,
     "evaluation.time_step": 22,
     "numbers.matrices": 5,
     "numbers.columns": 1,
@@ -46,9 +46,12 @@ IN_IDS = {
     "kernels.reproducing": "kernels",
     "eos.table": "eos",
     "evaluation.array_evaluator": "plain",
+    "evaluation.evaluator": "stages",
     "evaluation.time_step": "steps",
     "model.parameters": "model",
 }
+# Likewise for classes and functions.
+NAMES_IN_IDS = {"ArrayEvaluator": "Plain", "Evaluator": "Stages", "Simulation.status": "Simulation._status"}
 
 
 def _replaced() -> Iterator[str]:
@@ -66,10 +69,10 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
     "other number types": (
         "numbers.elementary:_is_ball",
         "numbers.elementary:_unary",
-        "evaluation.array_evaluator:Plain.constant",
-        "evaluation.array_evaluator:Plain.total",  # of rounded and extended numbers: to the same values
-        "evaluation.stages:is_class",
-        "evaluation.stages:Stages.constant",
+        "evaluation.array_evaluator:ArrayEvaluator.constant",
+        "evaluation.array_evaluator:ArrayEvaluator.total",  # of rounded and extended numbers: to the same values
+        "evaluation.evaluator:is_class",
+        "evaluation.evaluator:Evaluator.constant",
         "evaluation.time_step:Simulation.rounded",
         "evaluation.time_step:Simulation.precise",
         "evaluation.time_step:Simulation._evaluated_in",
@@ -81,7 +84,7 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
         "eos.laws:tait_stiffness",
         "eos.laws:ideal_gas_stiffness",
     ),
-    "changed as a whole by a named fault": ("evaluation.stages:Stages.sound_speed",),
+    "changed as a whole by a named fault": ("evaluation.evaluator:Evaluator.sound_speed",),
     "other callers": (
         "eos.laws:cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
         "kernels.reproducing:basis_size",
@@ -204,7 +207,7 @@ def names(module: str, tree: ast.Module) -> dict[str, int]:
     found: dict[str, int] = {}
     seen: dict[str, int] = {}
     for place, (where, how, _, _) in enumerate(_changes(module, tree)):
-        name = f"source.{_in_ids(module)}.{where}.{how}"
+        name = f"source.{_in_ids(module, where)}.{how}"
         seen[name] = seen.get(name, 0) + 1
         found[f"{name}-{seen[name]}"] = place
     return found
@@ -216,12 +219,15 @@ def _made(module: str, name: str, place: int) -> SourceFault:
     before = _line(statement)
     change()
     after = "(left out)" if how == "dropped" else _line(statement)
-    what = f"{_in_ids(module)}.{where}: {before} → {after}"
+    what = f"{_in_ids(module, where)}: {before} → {after}"
     return SourceFault(name, "source", what, module, ast.unparse(ast.fix_missing_locations(tree)))
 
 
-def _in_ids(module: str) -> str:
-    return IN_IDS.get(module, module.rpartition(".")[2])
+def _in_ids(module: str, function: str) -> str:
+    """Return the module and the qualified name of a function as they stand in ids."""
+    of, dot, name = function.rpartition(".")
+    function = NAMES_IN_IDS.get(function, f"{NAMES_IN_IDS.get(of, of)}{dot}{name}")
+    return f"{IN_IDS.get(module, module.rpartition('.')[2])}.{function}"
 
 
 def _line(statement: ast.stmt) -> str:

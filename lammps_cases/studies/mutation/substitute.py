@@ -214,19 +214,21 @@ def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer
 
 def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: str) -> tuple[Any, Any]:
     """Return stages and stepping with all findings that the engine shows, a mistake of the lint in front of them."""
-    from eos_ref.evaluation.array_evaluator import Plain
+    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
     from eos_ref.evaluation.time_step import Simulation
     from lammps_cases.findings import shown_by
     from lammps_cases.findings.variants import combined
 
     variants = [entry.model_variant for entry in shown_by(problem, engine) if entry.model_variant]
-    stages, stepping = combined(variants, problem, first) or (Plain, Simulation)
+    stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
     if mutation.table == "stage":
         from lammps_cases.verdict.model_mistakes import MUTANTS
 
         wrong = MUTANTS[mutation.name].stages
         if not issubclass(stages, wrong):
-            stages = type("Mutated", (wrong,) if stages is Plain else (wrong, stages), {"__module__": __name__})
+            stages = type(
+                "Mutated", (wrong,) if stages is ArrayEvaluator else (wrong, stages), {"__module__": __name__}
+            )
     return stages, stepping
 
 

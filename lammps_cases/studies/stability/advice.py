@@ -153,14 +153,14 @@ def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
 
 
 def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
-    from eos_ref.evaluation.array_evaluator import Plain
+    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 
     surface = model.fix.surface_detection
     try:
         if model.corrects_gradients:
             yield from _matrices(model, box, state)
         if surface is not None:
-            stages = Plain(model, box, state.type_n, state.solid_n)
+            stages = ArrayEvaluator(model, box, state.type_n, state.solid_n)
             stages.move(state.x_nc)
             divr = surface.style == "divergence"
             measure_n = stages.surface(state.rho_n)[0].divr_n if divr else stages.coordination_n

@@ -10,7 +10,7 @@ import numpy as np
 
 from eos_ref import InputError
 from eos_ref.eos.table import EOSTable, FloatArray
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.parameters import BoolArray, Box, IntArray, Model
 from eos_ref.numbers.matrices import cholesky
@@ -230,9 +230,9 @@ def loss_of_hyperbolicity(of: Subject, watch: Watch, look: Look, energy: float |
 def bad_matrix(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
     r"""A moment matrix without a Cholesky factor, or a badly conditioned one.
 
-    The matrices are those of `eos_ref.evaluation.array_evaluator.Plain.moments` for the positions and densities of
-    the look, whichever engine made them. Particles with fewer than zmin neighbours use none. Values: the lowest
-    eigenvalue of a matrix that has no factor; the condition number in the 2-norm,
+    The matrices are those of `eos_ref.evaluation.array_evaluator.ArrayEvaluator.moments` for the positions and
+    densities of the look, whichever engine made them. Particles with fewer than zmin neighbours use none. Values: the
+    lowest eigenvalue of a matrix that has no factor; the condition number in the 2-norm,
     :math:`\lambda_{max}/\lambda_{min}`.
     """
     if watch.condition is None or of.model is None or of.model.order < 0:
@@ -250,7 +250,7 @@ def bad_matrix(of: Subject, watch: Watch, look: Look, energy: float | None) -> F
 def moment_matrices(of: Subject, look: Look) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Moment matrices of all particles (n, b, b), which have a Cholesky factor, and which are used (zmin)."""
     assert of.model is not None
-    plain = Plain(of.model, of.box, of.type_n, of.solid_n)
+    plain = ArrayEvaluator(of.model, of.box, of.type_n, of.solid_n)
     plain.move(look.x_nc)
     _, rows = plain.moments(look.rho_n)
     size = len(rows)

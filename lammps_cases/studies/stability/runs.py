@@ -126,7 +126,7 @@ class ReferenceRun:
 
     def begin(self) -> None:
         """Set up and evaluate once."""
-        from eos_ref.compiled.evaluator import Fast
+        from eos_ref.compiled.evaluator import CompiledEvaluator
 
         self.step, self._stretches = 0, []
         scene, atoms, where = self.start.case.scene, self.start.atoms, self.start.case.where
@@ -136,7 +136,9 @@ class ReferenceRun:
             fields = (*quantities.needed_to_step(model), *self.fields)
             short = state.x_nc.dtype == np.float32  # a layer of `maps.precision`
             self.simulation = (
-                single.simulation(model, box, state, fields) if short else Simulation(model, box, state, fields, Fast)
+                single.simulation(model, box, state, fields)
+                if short
+                else Simulation(model, box, state, fields, CompiledEvaluator)
             )
             self._run(0)
         except InputError as error:

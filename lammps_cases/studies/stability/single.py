@@ -7,21 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, Model, State
 from eos_ref.numbers.columns import Number
 
 
-class Single(Plain):
+class Single(ArrayEvaluator):
     """Stages in float32. Pairs are found, and positions subtracted, in float64; what comes of it is rounded."""
 
     def of_type(self, values_t: Iterable[Any]) -> Any:
-        """See `Stages.of_type`."""
+        """See `Evaluator.of_type`."""
         return super().of_type(values_t).astype(np.float32)
 
     def move(self, x_nc: Number) -> None:
-        """See `Plain.move`."""
+        """See `ArrayEvaluator.move`."""
         super().move(x_nc)
         self.x = [x_p.astype(np.float32) for x_p in self.x]
         self.rr, self.r, self.w = (array.astype(np.float32) for array in (self.rr, self.r, self.w))
@@ -29,7 +29,7 @@ class Single(Plain):
         self.g = self.gradw
 
     def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
-        """See `Stages.eos_pressure`; the laws in the number type of the density."""
+        """See `Evaluator.eos_pressure`; the laws in the number type of the density."""
         pressure_n = np.empty_like(rho_n)
         for t, law in enumerate(self.model.eos, 1):
             mine = self.type_n == t
@@ -37,7 +37,7 @@ class Single(Plain):
         return pressure_n
 
     def diffusion(self, *fields: Any) -> Number:
-        """See `Plain.diffusion`."""
+        """See `ArrayEvaluator.diffusion`."""
         return super().diffusion(*fields).astype(np.float32)
 
 

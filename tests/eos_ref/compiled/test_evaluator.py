@@ -1,4 +1,4 @@
-"""`Fast` against the double loop of the tests, and what must hold whatever the formulas: exactness, conservation."""
+"""`CompiledEvaluator` against the double loop of the tests; exactness and conservation, whatever the formulas."""
 
 # mypy: disable-error-code="untyped-decorator"
 
@@ -15,7 +15,7 @@ import numba
 import numpy as np
 import pytest
 
-from eos_ref.compiled.evaluator import Fast
+from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.compiled.neighbours import WINDOW
 from eos_ref.errors import InputError
 from eos_ref.kernels.quintic import QUINTIC
@@ -27,7 +27,7 @@ from tests.support.particle_scenes import EPS, RECIPES, Scene, dyadic, recipe, r
 
 pytestmark = pytest.mark.slow
 
-THREE = functools.partial(Fast, threads=3)
+THREE = functools.partial(CompiledEvaluator, threads=3)
 
 
 ROOT = Path(__file__).parents[3]
@@ -38,7 +38,7 @@ def history(built: Scene) -> Any:
     return np.random.default_rng(3).uniform(-1, 1, built.state.x_nc.shape)
 
 
-def evaluated(built: Scene, evaluator: Any = Fast) -> dict[str, Any]:
+def evaluated(built: Scene, evaluator: Any = CompiledEvaluator) -> dict[str, Any]:
     """All fields of the first evaluation of a scene."""
     simulation = built.simulate(evaluator=evaluator)
     simulation.other_nc = history(built)
@@ -57,7 +57,7 @@ def test_every_field_of_an_evaluation(name: str, dimension: int) -> None:
     simulation = built.simulate()
     simulation.other_nc = history(built)
     bound = results(simulation.rounded())
-    for evaluator in (Fast, THREE):
+    for evaluator in (CompiledEvaluator, THREE):
         found = evaluated(built, evaluator)
         assert found.keys() == expected.keys()
         for field, values in found.items():
@@ -70,7 +70,7 @@ def test_every_field_of_an_evaluation(name: str, dimension: int) -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_gradients_that_nothing_asked_for_are_missing(kernel: str, dimension: int) -> None:
     built = scene(dimension, kernel=kernel)
-    for evaluator in (built.simulate().evaluator, built.simulate(evaluator=Fast).evaluator):
+    for evaluator in (built.simulate().evaluator, built.simulate(evaluator=CompiledEvaluator).evaluator):
         evaluator.move(built.state.x_nc)
         evaluator.correct(built.state.rho_n)
         found = evaluator.gradients(None, None, built.state.rho_n, built.state.rho_n**2, ("energy",))
@@ -90,13 +90,13 @@ def assert_close(found: Any, expected: Any) -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_an_old_list_gives_the_same_bits(name: str, dimension: int) -> None:
     built = recipe(name, dimension)
-    reused = built.simulate(evaluator=functools.partial(Fast, skin=0.5))
+    reused = built.simulate(evaluator=functools.partial(CompiledEvaluator, skin=0.5))
     step_nc = dyadic(np.random.default_rng(5).uniform(-0.03, 0.03, built.state.x_nc.shape))
     for _ in range(4):
         reused.evaluate()
         reused.state.x_nc = reused.state.x_nc + step_nc
         reused.state.rho_n = built.state.rho_n.copy()
-    fresh = built.with_state(x_nc=reused.state.x_nc).simulate(evaluator=Fast)
+    fresh = built.with_state(x_nc=reused.state.x_nc).simulate(evaluator=CompiledEvaluator)
     reused.evaluate()
     fresh.evaluate()
     assert reused.evaluator.neighbours.built == 1
@@ -108,13 +108,13 @@ def test_an_old_list_gives_the_same_bits(name: str, dimension: int) -> None:
 def test_phases_may_change() -> None:
     """``solid_n`` set anew is the same as an evaluator made with it."""
     built = recipe("walls, RK1", 2)
-    first = built.simulate(evaluator=Fast)
+    first = built.simulate(evaluator=CompiledEvaluator)
     first.evaluate()
     frozen_n = built.state.solid_n ^ (np.arange(len(built.state.solid_n)) % 3 == 0)
     first.state.solid_n = first.evaluator.solid_n = frozen_n
     first.state.rho_n = built.state.rho_n.copy()
     first.evaluate()
-    second = built.with_state(solid_n=frozen_n).simulate(evaluator=Fast)
+    second = built.with_state(solid_n=frozen_n).simulate(evaluator=CompiledEvaluator)
     second.evaluate()
     for field, values in results(second).items():
         assert np.array_equal(results(first)[field], values), field
@@ -133,7 +133,7 @@ def fingerprint() -> str:
     """Digest of the bits of all fields of a few scenes, one of them in an internal order."""
     digest = hashlib.sha256()
     for built in (recipe("walls, RK2", 2), recipe("cross", 3), large(shuffled=True)):
-        for evaluator in (Fast, THREE):
+        for evaluator in (CompiledEvaluator, THREE):
             for values in evaluated(built, evaluator).values():
                 digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
@@ -153,7 +153,7 @@ def test_threads_share_the_pairs() -> None:
     """Every pair belongs to one thread, each has about as many, and particles without pairs are no obstacle."""
     built = large(shuffled=False)
     evaluator = THREE(built.model, built.box, built.state.type_n, built.state.solid_n)
-    whole = Fast(built.model, built.box, built.state.type_n, built.state.solid_n)
+    whole = CompiledEvaluator(built.model, built.box, built.state.type_n, built.state.solid_n)
     for e in (evaluator, whole):
         e.move(built.state.x_nc)
     counts = [np.diff(pairs.start_n.astype(int)) for pairs in evaluator.parts]
@@ -168,7 +168,7 @@ def test_threads_share_the_pairs() -> None:
 def test_number_of_threads_is_refused(threads: Any) -> None:
     built = recipe("cross", 2)
     with pytest.raises(InputError, match="threads: must be a whole number, at least 1"):
-        Fast(built.model, built.box, built.state.type_n, built.state.solid_n, threads=threads)
+        CompiledEvaluator(built.model, built.box, built.state.type_n, built.state.solid_n, threads=threads)
 
 
 def test_relabelling() -> None:
@@ -176,7 +176,7 @@ def test_relabelling() -> None:
     order_n = np.random.default_rng(6).permutation(72 * 60)
     assert len(order_n) > WINDOW
     plain, shuffled = large(shuffled=False), large(shuffled=True)
-    simulations = [s.simulate(evaluator=Fast) for s in (plain, shuffled)]
+    simulations = [s.simulate(evaluator=CompiledEvaluator) for s in (plain, shuffled)]
     expected, found = (results(s) for s in simulations if s.evaluate() is not None)
     assert simulations[0].evaluator.neighbours.order_n is None
     assert simulations[1].evaluator.neighbours.order_n is not None
@@ -202,7 +202,7 @@ def test_translation_by_whole_boxes_and_by_any_image(name: str) -> None:
 
 def evaluated_at(built: Scene, x_nc: Any) -> dict[str, Any]:
     """All fields at positions that need not lie in the box."""
-    simulation = built.simulate(evaluator=Fast)
+    simulation = built.simulate(evaluator=CompiledEvaluator)
     simulation.other_nc = history(built)
     simulation.state.x_nc = x_nc
     simulation.evaluate()
@@ -219,7 +219,7 @@ def test_polynomials_have_their_gradients(kernel: str, degree: int, dimension: i
     built = scene(dimension, kernel=kernel, cells=(7, 6) if dimension == 2 else (5, 4, 5), cut=3.25)
     built = Scene(built.model, Box((-4.0,) * dimension, (20.0,) * dimension, (False,) * dimension), built.state)
     x_nc, n = built.state.x_nc, len(built.state.x_nc)
-    evaluator = Fast(built.model, built.box, built.state.type_n, built.state.solid_n)
+    evaluator = CompiledEvaluator(built.model, built.box, built.state.type_n, built.state.solid_n)
     evaluator.move(x_nc)
     evaluator.correct(built.state.rho_n)
     assert evaluator.corrected_n.all()
@@ -240,7 +240,7 @@ def test_polynomials_have_their_gradients(kernel: str, degree: int, dimension: i
 def test_consistency_of_the_gradients_stored(kernel: str, dimension: int) -> None:
     r"""Both :math:`\sum_jV_j\widetilde\nabla W=0` and :math:`\sum_jV_j\mathbf x\otimes\widetilde\nabla W=-1`."""
     built = scene(dimension, kernel=kernel)
-    s, evaluator = built.state, built.simulate(evaluator=Fast).evaluator
+    s, evaluator = built.state, built.simulate(evaluator=CompiledEvaluator).evaluator
     evaluator.move(s.x_nc)
     evaluator.correct(s.rho_n)
     (pairs,), n = evaluator.parts, len(s.x_nc)
@@ -262,13 +262,13 @@ def test_a_matrix_without_a_factor_leaves_the_spline() -> None:
     x_nc = np.column_stack([np.arange(8) + 0.25, np.full(8, 2.0)])
     x_nc[7] = [3.5, 4.0]  # sees the line, and is seen by its middle
     box = Box((-9.0, -9.0), (19.0, 19.0), (False, False))
-    evaluator = Fast(built.model, box, np.ones(8, int), np.zeros(8, bool))
+    evaluator = CompiledEvaluator(built.model, box, np.ones(8, int), np.zeros(8, bool))
     evaluator.move(x_nc)
     evaluator.correct(np.ones(8))
     assert not evaluator.corrected_n[[0, 6]].any()
     assert evaluator.corrected_n[[2, 3, 4]].all()
     G_ncc = evaluator.gradients(None, x_nc, np.ones(8), want=("v",)).v_ncc
-    plain = Fast(scene(2, one_type=True).model, box, np.ones(8, int), np.zeros(8, bool))
+    plain = CompiledEvaluator(scene(2, one_type=True).model, box, np.ones(8, int), np.zeros(8, bool))
     plain.move(x_nc)
     assert np.array_equal(G_ncc[[0, 6]], plain.gradients(None, x_nc, np.ones(8), want=("v",)).v_ncc[[0, 6]])
 
@@ -311,7 +311,7 @@ def test_pairs_at_the_cutoff_do_not_count() -> None:
         built = scene(2, cut=cut, one_type=True)
         box = Box((-9.0, -9.0), (9.0, 9.0), (False, False))
         for r in (cut, np.nextafter(cut, 0.0), np.nextafter(cut, 9.0)):
-            evaluator = Fast(built.model, box, np.ones(2, int), np.zeros(2, bool))
+            evaluator = CompiledEvaluator(built.model, box, np.ones(2, int), np.zeros(2, bool))
             evaluator.move(np.array([[0.0, 0.0], [0.0, r]]))
             assert evaluator.coordination_n.tolist() == [int(r < cut)] * 2
             w0 = QUINTIC.self_value(2, cut)

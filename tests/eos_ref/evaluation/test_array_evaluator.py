@@ -1,4 +1,4 @@
-"""The stages of `Plain` against an independent double loop in scalar longdoubles, within the rounding bound."""
+"""`ArrayEvaluator` against an independent double loop in scalar longdoubles, within the rounding bound."""
 
 from __future__ import annotations
 

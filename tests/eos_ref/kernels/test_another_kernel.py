@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.compiled.evaluator import Fast
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.compiled.evaluator import CompiledEvaluator
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.styles import KERNELS, Corrected
 from eos_ref.numbers.elementary import maximum
@@ -82,7 +82,7 @@ def test_both_evaluators_against_the_double_loop(name: str, dimension: int) -> N
     expected = DoubleLoop(built, FROM_TEXT).evaluate()
     bound = results(built.simulate().rounded())
     of_quintic = DoubleLoop(built).evaluate()
-    for evaluator in (Plain, Fast):
+    for evaluator in (ArrayEvaluator, CompiledEvaluator):
         simulation = built.simulate(evaluator=evaluator)
         simulation.evaluate()
         found = results(simulation)

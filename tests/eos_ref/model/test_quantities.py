@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.quantities import QUANTITIES, needed_to_step, order, required
 from eos_ref.syntax.fixes import Shift, SurfaceDetection
@@ -30,7 +30,7 @@ STAGES = {
 }
 
 
-class Spy(Plain):
+class Spy(ArrayEvaluator):
     """Notes the stages that are called from outside."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -45,7 +45,7 @@ def _spied(name: str) -> Any:
             self.called.append(name)
         self.deep += 1
         try:
-            return getattr(Plain, name)(self, *arguments, **keywords)
+            return getattr(ArrayEvaluator, name)(self, *arguments, **keywords)
         finally:
             self.deep -= 1
 

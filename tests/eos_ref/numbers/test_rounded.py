@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eos_ref.evaluation.stages import is_class
+from eos_ref.evaluation.evaluator import is_class
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions
 from eos_ref.numbers.elementary import maximum, minimum, sqrt, where

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import prediction_keys, store
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
@@ -110,13 +110,13 @@ def test_variants_are_told_apart() -> None:
         type("Fitted", (NormalOfLastPair,), {"pair": pair, "__module__": "lammps_cases.findings.variants"})
         for pair in ((1, 2), (2, 1))
     ]
-    both = type("Stages", (ForcePerVolume, NormalOfLastPair), {"__module__": "lammps_cases.findings.variants"})
-    kinds = [Plain, ForcePerVolume, HeatOverDensity, NormalOfLastPair, *fitted, both, Simulation, None]
+    both = type("Evaluator", (ForcePerVolume, NormalOfLastPair), {"__module__": "lammps_cases.findings.variants"})
+    kinds = [ArrayEvaluator, ForcePerVolume, HeatOverDensity, NormalOfLastPair, *fitted, both, Simulation, None]
     assert len({fingerprint(kind) for kind in kinds}) == len(kinds)
 
 
 def test_a_variant_from_elsewhere_is_never_kept(problem: Problem, tmp_path: Path) -> None:
-    class Foreign(Plain):
+    class Foreign(ArrayEvaluator):
         pass
 
     with pytest.raises(Unnamed):

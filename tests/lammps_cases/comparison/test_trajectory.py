@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from eos_ref.compiled.evaluator import Fast
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.compiled.evaluator import CompiledEvaluator
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.trajectory import COMPILED_ABOVE, MOVED_RUNS, Problem, evaluations, own_stages
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -29,8 +29,8 @@ def of_size(scene: Problem, n: int) -> Problem:
 
 def test_scenes_are_compiled_above_a_size_alone(case_file: Write) -> None:
     scene = problem(case_file)
-    assert own_stages(of_size(scene, COMPILED_ABOVE)) is Plain
-    assert own_stages(of_size(scene, COMPILED_ABOVE + 1)) is Fast
+    assert own_stages(of_size(scene, COMPILED_ABOVE)) is ArrayEvaluator
+    assert own_stages(of_size(scene, COMPILED_ABOVE + 1)) is CompiledEvaluator
 
 
 def test_steps_and_the_moved_runs_that_they_need_count(case_file: Write) -> None:
@@ -39,5 +39,5 @@ def test_steps_and_the_moved_runs_that_they_need_count(case_file: Write) -> None
     stepped = replace(scene, steps=(0, 9))
     assert evaluations(stepped) == 100 * 10 * (1 + MOVED_RUNS)
     n = COMPILED_ABOVE // (10 * (1 + MOVED_RUNS))
-    assert own_stages(of_size(stepped, n)) is Plain
-    assert own_stages(of_size(stepped, n + 1)) is Fast
+    assert own_stages(of_size(stepped, n)) is ArrayEvaluator
+    assert own_stages(of_size(stepped, n + 1)) is CompiledEvaluator

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.columns import Number
 from lammps_cases import findings
@@ -52,7 +52,7 @@ def test_functions_that_a_finding_replaces_are_those_of_its_variant() -> None:
         variant = BY_ID[name].model_variant
         assert variant is not None
         assert set(functions) <= vars(variant.stages).keys()
-        assert all(hasattr(Plain, function) for function in functions)
+        assert all(hasattr(ArrayEvaluator, function) for function in functions)
 
 
 def test_alarms_are_of_kinds_that_there_are() -> None:
@@ -107,7 +107,7 @@ def test_findings_are_named_in_their_room_only() -> None:
 # --- a new finding
 
 
-class HalfVolume(Plain):
+class HalfVolume(ArrayEvaluator):
     """Forces with half the volume, as no LAMMPS has them."""
 
     def collecting_volume(self, rho_i: Number) -> Number:

@@ -135,7 +135,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
         assert np.abs(periods_sc - np.round(periods_sc)).max() < 8 * 2.0**-53
         assert listed.pair_ps[:, 0].max() < n
     assert len(given.answer.lists) == 0
-    stages = type("Stages", (FollowingLists,), {"lists": given.lists})
+    stages = type("Evaluator", (FollowingLists,), {"lists": given.lists})
     sim = CountingSteps(given.problem.model, given.problem.box, given.problem.state, wanted(given.problem), stages)
     crossing = 0
     for _ in visit(sim, given.problem.steps, given.problem.timestep):
@@ -149,7 +149,7 @@ def test_lists_hold_every_pair_and_the_place_of_every_slot(seen: Callable[..., S
 
 def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> None:
     given = seen(FIRST)
-    stages_of = type("Stages", (FollowingLists,), {"lists": given.lists})
+    stages_of = type("Evaluator", (FollowingLists,), {"lists": given.lists})
     found = []
     for turns in (0.0, 3.0):
         problem = given.problem
@@ -165,7 +165,7 @@ def test_particles_that_left_the_box_are_found(seen: Callable[..., Seen]) -> Non
 def test_two_images_of_a_particle_are_two_pairs(seen: Callable[..., Seen]) -> None:
     given = seen(1, columns=4)  # shorter than two cutoffs
     problem = given.problem
-    stages = type("Stages", (FollowingLists,), {"lists": given.lists})(
+    stages = type("Evaluator", (FollowingLists,), {"lists": given.lists})(
         problem.model, problem.box, problem.state.type_n, problem.state.solid_n
     )
     stages.move(problem.state.x_nc)
@@ -243,7 +243,7 @@ def test_one_wrong_density_is_not_explained(seen: Callable[..., Seen], judged: C
 def test_slots_beyond_the_old_list_hold_zeros(seen: Callable[..., Seen]) -> None:
     given = seen(FIRST)
     problem = given.problem
-    stages = type("Stages", (AccelerationsOfOldImages,), {"lists": given.lists})(
+    stages = type("Evaluator", (AccelerationsOfOldImages,), {"lists": given.lists})(
         problem.model, problem.box, problem.state.type_n, problem.state.solid_n
     )
     stages.move(problem.state.x_nc)
@@ -266,7 +266,7 @@ def test_first_of_a_pair_keeps_what_the_second_has(seen: Callable[..., Seen], ne
     """Against a loop over LAMMPS' list, pair by pair."""
     given = seen(2, newton, kernel="RK1")
     problem = given.problem
-    stages = type("Stages", (GradientOfSecond,), {"lists": given.lists})
+    stages = type("Evaluator", (GradientOfSecond,), {"lists": given.lists})
     sim = CountingSteps(problem.model, problem.box, problem.state, wanted(problem), stages)
     sim.setup()
     e, listed, n = sim.evaluator, given.lists[0], len(given.ready.atoms)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import PRESSURE, QUANTITIES, Quantity, evaluated_for, order, required
@@ -137,11 +137,11 @@ def test_a_field_without_its_keyword_is_refused(make: Make) -> None:
 NEW = "compression"  # of a linear law it is the pressure, which real LAMMPS shows
 
 
-def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[Plain, Any], Any]) -> None:
+def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[ArrayEvaluator, Any], Any]) -> None:
     """What a new field takes: two records, a formula, and the line of the evaluation that calls it."""
     monkeypatch.setitem(QUANTITIES, NEW, Quantity(NEW, "compressions", PRESSURE, inputs=("rho",)))
     monkeypatch.setitem(FIELDS, NEW, Field(NEW, "eos", column="pressure"))
-    monkeypatch.setattr(Plain, NEW, formula, raising=False)
+    monkeypatch.setattr(ArrayEvaluator, NEW, formula, raising=False)
     evaluate = Simulation.properties
 
     def properties(self: Simulation) -> None:
@@ -152,18 +152,22 @@ def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[Plain, Any], Any]) 
     monkeypatch.setattr(Simulation, "properties", properties)
 
 
-def _right(stages: Plain, rho_n: Any) -> Any:
+def _right(stages: ArrayEvaluator, rho_n: Any) -> Any:
     return stages.cs_n**2 * (rho_n - stages.rho0_n)
 
 
-def _wrong(stages: Plain, rho_n: Any) -> Any:
+def _wrong(stages: ArrayEvaluator, rho_n: Any) -> Any:
     return _right(stages, rho_n) * (1 + 1e-9)
 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize(("formula", "verdict"), [(_right, "exact"), (_wrong, "differs")])
 def test_a_new_field_needs_records_a_formula_and_a_line(
-    formula: Callable[[Plain, Any], Any], verdict: str, make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch
+    formula: Callable[[ArrayEvaluator, Any], Any],
+    verdict: str,
+    make: Make,
+    workers: Workers,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From the plan through real LAMMPS to the verdict and the blame."""
     case = make(compare=["f", "coordination"], rheo={})

@@ -77,7 +77,7 @@ def _kernel(**wrong: Any) -> property:
     return property(lambda model: replace(QUINTIC, **wrong))
 
 
-def _no_floor(self: array_evaluator.Plain, rho_n: Any) -> Any:
+def _no_floor(self: array_evaluator.ArrayEvaluator, rho_n: Any) -> Any:
     return rho_n
 
 
@@ -141,7 +141,7 @@ FAULTS: dict[str, tuple[Any, str, Any, str]] = {
         lambda G, eta, p=None: [[-eta * g for g in row] for row in G],
         FORCES,
     ),
-    "wall density without floor": (array_evaluator.Plain, "apparent_density", _no_floor, WALLS),
+    "wall density without floor": (array_evaluator.ArrayEvaluator, "apparent_density", _no_floor, WALLS),
     "gradients of the last evaluation": (time_step.Simulation, "_half_step_gradients", _late_gradients, FORCES),
     "forces of walls kept": (time_step.Simulation, "keep_forces", lambda self: None, "walls.reconstructed.gravity"),
 }
@@ -171,7 +171,7 @@ def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: py
             self.state.v_nc[7, 1] += 1e-7
 
     # The reference takes over LAMMPS' known fault, so that nothing else is red.
-    monkeypatch.setattr(array_evaluator.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
+    monkeypatch.setattr(array_evaluator.ArrayEvaluator, "collecting_volume", ForcePerVolume.collecting_volume)
     assert judge(FORCES).verdict == "pass"
     monkeypatch.setattr(time_step.Simulation, "step", disturbed)
     record = judge(FORCES)  # compared at steps 0, 1 and 10
@@ -186,7 +186,7 @@ def test_one_wrong_number_of_lammps_is_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, answer = answers(FORCES)
-    monkeypatch.setattr(array_evaluator.Plain, "collecting_volume", ForcePerVolume.collecting_volume)
+    monkeypatch.setattr(array_evaluator.ArrayEvaluator, "collecting_volume", ForcePerVolume.collecting_volume)
     monkeypatch.setattr(campaign, "first_step_outside", lambda *of: None)
     snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
     snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1

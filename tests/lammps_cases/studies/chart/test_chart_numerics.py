@@ -217,7 +217,7 @@ def test_stepping_by_hand_is_stepping_at_once(lmp: Any) -> None:
 
 @pytest.mark.usefixtures("untimed")
 def test_threads_of_the_model_are_charted_once_it_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Threaded(evaluator.Fast):
+    class Threaded(evaluator.CompiledEvaluator):
         """Wrong with two threads."""
 
         def __init__(self, *arguments: Any, threads: int = 1, **more: Any) -> None:
@@ -228,7 +228,7 @@ def test_threads_of_the_model_are_charted_once_it_has_them(monkeypatch: pytest.M
             terms = super().pair_terms(*arguments, **more)
             return replace(terms, force_nc=self.off * terms.force_nc)
 
-    monkeypatch.setattr(evaluator, "Fast", Threaded)
+    monkeypatch.setattr(evaluator, "CompiledEvaluator", Threaded)
     monkeypatch.setattr(threads, "QUICK_EDGES", (16,))
     law, model = threads.panels(True)
     assert [point.error for point in law.points] == [0.0] * len(law.points)

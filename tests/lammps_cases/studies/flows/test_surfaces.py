@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine import session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.studies.flows.converge import converge
@@ -60,4 +60,4 @@ def test_lammps_converges_as_well(flow: Flow) -> None:
 @flows
 def test_finding_accounts_for_lammps(flow: Flow, lmp: Any) -> None:
     assert max(differences(flow, QUICK[0], ForcePerVolume, lmp)) < SAME
-    assert max(differences(flow, QUICK[0], Plain, lmp)) > 1e3 * SAME
+    assert max(differences(flow, QUICK[0], ArrayEvaluator, lmp)) > 1e3 * SAME

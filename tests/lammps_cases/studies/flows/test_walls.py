@@ -9,7 +9,7 @@ import pytest
 
 from eos_ref import EOS
 from eos_ref.analytic.channel import column
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine import session
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.walls import WallVelocityLost
@@ -88,10 +88,10 @@ def test_lammps_tank_keeps_an_error_of_the_size_of_its_compression() -> None:
     [(POISEUILLE, ForcePerVolume), (COUETTE, ForceAndWall), (TANK, ForcePerVolume)],
     ids=["poiseuille", "couette", "tank"],
 )
-def test_findings_account_for_lammps(flow: Flow, stages: type[Plain], lmp: Any) -> None:
+def test_findings_account_for_lammps(flow: Flow, stages: type[ArrayEvaluator], lmp: Any) -> None:
     """With the findings' variants the reference does what LAMMPS does, without them it does not (poiseuille: "
     "hardly)."""
-    explained, plain = differences(flow, QUICK[0], stages, lmp), differences(flow, QUICK[0], Plain, lmp)
+    explained, plain = differences(flow, QUICK[0], stages, lmp), differences(flow, QUICK[0], ArrayEvaluator, lmp)
     assert max(explained) < SAME
     assert flow is POISEUILLE or max(plain) > 1e4 * SAME
 

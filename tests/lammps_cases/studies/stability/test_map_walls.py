@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.array_evaluator import Plain
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.setup import reference_side
@@ -70,7 +70,7 @@ def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
     assert outcome(walls.STIFFNESS, x, y, layer, "lammps").kind == "stable"
     start = walls.STIFFNESS.start(Cell(walls.STIFFNESS.id, x, y, layer))
     scene, atoms = start.case.scene, start.atoms
-    like_lammps = type("LikeLammps", (ForcePerVolume, Plain), {})
+    like_lammps = type("LikeLammps", (ForcePerVolume, ArrayEvaluator), {})
     model, box, state = (
         reference_side.model(scene, atoms, ""),
         reference_side.box(scene, atoms),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.compiled.evaluator import Fast
+from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.engine import session
 from lammps_cases.engine.stepping import Instance
@@ -51,7 +51,7 @@ def by_hand(start: Start, watch: Watch) -> tuple[int, kinds.Found, Simulation]:
             reference_side.box(scene, atoms),
             reference_side.state(scene, atoms),
             (),
-            Fast,
+            CompiledEvaluator,
         )
         for _ in range(2)
     ]

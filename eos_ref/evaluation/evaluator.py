@@ -12,7 +12,7 @@ al., Phys. Fluids 36, 113337 (2024); the papers named at each stage.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,14 +27,14 @@ from eos_ref.numbers.rounded import Decision, Rounded, placed, value
 WALL_FLOOR = 10  # a reconstructed solid has at least rho0 over this
 
 
-def is_class(class_n: Number, wanted: int) -> Any:
+def is_class(class_n: Number, wanted: int) -> BoolArray | Decision:
     """Whether particles are of a surface class; open where rounding leaves the class open."""
     if isinstance(class_n, Rounded):
         return Decision(class_n.value == wanted, class_n.error > 0)
-    return class_n == wanted
+    return np.asarray(class_n == wanted)
 
 
-class Stages(ABC):
+class Evaluator(ABC):
     """Stages of a force evaluation for particles of a model in a box.
 
     Parameters
@@ -50,8 +50,8 @@ class Stages(ABC):
     corrected_n : (n,) whether a particle has the gradients of a reproducing kernel, from `correct` on
     """
 
-    coordination_n: Any
-    corrected_n: Any
+    coordination_n: IntArray
+    corrected_n: BoolArray
 
     def __init__(self, model: Model, box: Box, type_n: IntArray, solid_n: BoolArray) -> None:
         self.model, self.box, self.solid_n = model, box, solid_n
@@ -68,7 +68,7 @@ class Stages(ABC):
         """A parameter's value, of the number type of the evaluation."""
         return factor
 
-    def counted(self) -> Any:
+    def counted(self) -> Number:
         """Number of neighbours, as it is output."""
         return self.coordination_n
 
@@ -113,12 +113,32 @@ class Stages(ABC):
         """Distance to the nearest neighbour of class 1, at most the cutoff."""
 
     @abstractmethod
-    def gradients(self, *fields: Any, **options: Any) -> Gradients:
-        """Gradients of the fields wanted."""
+    def gradients(
+        self,
+        chi_n: Number = None,
+        v_nc: Number = None,
+        rho_n: Number = None,
+        energy_n: Number = None,
+        want: Sequence[str] = ("v", "rho"),
+    ) -> Gradients:
+        r"""Return the gradients :math:`(\nabla f)_i=\sum_jV_j(f_j-f_i)\widetilde\nabla W_{ij}` of the fields wanted."""
 
     @abstractmethod
-    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
-        """Forces, density diffusion and heat flow of pair_style rheo."""
+    def pair_terms(
+        self,
+        v_nc: Number,
+        rho_n: Number,
+        pressure_n: Number,
+        viscosity_n: Number,
+        sound_n: Number,
+        chi_n: Number,
+        grad: Gradients,
+        temperature_n: Number = None,
+    ) -> PairTerms:
+        """Return forces, density diffusion and heat flow of pair_style rheo; see `eos_ref.model.interactions`.
+
+        ``pressure_n`` is that of the `apparent_density`.
+        """
 
     # --- density by summation
 

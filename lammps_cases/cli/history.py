@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lammps_cases.history.views import CaseView, RunLine
     from lammps_cases.records.outcome import CaseOutcome
 
-SHOWN = 20  # runs listed unless told otherwise
+SHOWN = 20  # runs listed by default
 Only = Literal["verdicts", "times", "errors"]
 # What the JSON document holds of an engine, of an outcome, and of each of its fields.
 ENGINE = ("name", "distribution", "version_string", "git", "library_sha256")
@@ -85,22 +85,22 @@ def history_command(
         every = history.runs()
         runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))
         lines = views.run_lines(history, runs, every)
-        known = history.cases()
-        cases = views.chosen_cases(known, names) if names else known
-        found = views.case_views(history, runs, cases, field)
+        stored = history.cases()
+        cases = views.chosen_cases(stored, names) if names else stored
+        case_views = views.case_views(history, runs, cases, field)
         labels = _labels(engines(every), runs)
-        page = _page(out, lines, found, labels, bool(names)) if runs else None
+        page = _page(out, lines, case_views, labels, bool(names)) if runs else None
     if as_json:
-        click.echo(json.dumps(_document(history.path, lines, found if names else None), indent=1, allow_nan=False))
+        click.echo(json.dumps(_document(history.path, lines, case_views if names else None), indent=1, allow_nan=False))
         return 0
     if not every:
         click.echo(f"no run is kept yet in {history.path}; eos-ref run keeps every run, --add RUN those of before")
     elif not names:
         _show_runs(lines, len(every))
-    elif len(found) == 1:
-        _show_case(found[0], only)
+    elif len(case_views) == 1:
+        _show_case(case_views[0], only)
     else:
-        _show_cases(found, labels, only)
+        _show_cases(case_views, labels, only)
     if page:
         click.echo(f"page: {page}")
     return 0
@@ -139,8 +139,8 @@ def _add(history: History, folder: Path) -> None:
 
 def _forget(history: History, before: str, as_json: bool) -> int:
     count = history.forget(before)
-    told = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
-    click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else told)
+    text = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
+    click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
     return 0
 
 
@@ -149,14 +149,14 @@ def _labels(lines: Sequence[EngineRuns], runs: Sequence[Any]) -> list[str]:
     return [line.label for line in lines if line.key in shown]
 
 
-def _page(out: Path, lines: Any, found: Any, labels: list[str], pictured: bool) -> Path:
+def _page(out: Path, lines: Any, case_views: Any, labels: list[str], pictured: bool) -> Path:
     from lammps_cases.history import page
 
     page_folder(out)
-    return page.write(out, lines, found, labels, pictured)
+    return page.write(out, lines, case_views, labels, pictured)
 
 
-def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | None) -> dict[str, Any]:
+def _document(path: Path, lines: Sequence[RunLine], case_views: Sequence[CaseView] | None) -> dict[str, Any]:
     """Everything as one document; numbers that JSON has not are text, as in run.json."""
     from dataclasses import asdict
 
@@ -164,10 +164,10 @@ def _document(path: Path, lines: Sequence[RunLine], found: Sequence[CaseView] | 
 
     document: dict[str, Any] = {"schema": SCHEMAS["history"], "file": str(path)}
     document["runs"] = [plain(asdict(line) | {"run": _run(line.run)}) for line in lines]
-    if found is not None:
+    if case_views is not None:
         document["cases"] = [
             plain(asdict(view) | {"spans": [asdict(span) | {"outcome": _outcome(span.outcome)} for span in view.spans]})
-            for view in found
+            for view in case_views
         ]
     return document
 
@@ -225,7 +225,7 @@ def _changes(view: CaseView) -> list[str]:
     """One line for every engine that changed a case."""
     from lammps_cases.history.page import findings, steps
 
-    told = []
+    lines = []
     for k, step in enumerate(steps([view])):
         changes = step.cases[view.case]
         parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
@@ -235,17 +235,17 @@ def _changes(view: CaseView) -> list[str]:
         fields = [c.field for c in changes if c.kind == "verdict" and c.field]
         parts += [f"verdict of {', '.join(fields)}"] if fields else []
         judge = " (judged by another eos-ref)" if changes[0].other_judge else ""
-        told.append(
+        lines.append(
             f"{'then' if k else 'first'} changed in {step.engine}, from {step.before}: {'; '.join(parts)}{judge}"
         )
-    return told or ["the same on every engine" if len(view.times) > 1 else "run on one engine"]
+    return lines or ["the same on every engine" if len(view.times) > 1 else "run on one engine"]
 
 
-def _show_cases(found: Sequence[CaseView], labels: Sequence[str], only: Only | None) -> None:
+def _show_cases(case_views: Sequence[CaseView], labels: Sequence[str], only: Only | None) -> None:
     from lammps_cases.history.draw import spark
 
     rows = []
-    for view in found:
+    for view in case_views:
         cells = []
         for label in labels:
             ended, spread = view.latest.get(label), view.times.get(label)

@@ -14,7 +14,7 @@ from lammps_cases.cli.shared import fresh_option, jobs_option, json_option, path
 from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
-    from lammps_cases.regression.pairs import Compared
+    from lammps_cases.regression.pairs import Comparison
     from lammps_cases.regression.sources import RunOptions
 
 
@@ -102,7 +102,7 @@ def _options(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> R
     return RunOptions(jobs or os.cpu_count() or 1, prediction_keys.open_store(fresh), bar)
 
 
-def _write(done: Compared, out: Path) -> None:
+def _write(done: Comparison, out: Path) -> None:
     from lammps_cases.records.files import write_atomically
     from lammps_cases.regression import page, pairs
 
@@ -111,7 +111,7 @@ def _write(done: Compared, out: Path) -> None:
     write_atomically(out / "compare.html", page.render(done))
 
 
-def _show(done: Compared, out: Path) -> None:
+def _show(done: Comparison, out: Path) -> None:
     from lammps_cases.regression import pairs
 
     for label, side in done.sides.items():
@@ -235,6 +235,6 @@ def bisect_command(
         click.secho(f"{names[-1]} agrees with {names[0]}", bold=True)
     else:
         click.secho(f"{names[done.first]} is the first that changed; {names[done.first - 1]} had not", bold=True)
-    for line in (*pairs.lines(done.changes, *bisection.called(done, names)), *pairs.faults(done.changes)):
+    for line in (*pairs.lines(done.changes, *bisection.side_names(done, names)), *pairs.faults(done.changes)):
         click.echo(line)
     return int(done.first is not None)

@@ -11,11 +11,11 @@ from lammps_cases.records.outcome import CaseOutcome
 from lammps_cases.records.wording import counted
 
 _BARS = "▁▂▃▄▅▆▇█"
-FLOOR = -4  # decade below which errors are not told apart
+FLOOR = -4  # decade below which errors are not distinguished
 
 
 @dataclass(frozen=True)
-class Point:
+class RunMark:
     """A mark: its column's label and lesser label, kind of verdict, difference/bound, what a pointer over it says."""
 
     label: str
@@ -47,13 +47,13 @@ def _scaled(value: float | None, logarithmic: bool) -> float | None:
     return max(FLOOR, math.log10(value)) if value > 0 else float(FLOOR)
 
 
-def mark(label: str, day: str, when: str, outcome: CaseOutcome) -> Point:
+def mark(label: str, day: str, when: str, outcome: CaseOutcome) -> RunMark:
     """Return the mark of an outcome on an engine; ``when`` says in full of which runs it is."""
     field = f", worst in {outcome.worst_field}" if outcome.worst_field else ""
-    return Point(label, day, outcome.kind, outcome.worst, f"{label}, {when}: {outcome.kind}{field}")
+    return RunMark(label, day, outcome.kind, outcome.worst, f"{label}, {when}: {outcome.kind}{field}")
 
 
-def points(view: CaseView) -> list[Point]:
+def points(view: CaseView) -> list[RunMark]:
     """Return a mark for every span of a case."""
     return [
         mark(span.label, span.since[:10], f"{span.days}, {counted(span.lammps.count, 'run')}", span.outcome)

@@ -10,7 +10,7 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from lammps_cases.history.draw import FLOOR, Point
+from lammps_cases.history.draw import FLOOR, RunMark
 from lammps_cases.history.views import Spread
 from lammps_cases.pages.figures import DIFFERS, FAINT, LINK, OF, PAPER, THEMED, plain_text, themed
 from lammps_cases.records.wording import counted, number
@@ -20,7 +20,7 @@ _SLOT, _LEFT, _FOOT = 112, 66, 40  # pixels: of a point along x, of the labels o
 _MARK: Any = {"marker": "o", "ls": "none", "ms": 8, "mec": PAPER, "mew": 1.1, "zorder": 3, "clip_on": False}
 
 
-def errors(marks: Sequence[Point], name: str, height: int = 130) -> Markup:
+def errors(marks: Sequence[RunMark], name: str, height: int = 130) -> Markup:
     """Difference/bound of every mark on a log axis, with the bound as a line.
 
     No difference lies at the foot, and so does what has no error; what is not finite lies at the head.
@@ -87,5 +87,5 @@ def _height(ratio: float | None, low: int, high: int) -> float:
     return max(float(low), math.log10(ratio)) if math.isfinite(ratio) else high + 1.0
 
 
-def _title(mark: Point) -> str:
+def _title(mark: RunMark) -> str:
     return mark.says + ("" if mark.ratio is None else f", difference/bound {number(mark.ratio)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from lammps_cases.history.draw import Point, mark
+from lammps_cases.history.draw import RunMark, mark
 from lammps_cases.history.model import StoredCase, StoredRun
 from lammps_cases.history.store import History
 from lammps_cases.history.versions import engines
@@ -30,7 +30,7 @@ class Past:
     """The last runs, latest first, and the marks of every case by version; the report's own run is among both."""
 
     runs: tuple[PastRun, ...]
-    marks: dict[str, tuple[Point, ...]]
+    marks: dict[str, tuple[RunMark, ...]]
 
 
 def before(history: History, record: RunRecord) -> Past | None:
@@ -52,7 +52,7 @@ def before(history: History, record: RunRecord) -> Past | None:
         rows[outcomes[outcome].case].append((run, mark(labels[run.id], run.date[:10], when, outcomes[outcome])))
     place = {line.key: k for k, line in enumerate(lines)}
 
-    def order(row: tuple[StoredRun, Point]) -> tuple[int, str, int]:
+    def order(row: tuple[StoredRun, RunMark]) -> tuple[int, str, int]:
         return place[row[0].engine.key], row[0].date, -row[0].id
 
     marks = {case: tuple(point for _, point in sorted(of_case, key=order)) for case, of_case in rows.items()}

@@ -122,14 +122,14 @@ def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: se
     """Arrays of the quick cases of the run; those of kept cases as they were."""
     for record in run.cases:
         samples, arrays = side.samples(record.case), {}
-        for found in record.fields if QUICK in record.tags else ():
-            sample = samples.of(found.field)
+        for field in record.fields if QUICK in record.tags else ():
+            sample = samples.of(field.field)
             if sample is not None:
                 bound_n = sample.bound_n.astype(np.float32)  # rounded up: half the size, and never too strict
                 bound_n = np.where(bound_n < sample.bound_n, np.nextafter(bound_n, np.float32(np.inf)), bound_n)
-                arrays[found.field] = sample.values_n
-                arrays[f"{found.field}.bound"] = bound_n
-                arrays[f"{found.field}.step"] = np.array(-1 if sample.step is None else sample.step)
+                arrays[field.field] = sample.values_n
+                arrays[f"{field.field}.bound"] = bound_n
+                arrays[f"{field.field}.step"] = np.array(-1 if sample.step is None else sample.step)
         if arrays:
             write_arrays(folder / ARRAYS / f"{record.case}.npz", arrays, compressed=True)
     for path in sorted((old.folder / ARRAYS).glob("*.npz")) if old else ():

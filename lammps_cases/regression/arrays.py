@@ -54,26 +54,26 @@ def _parted(
     ours, theirs = ({at.step: at for at in field.steps} for field in (one, other))
     if ours.keys() != theirs.keys():
         return "changed", None, "compared at other steps"
-    parted: list[tuple[StepOutcome, StepOutcome, bool]] = []  # with whether the bits are known
+    parted: list[tuple[StepOutcome, StepOutcome, bool]] = []  # with whether the bits are recorded
     for step, mine in ours.items():
         at = theirs[step]
-        known = bool(mine.digest and at.digest)
+        recorded = bool(mine.digest and at.digest)
         same = mine.digest == at.digest
-        if not known and samples is not None and samples[0].step == step:
-            known, same = True, samples[0].values_n.tobytes() == samples[1].values_n.tobytes()
-        if not (known and same):
-            parted.append((mine, at, known))
+        if not recorded and samples is not None and samples[0].step == step:
+            recorded, same = True, samples[0].values_n.tobytes() == samples[1].values_n.tobytes()
+        if not (recorded and same):
+            parted.append((mine, at, recorded))
     if not parted:
         return "same bits", None, ""
-    first = next((mine.step for mine, _, known in parted if known), None)
-    note = "" if any(known for *_, known in parted) else "bits not known: a run of before there were digests"
+    first = next((mine.step for mine, _, recorded in parted if recorded), None)
+    note = "" if any(recorded for *_, recorded in parted) else "bits not known: a run of before there were digests"
     alike = judged(one) == judged(other)
     # Two arrays that the same findings explain lie within the bound of the same variant at every step.
     explained = one.verdict == "explained"
     at_sample = samples is not None and difference is not None and difference <= 1
     outside = [
-        known
-        for mine, at, known in parted
+        recorded
+        for mine, at, recorded in parted
         if not (
             _inside(mine.verdict, at.verdict, explained) or (at_sample and samples and samples[0].step == mine.step)
         )

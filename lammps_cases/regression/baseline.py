@@ -224,10 +224,10 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
     """What a run does otherwise than the baseline accepted for its engine; `Changes.faults` is empty if nothing.
 
     Any change of a verdict, a finding, or how a case ends is a fault, and so is a field that is no longer compared.
-    Other bits are one on the machine kind that the baseline was made on. On another one they are told only, as long
+    Other bits are one on the machine kind that the baseline was made on. On another one they are only reported, as long
     as they are within bounds: functions of the C library and fused operations round in the last place as the
     processor and the library have it, with the same LAMMPS. Cases and fields that the baseline does not hold are
-    told, and so are those of it that no case file makes any more; cases that the run did not choose are not.
+    reported, and so are those of it that no case file makes any more; cases that the run did not choose are not.
 
     Parameters
     ----------
@@ -254,10 +254,10 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
         kinds = f"{base.machine}; this is {here}"
         notes.append(f"another kind of machine made the baseline ({kinds}): other bits within bounds are told only")
     exist = known if known is not None else {case.name for case in casefile.load()}
-    gone = sorted(base.cases.keys() - set(exist) - chosen)
-    if gone:
+    absent = sorted(base.cases.keys() - set(exist) - chosen)
+    if absent:
         rule = "no case file makes these cases of the baseline any more (eos-ref accept --prune drops them)"
-        notes.append(f"{rule}: {', '.join(gone)}")
+        notes.append(f"{rule}: {', '.join(absent)}")
     return replace(changes, notes=tuple(notes))
 
 

@@ -15,11 +15,11 @@ from lammps_cases.regression.changes import Changes, compare
 from lammps_cases.regression.groups import groups
 from lammps_cases.regression.outcomes import Side
 
-Ask = Callable[[int], Side]
+SideOf = Callable[[int], Side]
 
 
 @dataclass(frozen=True)
-class Found:
+class Bisection:
     """What a bisection came to.
 
     Attributes
@@ -34,7 +34,7 @@ class Found:
     changes: Changes
 
 
-def bisect(names: Sequence[str], ask: Ask, policy: Policy, fields: Sequence[str] = ()) -> Found:
+def bisect(names: Sequence[str], side_of: SideOf, policy: Policy, fields: Sequence[str] = ()) -> Bisection:
     """Halve a list of sides until the first that differs from the one before it is found.
 
     Takes it that sides before the change are as the first and those after it are not, as ``git bisect`` does: where
@@ -43,8 +43,8 @@ def bisect(names: Sequence[str], ask: Ask, policy: Policy, fields: Sequence[str]
     Parameters
     ----------
     names : sequence of str
-        What the sides are called, at least two.
-    ask : callable
+        What the sides are side_names, at least two.
+    side_of : callable
         Gives the side of a place.
     policy : Policy
         What counts as a change.
@@ -58,17 +58,17 @@ def bisect(names: Sequence[str], ask: Ask, policy: Policy, fields: Sequence[str]
     EngineMissing
         An engine that dies on every case: nothing can be said of it.
     """
-    known: dict[int, Side] = {}
+    sides: dict[int, Side] = {}
 
     def side(at: int) -> Side:
-        if at not in known:
-            known[at] = ask(at)
-            if not known[at].answered:
+        if at not in sides:
+            sides[at] = side_of(at)
+            if not sides[at].answered:
                 raise EngineMissing(f"{names[at]} failed on every case")
             for field in fields:
-                if not any(field in case.fields for case in known[at].cases.values()):
+                if not any(field in case.fields for case in sides[at].cases.values()):
                     raise InputError("field", "is compared by none of the cases", field, names[at])
-        return known[at]
+        return sides[at]
 
     def changes(one: int, other: int) -> Changes:
         return only(compare(side(one), side(other), policy), fields)
@@ -76,14 +76,14 @@ def bisect(names: Sequence[str], ask: Ask, policy: Policy, fields: Sequence[str]
     low, high = 0, len(names) - 1
     between = changes(low, high)
     if not between.faults:
-        return Found(None, tuple(known), between)
+        return Bisection(None, tuple(sides), between)
     while high - low > 1:
         middle = (low + high) // 2
         if changes(0, middle).faults:
             high = middle
         else:
             low = middle
-    return Found(high, tuple(known), changes(low, high))
+    return Bisection(high, tuple(sides), changes(low, high))
 
 
 def only(changes: Changes, fields: Sequence[str]) -> Changes:
@@ -94,21 +94,21 @@ def only(changes: Changes, fields: Sequence[str]) -> Changes:
     return Changes(changes.a, changes.b, kept, changes.notes)
 
 
-def document(found: Found, names: Sequence[str], command: str = "") -> dict[str, Any]:
+def document(bisection: Bisection, names: Sequence[str], command: str = "") -> dict[str, Any]:
     """What bisect.json holds."""
     return {
         "schema": SCHEMAS["bisect"],
         "command": command,
         "engines": list(names),
-        "ran": [names[at] for at in found.ran],
-        "first_changed": None if found.first is None else names[found.first],
-        "last_unchanged": names[-1] if found.first is None else names[found.first - 1],
-        "counts": found.changes.counts,
-        "groups": [group.sentence(*called(found, names)) for group in groups(found.changes.fields)],
-        "fields": [pairs.row(change, *called(found, names)) for change in found.changes.faults],
+        "ran": [names[at] for at in bisection.ran],
+        "first_changed": None if bisection.first is None else names[bisection.first],
+        "last_unchanged": names[-1] if bisection.first is None else names[bisection.first - 1],
+        "counts": bisection.changes.counts,
+        "groups": [group.sentence(*side_names(bisection, names)) for group in groups(bisection.changes.fields)],
+        "fields": [pairs.row(change, *side_names(bisection, names)) for change in bisection.changes.faults],
     }
 
 
-def called(found: Found, names: Sequence[str]) -> tuple[str, str]:
+def side_names(bisection: Bisection, names: Sequence[str]) -> tuple[str, str]:
     """The two sides of which the changes are shown."""
-    return (names[0], names[-1]) if found.first is None else (names[found.first - 1], names[found.first])
+    return (names[0], names[-1]) if bisection.first is None else (names[bisection.first - 1], names[bisection.first])

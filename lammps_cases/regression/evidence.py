@@ -35,10 +35,8 @@ def shown_by(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> dict[str, l
     cases: dict[str, set[str]] = defaultdict(set)
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
         for case in baseline.read(identity.parent).cases.values():
-            for finding in (
-                *case.explained_by,
-                *(name for field in case.fields.values() for name in field.explained_by),
-            ):
+            of_fields = (finding for field in case.fields.values() for finding in field.explained_by)
+            for finding in (*case.explained_by, *of_fields):
                 cases[finding].add(case.case)
     return {entry.id: sorted(cases[entry.id]) for entry in ledger}
 

@@ -13,7 +13,7 @@ from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
 from lammps_cases.regression import pairs
 from lammps_cases.regression.change import SideChange
 from lammps_cases.regression.groups import ChangeGroup
-from lammps_cases.regression.pairs import Compared, Pair
+from lammps_cases.regression.pairs import Comparison, Pair
 from lammps_cases.scene.fields import place
 
 ASSETS = Path(__file__).parent / "assets"
@@ -29,24 +29,28 @@ CLOSER = {"both": "=", "neither": "×"}
 
 
 @dataclass(frozen=True)
-class Line:
+class ChangeLine:
     """A change in the list, as text."""
 
     anchor: str
     change: SideChange
     a: str
     b: str
-    difference: str
+
+    @property
+    def difference(self) -> str:
+        """Of the two arrays of LAMMPS, as text."""
+        return wording.number(self.change.difference)
 
 
 @dataclass(frozen=True)
-class View:
+class PairView:
     """A pair as the page shows it."""
 
     pair: Pair
     columns: list[str]
     rows: list[TableRow]
-    lines: list[Line]
+    lines: list[ChangeLine]
     kinds: dict[ChangeKind, int]
     groups: list[ChangeGroup]
     closer: dict[str, str]
@@ -54,31 +58,31 @@ class View:
     @property
     def marks(self) -> list[tuple[str, str]]:
         """What the characters of the matrix say."""
-        said = {
+        words = {
             "A": f"closer: {self.pair.a}",
             "B": f"closer: {self.pair.b}",
             "both": "both inside",
             "neither": "neither",
         }
-        return [("·", "same"), ("≈", "within bounds"), *((self.closer[who], f"changed, {said[who]}") for who in said)]
+        return [("·", "same"), ("≈", "within bounds"), *((self.closer[who], f"changed, {words[who]}") for who in words)]
 
 
-def render(found: Compared) -> str:
+def render(comparison: Comparison) -> str:
     """The page of a comparison."""
-    shown = [found.alone] if found.alone else pairs.shown(found)
+    shown = [comparison.alone] if comparison.alone else pairs.shown(comparison)
     return frame.page(
         ASSETS,
         "compare",
-        "bad" if found.exit_code else "good",
-        found=found,
-        stamp=pairs.STAMPS[found.exit_code],
-        table=[(pair, *pair.tally, pairs.ratio(pair)) for pair in found.pairs],
+        "bad" if comparison.exit_code else "good",
+        comparison=comparison,
+        stamp=pairs.STAMPS[comparison.exit_code],
+        table=[(pair, *pair.tally, pairs.ratio(pair)) for pair in comparison.pairs],
         views=[_view(pair) for pair in shown],
         about=ABOUT,
     )
 
 
-def _view(pair: Pair) -> View:
+def _view(pair: Pair) -> PairView:
     changes = pair.changes.fields
     columns = _columns(changes)
     by_case: dict[str, dict[str, SideChange]] = {}
@@ -87,12 +91,10 @@ def _view(pair: Pair) -> View:
     different = pair.changes.different
     anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(different)}
     closer = pair.names | CLOSER
-    rows = [_row(case, columns, found, anchors, closer) for case, found in sorted(by_case.items())]
-    lines = [
-        Line(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1), wording.number(c.difference)) for c in different
-    ]
+    rows = [_row(case, columns, of_case, anchors, closer) for case, of_case in sorted(by_case.items())]
+    lines = [ChangeLine(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1)) for c in different]
     lines.sort(key=lambda line: (not line.change.fault, -CHANGE_KINDS.index(line.change.kind), line.change.case))
-    return View(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
+    return PairView(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
 
 
 def _columns(changes: Sequence[SideChange]) -> list[str]:
@@ -108,13 +110,13 @@ def _columns(changes: Sequence[SideChange]) -> list[str]:
 def _row(
     case: str,
     columns: Sequence[str],
-    found: dict[str, SideChange],
+    of_case: dict[str, SideChange],
     anchors: dict[tuple[str, str], str],
     closer: dict[str, str],
 ) -> TableRow:
-    cells = [None if field not in found else _cell(found[field], anchors, closer) for field in columns]
-    kinds = sorted({change.kind for change in found.values()}, key=CHANGE_KINDS.index)
-    quiet = not any(change.fault for change in found.values())
+    cells = [None if field not in of_case else _cell(of_case[field], anchors, closer) for field in columns]
+    kinds = sorted({change.kind for change in of_case.values()}, key=CHANGE_KINDS.index)
+    quiet = not any(change.fault for change in of_case.values())
     return TableRow(case, cells, data={"kinds": "|".join(kinds)} | ({"quiet": ""} if quiet else {}), hidden=quiet)
 
 

@@ -54,7 +54,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Compared:
+class Comparison:
     """All sides, A first, and all pairs of them."""
 
     sides: dict[str, Side]
@@ -75,42 +75,42 @@ class Compared:
         return int(any(pair.changes.faults for pair in self.pairs))
 
 
-def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing: bool, command: str) -> Compared:
+def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing: bool, command: str) -> Comparison:
     """Compare every pair of sides; times are those taken in turns, or else those that the sides hold."""
     labelled = dict(zip(LABELS, sides, strict=False))
-    made = []
+    pairs = []
     for a, b in itertools.combinations(labelled, 2):
         speeds: list[Speed] = []
         if timing and turns is not None:
             speeds = turns.against(a, b)
         elif timing and (saved := of_saved(labelled[a], labelled[b])):
             speeds = [saved]
-        made.append(Pair(a, b, compare(labelled[a], labelled[b], policy), tuple(speeds)))
+        pairs.append(Pair(a, b, compare(labelled[a], labelled[b], policy), tuple(speeds)))
     failed = tuple(f"{side.title} failed as a whole" for side in sides if not side.answered)
-    return Compared(labelled, tuple(made), command, failed)
+    return Comparison(labelled, tuple(pairs), command, failed)
 
 
 # --- one document
 
 
-def document(found: Compared) -> dict[str, Any]:
+def document(comparison: Comparison) -> dict[str, Any]:
     """What compare.json holds.
 
     Of a single pair ``fields`` lists everything compared, of more pairs what is not the same, with the pair's name.
     """
-    alone = found.alone
+    alone = comparison.alone
     return {
         "schema": SCHEMAS["compare"],
-        "command": found.command,
+        "command": comparison.command,
         "sides": [
             {"label": label, "name": side.name, "engine": side.engine.model_dump(exclude={"library"})}
-            for label, side in found.sides.items()
+            for label, side in comparison.sides.items()
         ],
-        "notes": list(found.notes),
-        "pairs": [_pair(pair) for pair in found.pairs],
+        "notes": list(comparison.notes),
+        "pairs": [_pair(pair) for pair in comparison.pairs],
         "fields": [
             ({} if alone else {"pair": pair.name}) | row(change, pair.a, pair.b)
-            for pair in found.pairs
+            for pair in comparison.pairs
             for change in (pair.changes.fields if alone else pair.changes.different)
         ],
     }
@@ -145,7 +145,7 @@ def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
     def both(values: tuple[Any, Any]) -> dict[str, Any] | None:
         return dict(zip((a, b), values, strict=True)) if any(values) else None
 
-    said: dict[str, Any] = {
+    rest: dict[str, Any] = {
         "stage": change.stage,
         "verdicts": both(change.verdicts),
         "findings": both(change.findings),
@@ -157,8 +157,8 @@ def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
     }
     closer = {"A": a, "B": b}.get(change.closer, change.closer)
     head = {"case": change.case, "field": change.field, "change": change.kind, "closer_to_reference": closer}
-    found: dict[str, Any] = plain(head | {key: value for key, value in said.items() if value not in (None, "")})
-    return found
+    document: dict[str, Any] = plain(head | {key: value for key, value in rest.items() if value not in (None, "")})
+    return document
 
 
 # --- for a terminal
@@ -173,11 +173,11 @@ def lines(changes: Changes, a: str = "A", b: str = "B") -> Iterator[str]:
 
 def faults(changes: Changes) -> Iterator[str]:
     """The first of the changes that count, each in a line."""
-    found = changes.faults
-    for change in found[:SAID]:
+    listed = changes.faults
+    for change in listed[:SAID]:
         yield f"  {fault(change)}"
-    if len(found) > SAID:
-        yield f"  ... and {len(found) - SAID} more"
+    if len(listed) > SAID:
+        yield f"  ... and {len(listed) - SAID} more"
 
 
 def checked(changes: Changes, report: str) -> Iterator[str]:
@@ -194,7 +194,7 @@ def fault(change: SideChange) -> str:
     """A change in one line."""
     where = " ".join(part for part in (change.case, change.field) if part)
     at = "" if change.step is None else f" from step {change.step}"
-    was, now = (_said(change, side) for side in (0, 1))
+    was, now = (_judgement(change, side) for side in (0, 1))
     verdicts = (
         "" if not (was or now) else f" ({was or 'nothing'}, now {now or 'nothing'})" if was != now else f" ({was})"
     )
@@ -203,34 +203,34 @@ def fault(change: SideChange) -> str:
     return f"{what}: {where}{at}{verdicts}{note}"
 
 
-def _said(change: SideChange, side: int) -> str:
-    known = ", ".join(change.findings[side])
-    return f"{change.verdicts[side]} by {known}" if known else change.verdicts[side]
+def _judgement(change: SideChange, side: int) -> str:
+    findings = ", ".join(change.findings[side])
+    return f"{change.verdicts[side]} by {findings}" if findings else change.verdicts[side]
 
 
 # --- for a pull request
 
 
-def summary(found: Compared) -> str:
+def summary(comparison: Comparison) -> str:
     """``summary.md``."""
-    named = [f"{label} is {markdown.text(side.title)}" for label, side in found.sides.items()]
-    blocks = [f"## eos-ref compare: {STAMPS[found.exit_code]}", "; ".join(named) + "."]
-    blocks += [f"> **Note:** {markdown.text(note)}" for note in found.notes]
-    if not found.alone:
-        blocks.append(_table_of_pairs(found))
-    for pair in found.pairs if found.alone else shown(found):
-        blocks += list(_of_pair(pair, found.alone is None))
+    named = [f"{label} is {markdown.text(side.title)}" for label, side in comparison.sides.items()]
+    blocks = [f"## eos-ref compare: {STAMPS[comparison.exit_code]}", "; ".join(named) + "."]
+    blocks += [f"> **Note:** {markdown.text(note)}" for note in comparison.notes]
+    if not comparison.alone:
+        blocks.append(_table_of_pairs(comparison))
+    for pair in comparison.pairs if comparison.alone else shown(comparison):
+        blocks += list(_of_pair(pair, comparison.alone is None))
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def shown(found: Compared) -> list[Pair]:
+def shown(comparison: Comparison) -> list[Pair]:
     """The pairs that are shown in full: each side with the one before it."""
-    return [pair for pair in found.pairs if ord(pair.b) == ord(pair.a) + 1]
+    return [pair for pair in comparison.pairs if ord(pair.b) == ord(pair.a) + 1]
 
 
-def _table_of_pairs(found: Compared) -> str:
+def _table_of_pairs(comparison: Comparison) -> str:
     head = ("pair", "same", "within bounds", "changed", "time of second over first")
-    return markdown.table(head, [(pair.name, *pair.tally, ratio(pair)) for pair in found.pairs])
+    return markdown.table(head, [(pair.name, *pair.tally, ratio(pair)) for pair in comparison.pairs])
 
 
 def ratio(pair: Pair) -> str:
@@ -249,8 +249,8 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
     yield "\n".join(f"- {markdown.text(group.sentence(pair.a, pair.b))}" for group in pair.groups)
     yield "\n".join(f"- {speed.sentence(pair.a, pair.b)}" for speed in pair.speeds)
     yield "\n".join(f"> **Note:** {markdown.text(note)}" for note in pair.changes.notes)
-    found = pair.changes.faults
-    if found:
+    listed = pair.changes.faults
+    if listed:
         head = ("case", "field", "change", "first step", pair.a, pair.b, "closer to the reference")
         rows = [
             (
@@ -258,11 +258,11 @@ def _of_pair(pair: Pair, titled: bool) -> Iterator[str]:
                 markdown.text(c.field),
                 c.kind,
                 "" if c.step is None else c.step,
-                markdown.text(_said(c, 0)),
-                markdown.text(_said(c, 1)),
+                markdown.text(_judgement(c, 0)),
+                markdown.text(_judgement(c, 1)),
                 pair.names.get(c.closer, c.closer),
             )
-            for c in found[:LISTED]
+            for c in listed[:LISTED]
         ]
-        rest = f"\n\n… and {len(found) - LISTED} more, see compare.html." if len(found) > LISTED else ""
-        yield markdown.folded(counted(len(found), "change"), markdown.table(head, rows) + rest)
+        rest = f"\n\n… and {len(listed) - LISTED} more, see compare.html." if len(listed) > LISTED else ""
+        yield markdown.folded(counted(len(listed), "change"), markdown.table(head, rows) + rest)

@@ -45,11 +45,13 @@ class Speed:
     def sentence(self, a: str = "A", b: str = "B") -> str:
         """In one line, with what the sides are called."""
         r = self.ratio
-        said = self.answer if self.answer == "cannot tell" else f"{b} is {self.answer}"
+        verdict_on_b = self.answer if self.answer == "cannot tell" else f"{b} is {self.answer}"
         each = f"{self.count} rounds in turns"
         if self.how == "single calls":
             each = f"single calls of {self.count} cases, with whatever the machine did meanwhile"
-        return f"time of {b} over {a}, {self.scene}: {r.median:.3f} [{r.low:.3f}, {r.high:.3f}] ({each}): {said}"
+        return (
+            f"time of {b} over {a}, {self.scene}: {r.median:.3f} [{r.low:.3f}, {r.high:.3f}] ({each}): {verdict_on_b}"
+        )
 
 
 def of_saved(a: Side, b: Side) -> Speed | None:
@@ -79,56 +81,56 @@ class Turns:
     def against(self, one: str, other: str) -> list[Speed]:
         """Time of the second engine over that of the first, on all scenes together and on each; none if one failed."""
         scenes = list(dict.fromkeys(scene for scene, _ in self.seconds))
-        found = []
+        speeds = []
         for name in scenes:
             a, b = self.seconds[name, one], self.seconds[name, other]
             ratio = Timing(b, 1, 0.0).against(Timing(a, 1, 0.0))
             ratios = [after / before for after, before in zip(b, a, strict=True)]
             decides = ratio if name == TOTAL else Interval(ratio.median, min(ratios), max(ratios))
-            found.append(Speed(name, "in turns", len(a), ratio, verdict(decides)))
-        return found
+            speeds.append(Speed(name, "in turns", len(a), ratio, verdict(decides)))
+        return speeds
 
 
 def scenes() -> list[Case]:
     """What is timed: fluids with every option that changes what LAMMPS does."""
-    made = []
+    cases = []
     for option in OPTIONS:
         case = scene(option, 2, EDGE)
         evolve = case.scene.evolve
         assert evolve is not None
         longer = evolve.model_copy(update={"steps": STEPS, "compare_at": None})
-        made.append(Case(option, "", (), case.scene.model_copy(update={"evolve": longer}), case.source))
-    return made
+        cases.append(Case(option, "", (), case.scene.model_copy(update={"evolve": longer}), case.source))
+    return cases
 
 
 def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Progress = SILENT) -> Turns | None:
-    """Time engines, one living LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
+    """Time engines, one workers LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
 
     The wall time is that of the run commands alone, taken inside LAMMPS' process.
     """
     jobs = {case.name: job(case.scene, build(case, case.scene.eos()), plan(case.scene)) for case in scenes()}
     names, total = list(engines), (rounds + 1) * len(jobs)
-    found: dict[tuple[str, str], list[float]] = {}
+    seconds: dict[tuple[str, str], list[float]] = {}
     with ExitStack() as stack:
-        living = {name: stack.enter_context(Workers(engine.site, 1)) for name, engine in engines.items()}
+        workers = {name: stack.enter_context(Workers(engine.site, 1)) for name, engine in engines.items()}
         for turn in range(rounds + 1):  # the first warms up
             start = turn % len(names)
             order = (names[start:] + names[:start])[:: 1 if turn % 2 == 0 else -1]
-            for at, (scene_name, told) in enumerate(jobs.items()):
+            for at, (scene_name, lammps_job) in enumerate(jobs.items()):
                 for name in order:
-                    took = living[name].outcome(living[name].call(spent, told, time_limit=LIMIT))
-                    if isinstance(took, Failure):
+                    answer = workers[name].outcome(workers[name].call(spent, lammps_job, time_limit=LIMIT))
+                    if isinstance(answer, Failure):
                         return None
                     if turn:
-                        found.setdefault((scene_name, name), []).append(took)
+                        seconds.setdefault((scene_name, name), []).append(answer)
                 progress.advance(turn * len(jobs) + at + 1, total, f"timing {scene_name}")
-    each = {key: tuple(values) for key, values in found.items()}
+    each = {key: tuple(values) for key, values in seconds.items()}
     sums = {
         (TOTAL, name): tuple(sum(row) for row in zip(*(each[s, name] for s in jobs), strict=True)) for name in names
     }
     return Turns(tuple(names), sums | each)
 
 
-def spent(site: str | None, told: Job) -> float:
+def spent(site: str | None, lammps_job: Job) -> float:
     """Task: seconds that LAMMPS' run commands take."""
-    return sum(solve(site, told).run_seconds)
+    return sum(solve(site, lammps_job).run_seconds)

@@ -12,7 +12,7 @@ import pytest
 
 from lammps_cases import history as kept
 from lammps_cases.history import draw, figures, page, store, views
-from lammps_cases.history.draw import Point
+from lammps_cases.history.draw import RunMark
 from lammps_cases.history.reported import TABLE, Past, before
 from lammps_cases.history.store import History
 from lammps_cases.history.versions import engines
@@ -67,7 +67,7 @@ def test_errors_lie_by_their_decade_with_the_bound_as_a_line() -> None:
         ("differs", math.inf),
         ("error", math.nan),
     ]
-    svg = figures.errors([Point("1.0", "", kind, ratio, "says") for kind, ratio in ratios], "one")
+    svg = figures.errors([RunMark("1.0", "", kind, ratio, "says") for kind, ratio in ratios], "one")
     found = _marks(svg)
     assert [kind for kind, _ in found] == [f"v-{kind}" for kind, _ in ratios]
     exact, inside, at, beyond, infinite, nan = (y for _, y in found)
@@ -87,7 +87,7 @@ def test_times_show_median_and_range() -> None:
 
 def test_text_is_never_markup() -> None:
     for svg in (
-        figures.errors([Point(HOSTILE, HOSTILE, "pass", 1.0, HOSTILE)], "one"),
+        figures.errors([RunMark(HOSTILE, HOSTILE, "pass", 1.0, HOSTILE)], "one"),
         figures.times({HOSTILE: Spread(1.0, 1.0, 1.0, 1)}, "one"),
     ):
         assert "<img" not in svg

@@ -10,7 +10,7 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.engine.session import EngineMissing
-from lammps_cases.regression.bisection import Found, bisect
+from lammps_cases.regression.bisection import Bisection, bisect
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.outcomes import Side
 from tests.support.edited_runs import of_field
@@ -20,7 +20,7 @@ from tests.support.outcome import Outcome
 BITS = Policy(bits=True)
 
 
-def _search(sides: list[Side], policy: Policy = BITS, fields: tuple[str, ...] = ()) -> tuple[Found, list[int]]:
+def _search(sides: list[Side], policy: Policy = BITS, fields: tuple[str, ...] = ()) -> tuple[Bisection, list[int]]:
     asked: list[int] = []
 
     def ask(at: int) -> Side:

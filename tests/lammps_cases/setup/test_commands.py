@@ -151,9 +151,7 @@ def test_summed_densities_and_energies_in_an_open_box(case_file: Write) -> None:
     assert "atom_style rheo/thermal" in given.setup
     assert "boundary p f p" in given.setup
     assert "region box block 0.0 3.0 -2.0 5.0 0.0 3.0" in given.setup
-    assert (
-        "fix rheo all rheo 3.0 quintic 0 thermal rho/sum self/mass density 1.2 speed/sound 3.1" in given.commands
-    )
+    assert "fix rheo all rheo 3.0 quintic 0 thermal rho/sum self/mass density 1.2 speed/sound 3.1" in given.commands
     assert (
         "fix thermal all rheo/thermal conductivity * constant 0.1 specific/heat * constant 1.0 "
         "Tfreeze * constant 1.0 latent/heat * constant 0.5" in given.commands

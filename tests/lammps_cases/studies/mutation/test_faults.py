@@ -153,6 +153,7 @@ def test_mistakes_that_an_engine_has_are_not_planted_there() -> None:
     assert "formula.lint-heat-divided-by-the-density" in catalogue.faults("2025.7.22.4.0")
 
 
+@pytest.mark.slow
 def test_changed_sources_are_others_each() -> None:
     changed = [fault for fault in catalogue.faults().values() if isinstance(fault, SourceFault)]
     # A named mistake may be one that is made by machine too.

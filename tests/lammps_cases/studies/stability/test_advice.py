@@ -203,7 +203,7 @@ def test_limits_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert read(tmp_path / "limits.json") == LIMITS
     assert read(tmp_path / "none.json") == Limits("", ())
     (tmp_path / "bad.json").write_text("{}")
-    with pytest.raises(InputError, match="stability limits: are not of the schema"):
+    with pytest.raises(InputError, match="schema: must be eos-ref/stability-limits"):
         read(tmp_path / "bad.json")
 
 

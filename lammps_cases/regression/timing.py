@@ -104,7 +104,7 @@ def scenes() -> list[Case]:
 
 
 def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Progress = SILENT) -> Turns | None:
-    """Time engines, one workers LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
+    """Time engines, one running LAMMPS each, in rounds whose order turns; None if one of them fails on a scene.
 
     The wall time is that of the run commands alone, taken inside LAMMPS' process.
     """

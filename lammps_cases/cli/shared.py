@@ -20,9 +20,7 @@ out_option = click.option(
 )
 tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
 jobs_option = click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
-fresh_option = click.option(
-    "--fresh", is_flag=True, help="Compute every prediction of the reference anew, and store it again."
-)
+fresh_option = click.option("--fresh", is_flag=True, help="Ignore the cache of reference predictions.")
 paths_option = click.option(
     "--cases", "paths", multiple=True, type=click.Path(path_type=Path), help="Case file or folder of your own."
 )
@@ -53,8 +51,10 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     if as_json:
         click.echo(run.to_json(), nl=False)
         return run.exit_code
+    from lammps_cases.records.wording import counted
+
     counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
-    click.secho(f"{len(run.cases)} cases: {counts} ({run.seconds:.1f} s)", bold=True)
+    click.secho(f"{counted(len(run.cases), 'case')}: {counts} ({run.seconds:.1f} s)", bold=True)
     for case in run.cases:
         if not case.as_expected:
             click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")

@@ -89,14 +89,13 @@ def _validation_error(error: ValidationError, where: str, data: Any) -> InputErr
     place = [str(part) for part in first["loc"] if not set(" -") & set(str(part))]
     rule = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
-        known = [*CaseFile.model_fields, *_known_keys()]
-        return InputError(".".join(place), f"unknown key{nearest(place[-1], known)}", where=where)
-    found = first.get("input")
-    shown = None if first["type"] in ("missing", "value_error") else found
-    return InputError(".".join(place) or "scene", rule, shown, where)
+        keys = [*CaseFile.model_fields, *_scene_keys()]
+        return InputError(".".join(place), f"unknown key{nearest(place[-1], keys)}", where=where)
+    value = None if first["type"] in ("missing", "value_error") else first.get("input")
+    return InputError(".".join(place) or "scene", rule, value, where)
 
 
-def _known_keys() -> Iterable[str]:
+def _scene_keys() -> Iterable[str]:
     for model in models():
         yield from model.model_fields
 
@@ -183,24 +182,24 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     InputError
         A name that matches no case (the nearest is suggested) or a tag that no case has.
     """
-    chosen = list(cases)
-    if names:
-        wanted: set[str] = set()
-        for name in names:
-            hits = [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]
-            if not hits:
-                known = sorted({part for c in cases for part in (c.name, c.name.split(".")[0])})
-                raise InputError("case", f"does not exist{nearest(name, known)}", name)
-            wanted.update(hits)
-        chosen = [case for case in cases if case.name in wanted]
+    names_chosen = set[str]().union(*(_names_like(name, cases) for name in names))
+    chosen = [case for case in cases if not names or case.name in names_chosen]
     if tag is not None:
         chosen = [case for case in chosen if tag in case.tags]
         if not chosen:
-            raise InputError(
-                "tag", f"no case has it (tags: {', '.join(sorted({t for c in cases for t in c.tags}))})", tag
-            )
+            tags = sorted({each for case in cases for each in case.tags})
+            raise InputError("tag", f"no case has it (tags: {', '.join(tags)})", tag)
     elif not names:
         chosen = [case for case in chosen if "long" not in case.tags]
     if not chosen:
         raise InputError("cases", "none is left to run (all are tagged long?)")
     return chosen
+
+
+def _names_like(name: str, cases: Sequence[Case]) -> list[str]:
+    """Return the names of cases that a name or pattern selects."""
+    names = [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]
+    if not names:
+        candidates = sorted({part for c in cases for part in (c.name, c.name.split(".")[0])})
+        raise InputError("case", f"does not exist{nearest(name, candidates)}", name)
+    return names

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lammps_cases.audit.follow import Follower
-from lammps_cases.audit.options import Task
+from lammps_cases.audit.options import AuditOptions
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import open_lammps
@@ -31,7 +31,7 @@ class _FirstRun(DeckWatch):
         if self.audited:
             self.begin(["run"])
         begin = time.process_time()
-        self.lmp.command(f"run {self.task.steps}")
+        self.lmp.command(f"run {self.options.steps}")
         self.spent = time.process_time() - begin
         return True
 
@@ -42,10 +42,9 @@ def first_run(deck: str, steps: int, every: int, audited: bool) -> float:
         copy_folder(Path(deck).resolve().parent, Path(folder))
         os.chdir(folder)
         lmp = open_lammps()
-        task = Task(Path(deck).name, folder, every, steps, allow_shell=False, engine=None, output="")
-        watch = _FirstRun(lmp, task, lambda message: None)
+        watch = _FirstRun(lmp, AuditOptions(every=every, steps=steps), lambda message: None)
         watch.audited = audited
-        Follower(lmp, watch, lambda where, command: None).deck(Path(task.deck))
+        Follower(lmp, watch, lambda where, command: None).deck(Path(Path(deck).name))
         lmp.close()
         os.chdir("/")
     return watch.spent

@@ -38,11 +38,12 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     InputError, EngineMissing
     """
     begin = time.perf_counter()
-    lmp = open_lammps(task.engine)
-    who = describe(lmp, task.engine)
+    options = task.options
+    lmp = open_lammps(options.engine)
+    who = describe(lmp, options.engine)
     connection.send(EngineIdentity(who))
-    watch = DeckWatch(lmp, task, connection.send, who["distribution"])
-    follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), task.allow_shell)
+    watch = DeckWatch(lmp, options, connection.send, who["distribution"])
+    follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.allow_shell)
     refused = ""
     try:
         follower.deck(Path(task.deck))

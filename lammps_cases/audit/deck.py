@@ -1,7 +1,7 @@
-"""What a deck's commands say of the particle model: its parameters, the forces of other fixes, what excludes a check.
+"""The particle model by a deck's commands: its parameters, the forces of other fixes, what excludes a check.
 
 Commands come as LAMMPS got them, substituted. LAMMPS has accepted them, so nothing is judged here; what cannot be
-followed (a keyword of a later version, a variable where a number is expected) is said, and leaves fields unchecked.
+followed (a keyword of a later version, a variable where a number is expected) is reported, and leaves fields unchecked.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Action:
 
 @dataclass
 class Deck:
-    """Takes down commands; `model` and the other methods say what they amount to."""
+    """Records commands; `model` and the other methods interpret them."""
 
     fixes: dict[str, list[str]] = field(default_factory=dict)  # in the order in which LAMMPS calls them
     pair: list[str] = field(default_factory=list)
@@ -72,7 +72,7 @@ class Deck:
         return next((values for values in reversed(self.fixes.values()) if values[3] == style), None)
 
     def model(self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable) -> Model:
-        """The particle model.
+        """Return the particle model.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Deck:
     # --- why sums over pairs cannot be checked
 
     def hides_pairs(self) -> str:
-        """Why the neighbours of a particle are not simply all within the cutoff; or nothing."""
+        """Return why the neighbours of a particle are not simply all within the cutoff; or nothing."""
         if self.excludes:
             return "neigh_modify exclude takes pairs out"
         lj, coulomb = _weights(self.special)
@@ -128,7 +128,7 @@ class Deck:
         return ""
 
     def changes_pairs(self) -> str:
-        """Why the terms of pair_style rheo are not simply those of all pairs; or nothing."""
+        """Return why the terms of pair_style rheo are not simply those of all pairs; or nothing."""
         rheo = [words for words in self.coefficients if "rheo" in words[2:3] or self.pair[:1] == ["rheo"]]
         if not any(words[:2] == ["*", "*"] for words in rheo):
             return "pair_coeff gives rheo to some types only"
@@ -137,13 +137,13 @@ class Deck:
         return ""
 
     def adds_heat(self) -> str:
-        """What else adds to the heat flow; or nothing."""
+        """Return what else adds to the heat flow; or nothing."""
         if self.bonded:
             return f"{self.bonded[0]} may add to it"
         return self._other_fix(lambda style: style in _NO_HEAT or style.startswith("wall/"))
 
     def adds_force(self) -> str:
-        """What adds to the force and is not followed; or nothing."""
+        """Return what adds to the force and is not followed; or nothing."""
         others = [word for word in self.pair[1:] if word[:1].isalpha() and word not in _PAIR_WORDS]
         if self.pair[:1] != ["rheo"] and others:
             return f"pair_style {others[0]} adds to it"
@@ -163,7 +163,7 @@ class Deck:
         return next((f"fix {name} ({style}) may add to it" for name, style in others), "")
 
     def actions(self) -> list[Action]:
-        """The fixes that change forces, in LAMMPS' order.
+        """Return the fixes that change forces, in LAMMPS' order.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Deck:
 _LAWS = ("rheo", "rheo/pressure")
 _FOLLOWED = ("gravity", "addforce", "setforce")
 _PAIR_WORDS = ("rheo", "artificial/visc", "rho/damp", "harmonic/means")
-# Fixes that leave forces alone, or do not act between an evaluation and a look.
+# Fixes that leave forces alone, or do not act between an evaluation and a sample.
 _NO_FORCE = (
     *("rheo", "rheo/viscosity", "rheo/pressure", "rheo/thermal", "enforce2d", "add/heat"),
     *("deposit", "evaporate", "print", "halt", "vector", "balance", "momentum", "recenter", "property/atom"),
@@ -186,7 +186,7 @@ _NO_HEAT = (*(style for style in _NO_FORCE if style != "add/heat"), *_FOLLOWED)
 
 
 def _weights(special: list[str]) -> tuple[list[float], list[float]]:
-    """Weights of lj and coul that special_bonds gives to pairs of bonded particles; 0 by default."""
+    """Return the weights of lj and coul that special_bonds gives to pairs of bonded particles; 0 by default."""
     lj, coulomb = [0.0] * 3, [0.0] * 3
     for at, word in enumerate(special):
         if word in ("lj", "coul", "lj/coul"):
@@ -199,8 +199,8 @@ def _weights(special: list[str]) -> tuple[list[float], list[float]]:
 # --- commands
 
 
-def _fail(words: Sequence[str], found: str) -> NoReturn:
-    raise InputError(f"{words[3] if words[0] == 'fix' else 'pair_style'}", "cannot be followed", found)
+def _fail(words: Sequence[str], text: str) -> NoReturn:
+    raise InputError(f"{words[3] if words[0] == 'fix' else 'pair_style'}", "cannot be followed", text)
 
 
 def _number(text: str, words: Sequence[str]) -> float:
@@ -267,7 +267,7 @@ def thermal(words: Sequence[str], ntypes: int) -> tuple[Thermal, ...]:
     ------
     InputError
     """
-    found: list[dict[str, float]] = [{} for _ in range(ntypes)]
+    values_t: list[dict[str, float]] = [{} for _ in range(ntypes)]
     rest, keyword = list(words[4:]), ""
     while rest:
         if rest[0] in _THERMAL:
@@ -280,11 +280,11 @@ def thermal(words: Sequence[str], ntypes: int) -> tuple[Thermal, ...]:
             _fail(words, " ".join(rest[:3]))
         types, _, value = (rest.pop(0) for _ in range(3))
         for t in type_range(types, ntypes, "rheo/thermal"):
-            found[t - 1][keyword] = _number(value, words)
-    for values in found:
+            values_t[t - 1][keyword] = _number(value, words)
+    for values in values_t:
         if not {"conductivity", "specific_heat"} <= values.keys():
             _fail(words, "a type without conductivity or specific heat")
-    return tuple(Thermal(**values) for values in found)
+    return tuple(Thermal(**values) for values in values_t)
 
 
 def action(words: Sequence[str]) -> Action:

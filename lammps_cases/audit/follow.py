@@ -164,12 +164,8 @@ class Follower:
             if values[:1] == ["if"]:
                 self._hidden(held)
             elif values and (values[0] in _FLOW or guard.is_open(values) or self.watch.deck.changes_laws(values)):
-                raise InputError(
-                    f"command {words[0].value}",
-                    "may not hold a command that the audit has to follow",
-                    inner,
-                    self.where,
-                )
+                rule = "may not hold a command that the audit has to follow"
+                raise InputError(f"command {words[0].value}", rule, inner, self.where)
 
     def execute(self, command: str) -> None:
         """Hand over a substituted command; LAMMPS may neither substitute it again nor see a comment in it."""

@@ -90,12 +90,8 @@ class Task:
 
     deck: str
     folder: str
-    every: int
-    steps: int | None
-    allow_shell: bool
-    engine: str | None
-    output: str
-    fields: tuple[str, ...] = DEFAULT
+    options: AuditOptions
+    output: str = ""  # file for what the process prints
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from eos_ref.errors import InputError
@@ -19,6 +21,7 @@ from lammps_cases.audit.options import AuditOptions, AuditResult, SampleRows, Ta
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine.workers import Failure
+from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 
 PATIENCE = 0.5  # seconds between two checks of the time limit
@@ -37,7 +40,7 @@ ENTRY: Callable[[Task, Connection], None] = run_child
 def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     """Run a deck, unchanged, in a copy of its folder, and check the requested fields at every atom.
 
-    Checked is, every so many steps (`AuditOptions`) and at the start of every run, what a force evaluation has just
+    Every so many steps (`AuditOptions`), and at the start of every run, it checks what a force evaluation has just
     used: the pressure, P = EOS(rho, e) with the laws that fix rheo and fix rheo/pressure hold at that moment, and
     whatever else follows from the state of that moment (`fields`).
 
@@ -98,30 +101,21 @@ def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Failure | None]:
         outside = stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-"))
         copy_folder(deck.resolve().parent, folder.resolve())
         output = Path(outside) / "output"
-        task = Task(
-            deck.name,
-            str(folder.resolve()),
-            options.every,
-            options.steps,
-            options.allow_shell,
-            options.engine,
-            str(output),
-            options.fields,
-        )
+        task = Task(deck.name, str(folder.resolve()), replace(options, progress=SILENT), str(output))
         context = multiprocessing.get_context("spawn")
         receiver, sender = context.Pipe(duplex=False)
         process = context.Process(target=ENTRY, args=(task, sender), daemon=True)
         process.start()
         sender.close()  # the child holds the only other end: its death ends the messages
         try:
-            return findings, _listen(receiver, findings, options, process.join, lambda: process.exitcode, output)
+            return findings, _listen(receiver, findings, options, process, output)
         finally:
             process.kill()
             process.join()
 
 
 def _messages(receiver: Connection, deadline: float | None) -> Iterator[object]:
-    """Messages until the other side ends.
+    """Yield messages until the other side ends.
 
     Raises
     ------
@@ -139,12 +133,7 @@ def _messages(receiver: Connection, deadline: float | None) -> Iterator[object]:
 
 
 def _listen(
-    receiver: Connection,
-    findings: Findings,
-    options: AuditOptions,
-    join: Callable[[float], None],
-    exit_code: Callable[[], int | None],
-    output: Path,
+    receiver: Connection, findings: Findings, options: AuditOptions, process: BaseProcess, output: Path
 ) -> Failure | None:
     deadline = None if options.timeout is None else time.monotonic() + options.timeout
     try:
@@ -158,8 +147,8 @@ def _listen(
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
     if findings.ended is not None:
         return Failure("refused", findings.ended.refused) if findings.ended.refused else None
-    join(5.0)
-    return Failure("crashed", f"LAMMPS {_death(exit_code())}, {_at(findings)}{_tail(output)}")
+    process.join(5.0)
+    return Failure("crashed", f"LAMMPS {_death(process.exitcode)}, {_at(findings)}{_tail(output)}")
 
 
 def _at(findings: Findings) -> str:

@@ -18,7 +18,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Box, Model, State
 from lammps_cases.studies.stability.advice import judge
 
-DEFAULT_RHO = 1.0  # what LAMMPS 22Jul2025 gives an atom whose density nobody sets
+DEFAULT_RHO = 1.0  # LAMMPS 22Jul2025's density of an atom for which none is set
 SOLID = 1  # bit of rheo_status
 OFFSET = 10  # a pressure is offset if its mean is this many times its range
 _FROM_FILE = frozenset({"read_data", "read_restart", "read_dump"})

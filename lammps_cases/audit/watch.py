@@ -22,7 +22,7 @@ from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
 from lammps_cases.audit import fields, pressure, sample
 from lammps_cases.audit.deck import HARMLESS, Deck
-from lammps_cases.audit.options import RunFacts, SampleRow, SampleRows, Task
+from lammps_cases.audit.options import AuditOptions, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.pressure import PressureSample
 from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.comparison.compare import Comparison
@@ -66,7 +66,7 @@ class DeckWatch:
     ----------
     lmp : lammps
         An open instance.
-    task : Task
+    options : AuditOptions
         Steps between two samples, steps to do, and fields.
     send : callable
         Given a `RunFacts` at the start of every run and `SampleRows` at every sample.
@@ -74,8 +74,8 @@ class DeckWatch:
         Version of the distribution, for the ledger.
     """
 
-    def __init__(self, lmp: Any, task: Task, send: Callable[[object], None], engine: str = "") -> None:
-        self.lmp, self.task, self.send, self.engine = lmp, task, send, engine
+    def __init__(self, lmp: Any, options: AuditOptions, send: Callable[[object], None], engine: str = "") -> None:
+        self.lmp, self.options, self.send, self.engine = lmp, options, send, engine
         self.deck = Deck()
         self.questions = Questions()
         self.runs = self.done = 0
@@ -109,14 +109,14 @@ class DeckWatch:
                 self._run = replace(self._run, table=None)
         if self._failure is not None:
             raise self._failure
-        return self.task.steps is not None and self.done >= self.task.steps
+        return self.options.steps is not None and self.done >= self.options.steps
 
     def _step(self) -> int:
         return int(self.lmp.extract_global("ntimestep"))
 
     def begin(self, values: list[str]) -> None:
         """Set up the samples of a run command, and send its facts."""
-        lmp, first, steps = self.lmp, self._step(), self.task.steps
+        lmp, first, steps = self.lmp, self._step(), self.options.steps
         table = self.deck.laws(int(lmp.extract_setting("ntypes")))
         if table is None:
             self.questions.unwatched(self.runs)
@@ -137,7 +137,7 @@ class DeckWatch:
             if lmp.has_id("fix", FIX):
                 lmp.command(f"unfix {FIX}")
             # Called on the steps to sample, on the first one, and on the last one that the audit is to do.
-            apart = math.gcd(self.task.every, first, stop or 0)
+            apart = math.gcd(self.options.every, first, stop or 0)
             lmp.command(f"fix {FIX} all external pf/callback {apart} {NEVER}")
             lmp.set_fix_external_callback(FIX, self._called, None)
         self.send(self._facts(self._run))
@@ -146,14 +146,14 @@ class DeckWatch:
         self, table: EOSTable, mass_t: Array | None, values: list[str]
     ) -> tuple[fields.Choice, sample.Sampler | None]:
         """Choose what is checked in the run that begins."""
-        if self.task.fields == fields.DEFAULT:
+        if self.options.fields == fields.DEFAULT:
             return fields.Choice(fields.DEFAULT, {}), None
         model = self._model(table, mass_t)
         words = values[values.index("every") + 2 :] if "every" in values else []
         between = next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
         _, _, *tilts, _, _ = self.lmp.extract_box()
         setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), any(tilts), between)
-        choice = fields.choose(self.task.fields, model, setting)
+        choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.DEFAULT:
             return choice, None
         actions = self.deck.actions() if "f" in choice.fields else []
@@ -187,7 +187,7 @@ class DeckWatch:
         run = self._run
         assert run is not None
         try:
-            if run.table is not None and (step % self.task.every == 0 or step in (run.first, run.stop)):
+            if run.table is not None and (step % self.options.every == 0 or step in (run.first, run.stop)):
                 self._sample(run, run.table, int(step), tag_n, x_nc)
             self._previous = int(step)
         except BaseException as error:  # ctypes would print and forget it

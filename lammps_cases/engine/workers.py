@@ -19,15 +19,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from lammps_cases.engine import forkserver, ranks
-from lammps_cases.engine.session import (
-    Answer,
-    EngineCrashed,
-    EngineMissing,
-    EngineRefused,
-    Job,
-    describe,
-    run,
-)
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineMissing, EngineRefused, Job, describe, run
 from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic

@@ -8,8 +8,7 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.studies.mutation import (
     formula,
     input_faults_jobs,
-    input_faults_laws,
-    input_faults_model,
+    input_faults_scene,
     output_faults,
     source,
 )
@@ -20,7 +19,7 @@ from lammps_cases.studies.mutation.input_faults import InputFault
 @cache
 def input_faults() -> dict[str, InputFault]:
     """Return the faults in what LAMMPS is given, by id."""
-    every = (*input_faults_laws.FAULTS, *input_faults_model.FAULTS, *input_faults_jobs.FAULTS)
+    every = (*input_faults_scene.FAULTS, *input_faults_jobs.FAULTS)
     assert len({fault.id for fault in every}) == len(every), "two faults of one id"
     return {fault.id: fault for fault in every}
 

@@ -19,8 +19,8 @@ from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation.fault import Fault
+from lammps_cases.studies.mutation.scene_changes import SceneChange
 
-SceneChange = Callable[[Scene], Scene]
 JobChange = Callable[[Job], Job]
 
 

@@ -148,68 +148,63 @@ def _first_run_again(of: Job) -> Job:
     return replace(of, runs=tuple(replace(run, command=run.command.replace(" pre no", "")) for run in of.runs))
 
 
-def _fault(name: str, kind: Kind, what: str, change_job: JobChange) -> InputFault:
-    return InputFault(f"told.{name}", kind, what, None, change_job)
-
-
-FAULTS = (
+_TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     # --- commands
-    _fault("no-viscosity-fix", "missing term", "fix rheo/viscosity left out", without("fix viscosity")),
-    _fault("no-pressure-fix", "missing term", "fix rheo/pressure left out", without("fix pressure")),
-    _fault("no-thermal-fix", "missing term", "fix rheo/thermal left out", without("fix thermal")),
-    _fault("no-pair-style", "missing term", "pair_style rheo left out", without("pair_style", "pair_coeff")),
-    _fault("no-status", "unset", "phase of solids never set", without("set type")),
-    _fault("no-timestep", "unset", "time step never set", without("timestep")),
-    _fault("no-masses", "unset", "masses never set", without("mass")),
-    _fault("rheo-last", "order of operations", "fix rheo behind the other fixes", _last("fix rheo ")),
-    _fault("pair-cut-smaller", "neighbours", "cutoff of pair_style rheo 10 % smaller", _pair_cut(0.9)),
-    _fault("dimension-3", "constant", "dimension 3 in place of 2", replaced_text("dimension 2", "dimension 3")),
-    _fault("not-periodic", "neighbours", "periodic axes told to be fixed", replaced_text("boundary p", "boundary f")),
-    _fault("box-longer", "neighbours", "box longer by 1e-6", _box(lambda high: high * (1 + 1e-6))),
-    _fault("box-twice", "neighbours", "box twice as long", _box(lambda high: high * 2)),
-    _fault(
+    ("no-viscosity-fix", "missing term", "fix rheo/viscosity left out", without("fix viscosity")),
+    ("no-pressure-fix", "missing term", "fix rheo/pressure left out", without("fix pressure")),
+    ("no-thermal-fix", "missing term", "fix rheo/thermal left out", without("fix thermal")),
+    ("no-pair-style", "missing term", "pair_style rheo left out", without("pair_style", "pair_coeff")),
+    ("no-status", "unset", "phase of solids never set", without("set type")),
+    ("no-timestep", "unset", "time step never set", without("timestep")),
+    ("no-masses", "unset", "masses never set", without("mass")),
+    ("rheo-last", "order of operations", "fix rheo behind the other fixes", _last("fix rheo ")),
+    ("pair-cut-smaller", "neighbours", "cutoff of pair_style rheo 10 % smaller", _pair_cut(0.9)),
+    ("dimension-3", "constant", "dimension 3 in place of 2", replaced_text("dimension 2", "dimension 3")),
+    ("not-periodic", "neighbours", "periodic axes told to be fixed", replaced_text("boundary p", "boundary f")),
+    ("box-longer", "neighbours", "box longer by 1e-6", _box(lambda high: high * (1 + 1e-6))),
+    ("box-twice", "neighbours", "box twice as long", _box(lambda high: high * 2)),
+    (
         "lists-never-rebuilt",
         "stale",
         "neighbour lists never built anew, with hardly any skin",
         _neighbours("neighbor 1e-9 bin", "neigh_modify every 10000 delay 10000 check no"),
     ),
-    _fault(
+    (
         "lists-rebuilt-seldom",
         "stale",
         "neighbour lists built every 8 steps, with hardly any skin",
         _neighbours("neighbor 1e-9 bin", "neigh_modify every 8 delay 8 check no"),
     ),
-    _fault("pairs-left-out", "neighbours", "pairs of different types left out of the lists", _exclude_pairs),
-    _fault("velocities-of-images", "stale", "velocities of periodic images not communicated", without("comm_modify")),
-    _fault("set-up-again", "order of operations", "every run set up anew where it goes on", _first_run_again),
+    ("pairs-left-out", "neighbours", "pairs of different types left out of the lists", _exclude_pairs),
+    ("velocities-of-images", "stale", "velocities of periodic images not communicated", without("comm_modify")),
+    ("set-up-again", "order of operations", "every run set up anew where it goes on", _first_run_again),
     # --- what atoms are given
-    _fault("atom-lost", "missing term", "last atom not created", _fewer),
-    _fault("atoms-renamed", "exchanged", "two atoms with each other's place and values", _renamed),
-    _fault("types-exchanged", "exchanged", "two atoms with each other's type", _array("type", _exchange)),
-    _fault(
+    ("atom-lost", "missing term", "last atom not created", _fewer),
+    ("atoms-renamed", "exchanged", "two atoms with each other's place and values", _renamed),
+    ("types-exchanged", "exchanged", "two atoms with each other's type", _array("type", _exchange)),
+    (
         "type-of-one",
         "type range",
         "an atom of type 1 where it is of the last",
         _array("type", lambda t: np.r_[1, t[1:]]),
     ),
-    _fault("all-of-type-1", "type range", "all atoms of type 1", _array("type", np.ones_like)),
-    _fault("x-single", "single precision", "positions rounded to float32", _array("x", _single)),
-    _fault("v-single", "single precision", "velocities rounded to float32", _array("v", _single)),
-    _fault("rho-single", "single precision", "densities rounded to float32", _array("rho", _single)),
-    _fault("energy-single", "single precision", "energies rounded to float32", _array("esph", _single)),
-    _fault("x-of-one", "last digits", "position of one atom off by 1e-9", _array("x", _one(1e-9))),
-    _fault("v-of-one", "last digits", "velocity of one atom off by 1e-9", _array("v", _one(1e-9))),
-    _fault("rho-of-one", "last digits", "density of one atom off by 1e-12", _array("rho", _one(1e-12))),
-    _fault("energy-of-one", "last digits", "energy of one atom off by 1e-12", _array("esph", _one(1e-12))),
-    _fault("x-exchanged", "exchanged", "two atoms with each other's position", _array("x", _exchange)),
-    _fault("rho-exchanged", "exchanged", "two atoms with each other's density", _array("rho", _exchange)),
-    _fault("v-sign", "sign", "velocities of the other sign", _array("v", lambda v: -v)),
-    _fault("v-axes", "exchanged", "components x and y of velocities exchanged", _array("v", lambda v: v[:, [1, 0, 2]])),
-    _fault("v-zero", "unset", "velocities never set", _array("v", np.zeros_like)),
-    _fault("rho-unset", "unset", "densities never set", _without_array("rho")),
-    _fault("energy-unset", "unset", "energies never set", _without_array("esph")),
-    _fault(
-        "energy-not-per-mass", "volume or mass", "energies per mass where those of particles belong", _energy_per_mass
-    ),
-    _fault("energy-doubled", "constant", "energies doubled", _array("esph", lambda e: 2 * e)),
+    ("all-of-type-1", "type range", "all atoms of type 1", _array("type", np.ones_like)),
+    ("x-single", "single precision", "positions rounded to float32", _array("x", _single)),
+    ("v-single", "single precision", "velocities rounded to float32", _array("v", _single)),
+    ("rho-single", "single precision", "densities rounded to float32", _array("rho", _single)),
+    ("energy-single", "single precision", "energies rounded to float32", _array("esph", _single)),
+    ("x-of-one", "last digits", "position of one atom off by 1e-9", _array("x", _one(1e-9))),
+    ("v-of-one", "last digits", "velocity of one atom off by 1e-9", _array("v", _one(1e-9))),
+    ("rho-of-one", "last digits", "density of one atom off by 1e-12", _array("rho", _one(1e-12))),
+    ("energy-of-one", "last digits", "energy of one atom off by 1e-12", _array("esph", _one(1e-12))),
+    ("x-exchanged", "exchanged", "two atoms with each other's position", _array("x", _exchange)),
+    ("rho-exchanged", "exchanged", "two atoms with each other's density", _array("rho", _exchange)),
+    ("v-sign", "sign", "velocities of the other sign", _array("v", lambda v: -v)),
+    ("v-axes", "exchanged", "components x and y of velocities exchanged", _array("v", lambda v: v[:, [1, 0, 2]])),
+    ("v-zero", "unset", "velocities never set", _array("v", np.zeros_like)),
+    ("rho-unset", "unset", "densities never set", _without_array("rho")),
+    ("energy-unset", "unset", "energies never set", _without_array("esph")),
+    ("energy-not-per-mass", "volume or mass", "energies per mass where those of particles belong", _energy_per_mass),
+    ("energy-doubled", "constant", "energies doubled", _array("esph", lambda e: 2 * e)),
 )
+FAULTS = tuple(InputFault(f"told.{name}", kind, what, None, change) for name, kind, what, change in _TABLE)

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any, get_args
 
 from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.studies.benchmarks.measure import ROUNDS, Timing
-from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, compared, point
+from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Convergence, Result, by_lammps, by_reference, converge
-from lammps_cases.studies.flows.flow import Flow, Options, Start
+from lammps_cases.studies.flows.flow import Flow, Options
 
 # RK0 has the gradients of the quintic spline.
 STYLES: tuple[KernelStyle, ...] = tuple(style for style in get_args(KernelStyle) if KERNELS[style].order != 0)
@@ -46,36 +47,25 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
     runs: dict[str, tuple[Options, Callable[[], Result]]] = {}
     for name, chosen in options.items():
         start = flow.start(n, chosen)
-        runs[name] = chosen, _ours(start)
-        runs[f"{LAMMPS} {name}"] = chosen, _theirs(start, lmp)
+        runs[name] = chosen, partial(by_reference, start)
+        runs[f"{LAMMPS} {name}"] = chosen, partial(by_lammps, start, lmp)
     results: dict[str, list[Result]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, (_, run) in runs.items():
             results[name].append(run())
-    timings, points = {}, []
+    timings, errors = {}, {}
     for name, (chosen, _) in runs.items():
-        found = results[name]
-        last = found[-1]
+        last = results[name][-1]
         if last.message:
             continue
-        measured = flow.measures(n, chosen, last.snapshots)
-        per = last.n * last.steps
-        timings[name] = Timing(tuple(result.seconds / per for result in found), 1, 0.0)
-        error = next(iter(measured.values()))
-        points.append(point(flow.name, regime, name, error, timings[name], 1.0, "kernel and cutoff in spacings"))
+        headline, errors[name] = next(iter(flow.measures(n, chosen, last.snapshots).items()))
+        timings[name] = Timing(tuple(result.seconds / (last.n * last.steps) for result in results[name]), 1, 0.0)
+    reasons = dict.fromkeys(errors, "kernel and cutoff in spacings")
     return Panel(
         id=f"flow-{flow.name}-options",
         title=f"{flow.name}: kernel and cutoff",
         about=f"{flow.about} {last.n:,} particles, {rounds} runs of each.",
-        error_of=f"{next(iter(measured))}, relative to the closed solution",
+        error_of=f"{headline}, relative to the closed solution",
         unit="particle and step",
-        points=compared(points, timings, ONE_PER_CENT),
+        points=measured(flow.name, regime, errors, timings, 1.0, reasons, ONE_PER_CENT),
     )
-
-
-def _ours(start: Start) -> Callable[[], Result]:
-    return lambda: by_reference(start)
-
-
-def _theirs(start: Start, lmp: Any) -> Callable[[], Result]:
-    return lambda: by_lammps(start, lmp)

@@ -17,8 +17,9 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, Panel, Point, compared, point
-from lammps_cases.studies.chart.prepared import STILL, Instances, Prepared, moving, prepared, rms, still_step, worst
+from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, Panel, Point, measured
+from lammps_cases.studies.chart.prepared import STILL, Instances, Prepared, moving, prepared, still_step, worst
+from lammps_cases.studies.flows.layout import relative
 
 KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
 REASONS = {
@@ -74,14 +75,13 @@ def _points(
 ) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
     """Points whose errors are root mean squares, and the same with the worst errors."""
     timings = _timed(runs, quick)
-    both = []
-    for norm in (rms, worst):
-        points = [
-            point(quantity, regime, name, norm(run.found_n - true_n, scale_n), timings[name], len(true_n), run.reason)
-            for name, run in runs.items()
-        ]
-        both.append(compared(points, timings, ONE_PER_CENT))
-    return both[0], both[1]
+    reasons = {name: run.reason for name, run in runs.items()}
+
+    def points(norm: Callable[[FloatArray, FloatArray], float]) -> tuple[Point, ...]:
+        errors = {name: norm(run.found_n - true_n, scale_n) for name, run in runs.items()}
+        return measured(quantity, regime, errors, timings, len(true_n), reasons, ONE_PER_CENT)
+
+    return points(relative), points(worst)
 
 
 def _regime(disorder: float) -> str:
@@ -249,7 +249,7 @@ def maps(quick: bool) -> Iterator[Map]:
                 made = prepared(kernel, float(cut), float(disorder), QUICK_EDGE)
                 true_n = gradient(made.atoms.x_nc)
                 sim = moving(made, field(made.atoms.x_nc)).simulation(("grad/v",))
-                row.append(rms(sim.output("grad/v") - true_n, true_n))
+                row.append(relative(sim.output("grad/v") - true_n, true_n))
             rows.append(tuple(row))
         yield Map(
             f"kernels-{kernel.lower()}",

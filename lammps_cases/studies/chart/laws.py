@@ -20,7 +20,7 @@ from eos_ref.methods.laws import LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
 from lammps_cases.studies.benchmarks.measure import Interval, Timing, in_turns
 from lammps_cases.studies.chart.engine_law import EngineLaw
-from lammps_cases.studies.chart.points import Crossing, Map, Panel, Point, compared, point
+from lammps_cases.studies.chart.points import Crossing, Map, Panel, Point, measured
 
 # Gamma 4 stands for whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -48,6 +48,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
 
 def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
     methods, reasons = methods_of(law), {m.name: m.reason for m in methods_of(law)}
+    reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     e = ENERGY if law.needs_energy else None
     points: list[Point] = []
     copying = []
@@ -58,12 +59,8 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
         functions = {m.name: m.function(law, *ends) for m in methods}
         if lmp is not None:
             functions[OUTPUT] = EngineLaw(lmp, law).pressure
-        found = []
-        for method, function in functions.items():
-            worst = worst_case(function, law, start_n, _inside(regime, law), e)
-            reason = reasons.get(method, "LAMMPS' own output, less what an output costs that needs no law")
-            found.append(point(f"pressure of {name(law)}", str(regime), method, worst.error, took[method], n, reason))
-        points += compared(found, took)
+        errors = {m: worst_case(f, law, start_n, _inside(regime, law), e).error for m, f in functions.items()}
+        points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
         title=f"Pressure of {name(law)}",

@@ -119,6 +119,21 @@ def point(quantity: str, regime: str, method: str, error: float, timing: Timing,
     return Point(quantity, regime, method, error, ns, late, reason)
 
 
+def measured(
+    quantity: str,
+    regime: str,
+    errors: Mapping[str, float],
+    timings: Mapping[str, Timing],
+    per: float,
+    reasons: Mapping[str, str] | None = None,
+    same: float = ONE_BIT,
+) -> tuple[Point, ...]:
+    """Return the points of one regime, compared: of every method that has an error; see `point` and `compared`."""
+    reasons = reasons or {}
+    points = [point(quantity, regime, m, error, timings[m], per, reasons.get(m, "")) for m, error in errors.items()]
+    return compared(points, timings, same)
+
+
 def compared(points: Sequence[Point], timings: Mapping[str, Timing], same: float = ONE_BIT) -> tuple[Point, ...]:
     """The points of one regime with what their timings, of the same rounds, say about each other.
 

@@ -75,11 +75,6 @@ def moving(made: Prepared, v_nc: FloatArray) -> Prepared:
     return replace(made, atoms=replace(made.atoms, v_nc=np.hstack([v_nc, np.zeros((len(v_nc), 1))])))
 
 
-def rms(error_n: FloatArray, scale_n: FloatArray) -> float:
-    """Root of the mean square of errors over that of what they are relative to."""
-    return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))
-
-
 def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
     """Largest error over the root of the mean square of what it is relative to."""
     return float(np.max(np.abs(error_n)) / np.sqrt(np.mean(np.square(scale_n))))

@@ -19,8 +19,9 @@ from eos_ref.syntax.fixes import FixRheo
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.benchmarks.measure import Timing
-from lammps_cases.studies.chart.points import Crossing, Panel, Point, compared, point
+from lammps_cases.studies.chart.points import Crossing, Panel, Point, measured
 from lammps_cases.studies.chart.search_methods import METHODS, SearchMethod, truth, wrong
+from lammps_cases.studies.flows.layout import rows
 
 CUT = 3.0  # spacings
 EDGES = (32, 100, 316)  # particles along an edge: about 1 000, 10 000 and 100 000
@@ -34,8 +35,7 @@ REBUILDS, LEAST_STEPS, MOST_STEPS = 5, 60, 1500
 def _lattice(edge: int, name: str) -> tuple[FloatArray, Box]:
     """Square lattice of unit spacing, disordered by a tenth, and its periodic box."""
     random = np.random.default_rng(seed(f"{name}/{edge}"))
-    x_n, y_n = np.meshgrid(np.arange(edge) + 0.5, np.arange(edge) + 0.5)
-    x_nc = np.stack([x_n.ravel(), y_n.ravel()], axis=1)
+    x_nc = rows(0, edge, edge)
     return x_nc + random.uniform(-0.1, 0.1, x_nc.shape), Box((0.0, 0.0), (float(edge),) * 2, (True, True))
 
 
@@ -96,11 +96,8 @@ def _search_points(edge: int, quick: bool) -> tuple[Point, ...]:
         found = (m.pairs(x_nc, box, CUT) for x_nc, box in scenes)
         return sum(map(wrong, found, trues)) / (len(scenes) * NEAR // 2)
 
-    n, regime = edge**2, f"{edge**2:,} particles"
-    points = [
-        point("pairs", regime, m.name, error(m), timings[m.name], n, m.reason) for m in METHODS if m.name in calls
-    ]
-    return compared(points, timings)
+    errors, reasons = {m.name: error(m) for m in METHODS if m.name in calls}, {m.name: m.reason for m in METHODS}
+    return measured("pairs", f"{edge**2:,} particles", errors, timings, edge**2, reasons)
 
 
 def _searches(quick: bool) -> Panel:
@@ -163,20 +160,19 @@ def _rebuild_points(regime: str, mach: float, edge: int, quick: bool) -> tuple[P
         # So short a step moves no coordinate: the list holds.
         calls[f"held {skin}"] = partial(sim.run, 1, 1e-200)
         calls[f"build {skin}"] = _build(sim, skin)
-    measured = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
+    took = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
     timings: dict[str, Timing] = {}
-    points = []
+    errors, reasons = {}, {}
     for skin in SKINS:
-        held, build = measured[f"held {skin}"], measured[f"build {skin}"]
+        held, build = took[f"held {skin}"], took[f"build {skin}"]
         pairs_r = zip(held.seconds_r, build.seconds_r, strict=True)
         name = f"skin {skin:g}"
         timings[name] = Timing(tuple(h + rates[skin] * b for h, b in pairs_r), held.calls, held.first)
-        wrong = float(np.max(np.abs(densities[skin] / densities[0.0] - 1)))
+        errors[name] = float(np.max(np.abs(densities[skin] / densities[0.0] - 1)))
         share = rates[skin] * build.seconds.median / timings[name].seconds.median
         ns = build.seconds.median * 1e9 / edge**2
-        reason = f"{rates[skin]:.3g} lists a step, {ns:.0f} ns each: {100 * share:.0f} % of the time"
-        points.append(point("step", regime, name, wrong, timings[name], edge**2, reason))
-    return compared(points, timings)
+        reasons[name] = f"{rates[skin]:.3g} lists a step, {ns:.0f} ns each: {100 * share:.0f} % of the time"
+    return measured("step", regime, errors, timings, edge**2, reasons)
 
 
 def _build(sim: Simulation, skin: float) -> Callable[[], object]:

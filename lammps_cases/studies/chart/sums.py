@@ -13,7 +13,7 @@ from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.chart.points import Panel, Point, compared, point
+from lammps_cases.studies.chart.points import Panel, Point, measured
 from lammps_cases.studies.chart.sum_methods import METHODS, Half, error, exact
 
 WAVE = 16.0  # wavelength of the field whose gradient is summed, in spacings
@@ -68,8 +68,5 @@ def _points(quantity: str, regime: str, pairs: Half, term_p: FloatArray, quick: 
     calls = {method.name: method.prepare(pairs, term_p) for method in METHODS}
     timings = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
     sums = exact(pairs, term_p), exact(pairs, np.abs(term_p))
-    points = [
-        point(quantity, regime, m.name, error(calls[m.name](), *sums), timings[m.name], len(pairs), m.reason)
-        for m in METHODS
-    ]
-    return compared(points, timings)
+    errors = {m.name: error(calls[m.name](), *sums) for m in METHODS}
+    return measured(quantity, regime, errors, timings, len(pairs), {m.name: m.reason for m in METHODS})

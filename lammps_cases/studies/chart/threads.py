@@ -17,7 +17,7 @@ from eos_ref.methods.laws import METHODS as LAW_METHODS
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.benchmarks.measure import Interval
-from lammps_cases.studies.chart.points import Crossing, Panel, Point, compared, point
+from lammps_cases.studies.chart.points import Crossing, Panel, Point, measured
 from lammps_cases.studies.chart.prepared import STILL, prepared
 
 STATES, QUICK_STATES = (1_000, 10_000, 100_000, 1_000_000), (1_000, 30_000, 300_000)
@@ -47,11 +47,8 @@ def _law_threads(quick: bool) -> Panel:
         one, two = calls
         timings = measure.in_turns(calls, *rounds)
         true_n = calls[one]()
-        found = [
-            point("pressure", f"{n:,} states", name, float(np.max(np.abs(call() - true_n))), timings[name], n)
-            for name, call in calls.items()
-        ]
-        points += compared(found, timings)
+        errors = {name: float(np.max(np.abs(call() - true_n))) for name, call in calls.items()}
+        points += measured("pressure", f"{n:,} states", errors, timings, n)
         answers[n] = measure.verdict(timings[one].against(timings[two]))
     quicker = [n for n in sizes if answers[n] == "faster"]
     slower = [n for n in sizes if answers[n] == "slower"]
@@ -101,11 +98,8 @@ def _model_threads(quick: bool) -> Iterator[Panel]:
         timings = measure.in_turns(calls, *((6, 0.004) if quick else (measure.ROUNDS, 0.02)))
         force_nc = [sim.evaluate()["f"] for sim in sims.values()]
         off = float(np.max(np.abs(force_nc[1] - force_nc[0])) / np.max(np.abs(force_nc[0])))
-        found = [
-            point("step", f"{edge**2:,} particles", name, error, timings[name], edge**2)
-            for name, error in zip(sims, (0.0, off), strict=True)
-        ]
-        points += compared(found, timings)
+        errors = dict(zip(sims, (0.0, off), strict=True))
+        points += measured("step", f"{edge**2:,} particles", errors, timings, edge**2)
     yield Panel(
         "threads-model",
         "A second thread: time step",

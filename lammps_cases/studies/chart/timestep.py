@@ -18,11 +18,12 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.benchmarks.measure import Interval, Timing
 from lammps_cases.studies.chart import threads
-from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, compared, point
-from lammps_cases.studies.chart.prepared import Instances, rms
+from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, measured
+from lammps_cases.studies.chart.prepared import Instances
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
+from lammps_cases.studies.flows.layout import relative
 from lammps_cases.studies.flows.stepping import FlowRun, LammpsFlow, ReferenceFlow
 
 FRACTIONS = (1.0, 1 / 2, 1 / 4, 1 / 8)  # of the flow's limit
@@ -103,13 +104,13 @@ def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances
         read = shots(run, start.steps)
         field_n = wave.field(read[-1])
         total = flow.measures(n, replace(flow.options, dt_fraction=fraction), read)["profile"]
-        found.append(Solved(field_n, rms(field_n - limit, limit), total, start, partial(run.advance, TIMED)))
+        found.append(Solved(field_n, relative(field_n - limit, limit), total, start, partial(run.advance, TIMED)))
     return found
 
 
 def order(solved: Sequence[Solved]) -> Fit:
     """Order of the temporal error in the step, from the differences between each step and the next shorter one."""
-    changes = [rms(one.field_n - other.field_n, other.field_n) for one, other in pairwise(solved)]
+    changes = [relative(one.field_n - other.field_n, other.field_n) for one, other in pairwise(solved)]
     return fit([s.start.steps[-1] for s in solved[:-1]], changes)
 
 
@@ -127,8 +128,8 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
             for f, s in zip(FRACTIONS, all_steps, strict=True)
         }
         calls = {name: s.call for name, s in of_name.items()}
-        measured = measure.in_turns(calls, *((6, 0.002) if quick else (measure.ROUNDS, 0.02)))
-    timings = {name: _whole(measured[name], s.start.steps[-1] / TIMED) for name, s in of_name.items()}
+        took = measure.in_turns(calls, *((6, 0.002) if quick else (measure.ROUNDS, 0.02)))
+    timings = {name: _whole(took[name], s.start.steps[-1] / TIMED) for name, s in of_name.items()}
     any_start = solved[""][0].start
     per = len(any_start.atoms) * any_start.steps[-1] * any_start.timestep
     orders = "; ".join(
@@ -141,10 +142,8 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
         ("", "closed solution", "total"),
         ("-temporal", "same run with a short step", "temporal"),
     ):
-        points = [
-            point(f"{flow.name}, {what}", f"{n} spacings per wavelength", name, getattr(s, error), timings[name], per)
-            for name, s in of_name.items()
-        ]
+        errors = {name: getattr(s, error) for name, s in of_name.items()}
+        regime = f"{n} spacings per wavelength"
         yield Panel(
             f"timestep-{flow.name}{kind}",
             f"Time step of the {flow.name.replace('-', ' ')}, against the {what}",
@@ -153,7 +152,7 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
             f"root mean square of the error over that of the wave, at the end, against the {what}"
             + (f" (1/{round(1 / FINE)})" if error == "temporal" else ""),
             "particle and unit of time",
-            compared(points, timings, ONE_PER_CENT),
+            measured(f"{flow.name}, {what}", regime, errors, timings, per, same=ONE_PER_CENT),
             crossings=limits if error == "total" else (),
         )
 

@@ -22,6 +22,16 @@ def rows(first: int, last: int, width: int) -> FloatArray:
     return np.stack([x_nn.ravel(), y_nn.ravel()], axis=1)
 
 
+def fluid(**values: float | str) -> dict[str, float | str]:
+    """Return the keys of an atom type of mass, density and speed of sound 1, but for the values given."""
+    return {"mass": 1.0, "rho0": 1.0, "cs": 1.0, **values}
+
+
+def under(background: float) -> list[dict[str, Any]]:
+    """Return the entries of the linear equation of state under a background pressure."""
+    return [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}]
+
+
 def time_step(options: Options, speed: float, nu: float = 0.0) -> float:
     r"""Longest stable step, :math:`f\min(h/4(c+U),\,h^2/8\nu)`; h = cut/3 at spacing 1, f the fraction of the options.
 
@@ -61,7 +71,7 @@ def start(
     name : str
         Of the case.
     scene : mapping
-        Keys of a scene: types, pressure, and forces, pair, rheo beyond the options.
+        Keys of a scene: types, and pressure (default: linear), forces, pair, rheo beyond the options.
     x_nc, v_nc : (n, 2)
         Positions, velocities (default: at rest).
     low_c, high_c, periodic : two each
@@ -81,6 +91,7 @@ def start(
         {
             "dimension": 2,
             "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have some
+            "pressure": ({"types": "*", "style": "linear"},),
             "rho": None if options.rho_sum else {"ratio": (1.0, 1.0)},
             "energy": None if e_n is None else {"constant": 1.0},
             "evolve": {"steps": steps[-1], "timestep": dt, "compare_at": steps},

@@ -14,9 +14,8 @@ the square of the spacing as well.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
 from lammps_cases.scene.materials import entries
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import relative, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step
 
 STRIP = 8  # particles across, where nothing depends on that direction
 FIRST = 16  # resolution at which the cutoff begins to grow, where it does
@@ -60,14 +59,6 @@ def decay(size_t: Sequence[float], snapshots: Sequence[Snapshot]) -> float:
     return float(np.log(size_t[0] / size_t[-1])) / (snapshots[-1].time - snapshots[0].time)
 
 
-def fluid(**values: float) -> dict[str, float]:
-    """A type of mass, density and sound speed 1, but for values given."""
-    return {"mass": 1.0, "rho0": 1.0, "cs": 1.0, **values}
-
-
-LINEAR: tuple[Mapping[str, Any], ...] = ({"types": "*", "style": "linear"},)
-
-
 # --- shear wave
 
 MOVED = 1e-4  # spacings that a particle moves while the wave decays: the lattice stays one
@@ -83,7 +74,7 @@ def _shear_start(n: int, options: Options) -> Start:
     (k, nu, a), x_nc = _shear(n), strip(n)
     return start(
         "shear-wave",
-        {"types": [fluid(viscosity=nu)], "pressure": LINEAR},
+        {"types": [fluid(viscosity=nu)]},
         x_nc,
         (n, STRIP),
         options=grown(n, options),
@@ -128,7 +119,7 @@ def _heat_start(n: int, options: Options) -> Start:
     kind = fluid(mass=rho0, rho0=rho0, conductivity=alpha * rho0 * cv, specific_heat=cv)
     return start(
         "heat-wave",
-        {"types": [kind], "pressure": LINEAR},
+        {"types": [kind]},
         x_nc,
         (n, STRIP),
         options=grown(n, options),
@@ -255,7 +246,7 @@ def _vortex_start(n: int, options: Options) -> Start:
     u_n, v_n, p_n = waves.taylor_green(x_nc[:, 0], x_nc[:, 1], 0.0, k, nu, a)
     return start(
         "taylor-green",
-        {"types": [fluid(cs=c, viscosity=nu)], "pressure": LINEAR},
+        {"types": [fluid(cs=c, viscosity=nu)]},
         x_nc,
         (n, n),
         options=grown(n, options),

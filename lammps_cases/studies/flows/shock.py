@@ -13,7 +13,7 @@ from eos_ref.analytic.riemann import Gas, Riemann
 from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 
 QUICK = (60, 120, 240)
 WIDTH = 4  # of the tube, periodic
@@ -75,7 +75,7 @@ def _tube(n: int, options: Options) -> Start:
     type_n = np.where(np.abs(x_nc[:, 0] - n / 2) < n / 4, 1, 2)
     e_t = np.array([gas.c**2 / (GAMMA - 1) for gas in (gases.left, gases.right)])
     kinds = [
-        {"mass": gas.rho, "rho0": gas.rho, "cs": gas.c, "viscosity": 0.0, "conductivity": 0.0}
+        fluid(mass=gas.rho, rho0=gas.rho, cs=gas.c, viscosity=0.0, conductivity=0.0)
         for gas in (gases.left, gases.right)
     ]
     wide = replace(options, cut=SPREAD * options.cut)

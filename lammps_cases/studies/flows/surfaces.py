@@ -11,7 +11,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import BoolArray
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import relative, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step, under
 
 QUICK = (16, 24, 36)
 
@@ -40,8 +40,7 @@ def _drop(n: int, options: Options) -> Start:
     ellipse = stretched(radius, rate, 0.0)
     h = options.cut / 3
     scene = {
-        "types": [{"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": 0.0}],
-        "pressure": [{"types": "*", "style": "linear"}],
+        "types": [fluid(cs=cs, viscosity=0.0)],
         "pair": {
             "artificial_visc": options.number("artificial-visc", 0.1),
             "rho_damp": options.number("rho-damp", 0.1) * h * cs,
@@ -112,10 +111,7 @@ def _interface(n: int, options: Options) -> Start:
     nu, p = SPREAD * n, options.number("background", 0.05)
     disorder = options.number("disorder", 0.1)
     x_nc = x_nc + np.random.default_rng(seed(f"interface-{n}")).uniform(-disorder, disorder, x_nc.shape)
-    scene = {
-        "types": [{**kind, "viscosity": nu * kind["rho0"]} for kind in (HEAVY, LIGHT)],
-        "pressure": [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": p}],
-    }
+    scene = {"types": [{**kind, "viscosity": nu * kind["rho0"]} for kind in (HEAVY, LIGHT)], "pressure": under(p)}
     return start(
         f"interface-{n}",
         scene,

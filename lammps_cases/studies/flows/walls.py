@@ -20,7 +20,7 @@ from eos_ref.eos.table import EOS, FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
-from lammps_cases.studies.flows.layout import relative, rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step
 
 WIDTH = 8  # of a strip along the walls, periodic
 
@@ -58,13 +58,12 @@ def _channel(n: int, options: Options, drive: Drive) -> Start:
     v_nc = np.zeros((len(type_n), 2))
     v_nc[type_n == 3, 0] = drive.plate * speed
     cs = speed / MACH
-    kind = {"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": NU}
+    kind = fluid(cs=cs, viscosity=NU)
     solid = {**kind, "phase": "solid"}
     hold = {"style": "setforce", "vector": (0.0, 0.0), "types": "2*3"}
     pull = {"style": "gravity", "vector": (drive.gravity(n, options), 0.0)}
     scene = {
         "types": [kind, solid, solid],
-        "pressure": [{"types": "*", "style": "linear"}],
         "rheo": {"interface_reconstruct": drive.reconstruct},
         "forces": [pull, hold] if drive.pull else [hold],
     }
@@ -163,7 +162,7 @@ def _tank(n: int, options: Options) -> Start:
     x_nc[:below, 1] /= tank.law.density(tank.gravity * n)
     x_nc[below:, 1] = np.repeat(tank.y_n, WIDTH)
     rho_n = np.concatenate([np.ones(below), np.repeat(tank.rho_n, WIDTH)])
-    kind = {"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": nu}
+    kind = fluid(viscosity=nu)
     scene = {
         "types": [kind, {**kind, "phase": "solid"}],
         "pressure": [{"types": "*", "style": tank.law.style}],

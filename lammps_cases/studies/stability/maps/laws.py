@@ -196,10 +196,7 @@ BACKGROUND = StabilityMap(
     start=_background,
     watch=lambda cell: Watch(pressure=True),
     layers=("linear", "tait/water"),
-    theory=(
-        Theory("P = 0", lambda y: 1 - y, "linear"),
-        Theory("P = 0", lambda y: (1 - y**7) / 7, "tait/water"),
-    ),
+    theory=(Theory("P = 0", lambda y: 1 - y, "linear"), Theory("P = 0", lambda y: (1 - y**7) / 7, "tait/water")),
     tags=("quick",),
 )
 

@@ -21,17 +21,14 @@ from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.findings.kernels import STALE_GRADIENT_BELOW_ZMIN
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
 
 CONDITION = 1e12  # leaves four digits of a double's sixteen
 CS, NU = 10.0, 0.5
 EDGE, MARGIN = 7, 4.0  # spacings
 STEPS, EVERY = 20, 5
-_FLUID: dict[str, Any] = {
-    "types": [{"mass": 1.0, "rho0": 1.0, "cs": CS, "viscosity": NU}],
-    "pressure": [{"types": "*", "style": "linear"}],
-}
+_FLUID: dict[str, Any] = {"types": [fluid(cs=CS, viscosity=NU)]}
 
 
 def _kernel(cell: Cell) -> KernelStyle:

@@ -15,7 +15,7 @@ import numpy as np
 
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step, under
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
 
 SIZE = 12  # edge of the periodic box; the slab of the heavy fluid takes half of it
@@ -35,14 +35,14 @@ def _slabs(cell: Cell) -> Start:
     heavy_n = np.abs(x_nc[:, 0] - SIZE / 2) < SIZE / 4
     x_nc += DISORDER * np.random.default_rng(seed("phases")).uniform(-1, 1, x_nc.shape)
     kinds = [
-        {"mass": rho0, "rho0": rho0, "cs": cs, "viscosity": rho0 * NU * faster}
+        fluid(mass=rho0, rho0=rho0, cs=cs, viscosity=rho0 * NU * faster)
         for rho0, cs in ((1.0, 1.0), (1 / cell.x, cell.y))
     ]
     return start(
         "phases",
         {
             "types": kinds,
-            "pressure": [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": BACKGROUND}],
+            "pressure": under(BACKGROUND),
             "rheo": {"self_mass": cell.layer == "rho/sum self/mass"},
             "pair": {"harmonic_means": cell.layer == "harmonic/means"},
         },

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
 
 EDGE = 6  # spacings
@@ -22,27 +22,21 @@ SPEED = 1.0  # of the flow
 
 
 def _shear(cell: Cell, cs: float, nu: float, offset: float, fraction: float, steps: int) -> Start:
-    """A sheared wave around a box far from the origin; the layer float32 rounds its numbers."""
-    x_nc = rows(0, EDGE, EDGE)
-    v_nc = np.stack([SPEED * np.sin(2 * np.pi * x_nc[:, 1] / EDGE), np.zeros(len(x_nc))], axis=1)
-    scene: dict[str, Any] = {
-        "types": [{"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": nu}],
-        "pressure": [{"types": "*", "style": "linear"}],
-    }
+    """Return a sheared wave in a box far from the origin."""
+    y_n = rows(0, EDGE, EDGE)[:, 1]
+    v_nc = np.stack([SPEED * np.sin(2 * np.pi * y_n / EDGE), np.zeros(len(y_n))], axis=1)
     options = Options(dt_fraction=fraction)
     dt = time_step(options, cs + SPEED, nu)
-    place_c = np.array([offset, offset])
-    made = start(
-        f"{cell.map}-{cell.layer}",
-        scene,
-        x_nc + place_c,
-        (offset + EDGE, offset + EDGE),
-        (offset, offset),
-        options=options,
-        times=(steps * dt,),
-        timestep=dt,
-        v_nc=v_nc,
-    )
+    return _start(cell, {"types": [fluid(cs=cs, viscosity=nu)]}, options, dt, steps, offset, v_nc=v_nc)
+
+
+def _start(
+    cell: Cell, scene: dict[str, Any], options: Options, dt: float, steps: int, offset: float = 0.0, **fields: Any
+) -> Start:
+    """Return a periodic box with some fields, whose numbers the layer float32 rounds."""
+    low_c, high_c = (offset, offset), (offset + EDGE, offset + EDGE)
+    x_nc, name = rows(0, EDGE, EDGE) + np.array(low_c), f"{cell.map}-{cell.layer}"
+    made = start(name, scene, x_nc, high_c, low_c, options=options, times=(steps * dt,), timestep=dt, **fields)
     return single(made) if cell.layer == "float32" else made
 
 
@@ -100,27 +94,11 @@ STEP = StabilityMap(
 
 
 def _squeezed(cell: Cell) -> Start:
-    """A wave of compression so weak that its densities are few roundings from rho0."""
-    x_nc = rows(0, EDGE, EDGE)
-    cs, amplitude = 10.0, cell.x
-    rho_n = 1.0 + amplitude * np.cos(2 * np.pi * x_nc[:, 0] / EDGE)
-    scene: dict[str, Any] = {
-        "types": [{"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": cell.y}],
-        "pressure": [{"types": "*", "style": "tait/water"}],
-    }
-    options = Options(dt_fraction=0.2)
-    dt = time_step(options, cs, cell.y)
-    made = start(
-        f"{cell.map}-{cell.layer}",
-        scene,
-        x_nc,
-        (EDGE, EDGE),
-        options=options,
-        times=(100 * dt,),
-        timestep=dt,
-        rho_n=rho_n,
-    )
-    return single(made) if cell.layer == "float32" else made
+    """Return a wave of compression so weak that its densities are few roundings from rho0."""
+    cs, options = 10.0, Options(dt_fraction=0.2)
+    rho_n = 1.0 + cell.x * np.cos(2 * np.pi * rows(0, EDGE, EDGE)[:, 0] / EDGE)
+    scene = {"types": [fluid(cs=cs, viscosity=cell.y)], "pressure": [{"types": "*", "style": "tait/water"}]}
+    return _start(cell, scene, options, time_step(options, cs, cell.y), 100, rho_n=rho_n)
 
 
 def _sound(cell: Cell) -> Watch:

@@ -16,7 +16,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
 
 WIDTH = 8  # of a layer of fluid, periodic
@@ -43,10 +43,7 @@ def _summed(cell: Cell) -> Start:
     # Sound grows with the time step unless dt < 2 nu/c^2.
     return start(
         "summed-surface",
-        {
-            "types": [{"mass": 1.0, "rho0": 1.0, "cs": cs, "viscosity": NU}],
-            "pressure": [{"types": "*", "style": "linear"}],
-        },
+        {"types": [fluid(cs=cs, viscosity=NU)]},
         _layer("summed-surface", ROWS, 0.05),
         (WIDTH, ROWS + MARGIN),
         (0.0, -MARGIN),
@@ -99,8 +96,7 @@ def _detecting(name: str, x_nc: FloatArray, style: str, limit: float, splash: in
     return start(
         name,
         {
-            "types": [{"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": NU}],
-            "pressure": [{"types": "*", "style": "linear"}],
+            "types": [fluid(viscosity=NU)],
             "rheo": {"surface_detection": {"style": style, "limit": limit, "splash": splash}},
         },
         x_nc,

@@ -27,7 +27,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start
+from lammps_cases.studies.flows.layout import fluid, rows, start, under
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
 
 WIDTH, HEIGHT = 10, 10  # particles along x and rows; the height is even, as every second row is shifted
@@ -51,8 +51,8 @@ def _fluid(name: str, background: float, density: float, cut: float, shift: bool
     x_nc, edges = triangles(WIDTH, HEIGHT)
     x_nc += np.random.default_rng(seed(name)).uniform(-DISORDER, DISORDER, x_nc.shape)
     scene = {
-        "types": [{"mass": density, "rho0": 1.0, "cs": 1.0, "viscosity": NU * density}],
-        "pressure": [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}],
+        "types": [fluid(mass=density, viscosity=NU * density)],
+        "pressure": under(background),
         "rheo": {"shift": shift},
     }
     return start(

@@ -31,8 +31,7 @@ from eos_ref.model import interactions
 from eos_ref.model.parameters import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
-from lammps_cases.studies.flows.periodic import LINEAR, fluid
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, StabilityMap, Theory, Watch
 
 EDGE = 10  # spacings
@@ -68,7 +67,7 @@ def box(fraction: float, ratio: float, cut: float, mach: float) -> Start:
     dt = time_step(options, SPEED, nu)
     return start(
         "time-step",
-        {"types": [fluid(cs=SPEED, viscosity=nu)], "pressure": LINEAR},
+        {"types": [fluid(cs=SPEED, viscosity=nu)]},
         x_nc,
         (EDGE, EDGE),
         options=options,

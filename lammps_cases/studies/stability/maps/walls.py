@@ -11,12 +11,11 @@ All masses are rho0 and the spacing is 1, so that volumes are 1 until the fluid 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Watch
 
 WIDTH, ROWS = 8, 6  # of the block of fluid, periodic along the wall
@@ -29,13 +28,12 @@ SPEED = Axis("speed of impact / c", 0.05, 3.0, 0.04, log=True)
 def _impact(cell: Cell, layers: int = 3, artificial_visc: float = 0.0, sound: float = 1.0) -> Start:
     x_nc = rows(-layers, ROWS, WIDTH)
     fluid_n = x_nc[:, 1] > 0
-    kind = {"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": NU}
+    kind = fluid(viscosity=NU)
     faster = max(1.0, sound)
     return start(
         "impact",
         {
             "types": [kind, {**kind, "phase": "solid", "cs": sound}],
-            "pressure": [{"types": "*", "style": "linear"}],
             "rheo": {"interface_reconstruct": cell.layer == RECONSTRUCT},
             "pair": {"artificial_visc": artificial_visc},
             "forces": [{"style": "setforce", "vector": (0.0, 0.0), "types": "2"}],
@@ -53,72 +51,47 @@ def _impact(cell: Cell, layers: int = 3, artificial_visc: float = 0.0, sound: fl
     )
 
 
-def _map(
-    name: str,
-    title: str,
-    about: str,
-    y: Axis,
-    lines: tuple[float, ...],
-    scene: Callable[[Cell], Start],
-    face: Callable[[float], float],
-    tags: tuple[str, ...] = (),
-    quick_lines: tuple[float, ...] = (),
-) -> StabilityMap:
-    return StabilityMap(
-        name,
-        title,
-        about,
-        SPEED,
-        y,
-        lines,
-        scene,
-        lambda cell: Watch(every=10, behind=(1, face(cell.y))),
-        (STORED, RECONSTRUCT),
-        tags=tags,
-        quick_lines=quick_lines,
-    )
+def _into(cell: Cell) -> Watch:
+    """Fluid must not pass the centres of the first row."""
+    return Watch(every=10, behind=(1, -0.5))
 
 
-def _through(layers: float) -> float:
-    """Half a spacing behind the last row of a wall."""
-    return -float(layers)
-
-
-def _into(_: float) -> float:
-    """The centres of the first row."""
-    return -0.5
-
-
-THICKNESS = _map(
+THICKNESS = StabilityMap(
     "wall-thickness",
     "Fluid through a wall: speed and rows of the wall",
     "Penetration: fluid comes out behind the last row.",
+    SPEED,
     Axis("rows of the wall", 1.0, 4.0, 1.0),
     (1.0, 2.0, 3.0),
     lambda cell: _impact(cell, layers=math.floor(cell.y)),
-    _through,
-    ("quick",),
-    (2.0,),
+    lambda cell: Watch(every=10, behind=(1, -float(cell.y))),
+    (STORED, RECONSTRUCT),
+    tags=("quick",),
+    quick_lines=(2.0,),
 )
-STIFFNESS = _map(
+STIFFNESS = StabilityMap(
     "wall-stiffness",
     "Fluid into a wall: speed and stiffness of the wall",
     "Penetration: fluid passes the centres of the first row. The speed of sound of the wall makes no difference "
     "without interface/reconstruct.",
+    SPEED,
     Axis("speed of sound of the wall / c", 0.5, 2.0, 0.1),
     (0.5, 1.0, 2.0),
     lambda cell: _impact(cell, sound=cell.y),
     _into,
+    (STORED, RECONSTRUCT),
 )
-VISCOSITY = _map(
+VISCOSITY = StabilityMap(
     "wall-viscosity",
     "Fluid into a wall: speed and artificial viscosity",
     "Penetration: fluid passes the centres of the first row. Artificial viscosity acts between fluid and wall only "
     "without interface/reconstruct.",
+    SPEED,
     Axis("artificial viscosity", 0.0, 2.0, 0.1),
     (0.0, 0.5, 2.0),
     lambda cell: _impact(cell, artificial_visc=cell.y),
     _into,
+    (STORED, RECONSTRUCT),
 )
 
 MAPS = (THICKNESS, STIFFNESS, VISCOSITY)

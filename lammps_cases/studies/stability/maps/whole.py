@@ -14,7 +14,7 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from lammps_cases.studies.flows.flow import Options, Start
-from lammps_cases.studies.flows.layout import rows, start, time_step
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
 
 LAYERS = 3  # rows of a wall
@@ -45,12 +45,11 @@ def _scene(
 ) -> Start:
     """Fluid (type 1) that moves down at a speed, and solid particles (type 2) that stay."""
     type_n = np.repeat([1, 2], [len(fluid_nc), len(solid_nc)])
-    fluid = {"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": nu}
+    kind = fluid(viscosity=nu)
     return start(
         name,
         {
-            "types": [fluid, {**fluid, "phase": "solid"}],
-            "pressure": [{"types": "*", "style": "linear"}],
+            "types": [kind, {**kind, "phase": "solid"}],
             "rheo": {"interface_reconstruct": True},
             "pair": pair or {},
             "forces": [
@@ -104,10 +103,7 @@ COLUMN = StabilityMap(
     (0.01, 0.05, 0.2, 1.0),
     _column,
     _falls_by_its_weight,
-    theory=(
-        MORRIS,
-        Theory("dt = 2 nu/c^2", lambda nu: 2 * nu / time_step(Options(), 1.0, nu)),
-    ),
+    theory=(MORRIS, Theory("dt = 2 nu/c^2", lambda nu: 2 * nu / time_step(Options(), 1.0, nu))),
     tags=("quick",),
     quick_lines=(0.2,),
 )

@@ -18,8 +18,9 @@ from lammps_cases.studies.benchmarks.measure import Call, Timing
 from lammps_cases.studies.chart import kernels, searches, sums, threads, timestep
 from lammps_cases.studies.chart import search_methods as search_methods
 from lammps_cases.studies.chart import sum_methods as sum_methods
-from lammps_cases.studies.chart.prepared import Instances, prepared, rms
+from lammps_cases.studies.chart.prepared import Instances, prepared
 from lammps_cases.studies.flows import FLOWS
+from lammps_cases.studies.flows.layout import relative
 
 pytestmark = pytest.mark.slow
 
@@ -98,7 +99,7 @@ def test_corrected_gradients_are_more_accurate_where_particles_are_disordered() 
     with ExitStack() as stack:
         runs = kernels.gradient_runs((3.0,), 0.3, 32, Instances(None, stack))
     true_n = kernels.gradient(prepared("quintic", 3.0, 0.3, 32).atoms.x_nc)
-    off = {name.split(",")[0]: rms(run.found_n - true_n, true_n) for name, run in runs.items()}
+    off = {name.split(",")[0]: relative(run.found_n - true_n, true_n) for name, run in runs.items()}
     assert off["RK2"] < off["RK1"] < off["quintic"] == off["RK0"]
 
 
@@ -126,9 +127,9 @@ def test_continuity_follows_a_deformation_that_a_sum_smooths() -> None:
         sim = made.simulation(())
         sim.run(kernels.STEPS, 1.0 / kernels.STEPS)
         true_n = kernels.exact_density(made)
-        found[way] = rms(sim.output("rho") - true_n, true_n - 1)
+        found[way] = relative(sim.output("rho") - true_n, true_n - 1)
     assert found["continuity"] < found["summation"] < 0.5
-    assert rms(np.ones(len(true_n)) - true_n, true_n - 1) == 1.0  # no change at all
+    assert relative(np.ones(len(true_n)) - true_n, true_n - 1) == 1.0  # no change at all
 
 
 def test_maps_have_a_value_for_every_cutoff_and_disorder(monkeypatch: pytest.MonkeyPatch) -> None:

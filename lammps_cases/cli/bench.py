@@ -13,7 +13,7 @@ from lammps_cases.cli.shared import json_option
 
 if TYPE_CHECKING:
     from lammps_cases.studies.benchmarks.bench import Ratio
-    from lammps_cases.studies.benchmarks.measure import Interval
+    from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 
 PARTS = ("laws", "model", "peers", "runs")
 
@@ -144,7 +144,7 @@ def _memory(part: str) -> dict[str, float]:
 def _show(ratio: Ratio) -> None:
     unit, scale = ("ns", 1.0) if ratio.ours_ns.median < 1e5 else ("ms", 1e-6)
 
-    def text(value: Interval) -> str:
+    def text(value: ConfidenceInterval) -> str:
         return f"{value.median * scale:.2f} {unit}"
 
     spread = f"{ratio.ratio.median:.2f} ({ratio.ratio.low:.2f} to {ratio.ratio.high:.2f})"

@@ -17,7 +17,7 @@ from lammps_cases.scene.casefile import Case
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.benchmarks.bench_model import OPTIONS, scene
-from lammps_cases.studies.benchmarks.measure import ROUNDS, Answer, Interval, Timing, interval, verdict
+from lammps_cases.studies.benchmarks.measure import ROUNDS, Answer, ConfidenceInterval, Timing, interval, verdict
 
 EDGE, STEPS = 40, 10  # 1600 particles: a run of 50 to 150 ms, of which the set-up is a few per cent
 LIMIT = 120.0  # seconds that a single run may take
@@ -39,7 +39,7 @@ class Speed:
     scene: str
     how: Literal["in turns", "single calls"]
     count: int
-    ratio: Interval
+    ratio: ConfidenceInterval
     answer: Answer
 
     def sentence(self, a: str = "A", b: str = "B") -> str:
@@ -86,7 +86,7 @@ class Turns:
             a, b = self.seconds[name, one], self.seconds[name, other]
             ratio = Timing(b, 1, 0.0).against(Timing(a, 1, 0.0))
             ratios = [after / before for after, before in zip(b, a, strict=True)]
-            decides = ratio if name == TOTAL else Interval(ratio.median, min(ratios), max(ratios))
+            decides = ratio if name == TOTAL else ConfidenceInterval(ratio.median, min(ratios), max(ratios))
             speeds.append(Speed(name, "in turns", len(a), ratio, verdict(decides)))
         return speeds
 

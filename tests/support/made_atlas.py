@@ -10,18 +10,18 @@ import numpy as np
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
 from lammps_cases.studies.stability import record
-from lammps_cases.studies.stability.lines import Line, agreement, boundaries
+from lammps_cases.studies.stability.lines import MapLine, agreement, boundaries
 from lammps_cases.studies.stability.model import (
     Axis,
     Boundary,
-    Cell,
+    CellOutcome,
+    CellRun,
     Engine,
+    FailureCriteria,
     Kind,
-    Outcome,
-    Ran,
+    MapCell,
     StabilityMap,
     Theory,
-    Watch,
 )
 from lammps_cases.studies.stability.probe import Before
 from lammps_cases.studies.stability.record import Atlas, MapRecord
@@ -30,7 +30,7 @@ PLACES = (0.1, 0.4, 1.6, 6.4)
 TEXT = "ERROR: <lost> & gone"
 
 
-def begun(cell: Cell) -> Start:
+def begun(cell: MapCell) -> Start:
     """Fluid at rest."""
     kind = {"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": cell.y}
     scene = {"types": [kind], "pressure": [{"types": "*", "style": "linear"}]}
@@ -46,25 +46,25 @@ MAP = StabilityMap(
     Axis("nu", 0.1, 10.0, 0.1, log=True),
     (0.1, 1.0, 10.0),
     begun,
-    lambda cell: Watch(every=1),
+    lambda cell: FailureCriteria(every=1),
     layers=("plain", "with <shift>"),
     theory=(Theory("costs $1 and $2", lambda y: 0.5), Theory("of one layer", lambda y: 1 / y, "plain")),
 )
 
 
-def kind(cell: Cell, engine: Engine) -> Kind:
+def kind(cell: MapCell, engine: Engine) -> Kind:
     """How a cell ends: beyond 1 energy grows, beyond 5 LAMMPS loses particles at nu = 10."""
     if cell.x < 1:
         return "stable"
     return "lost particles" if engine == "lammps" and cell.x > 5 and cell.y == 10.0 else "energy growth"
 
 
-def outcome(cell: Cell, engine: Engine) -> Outcome:
+def outcome(cell: MapCell, engine: Engine) -> CellOutcome:
     """With the atom and step of a failure, and LAMMPS' text where it has one."""
     ends = kind(cell, engine)
     if ends == "stable":
-        return Outcome(ends, seconds=0.5, steps=9)
-    return Outcome(ends, 7, 12, 345.678, TEXT if ends == "lost particles" else "", 0.5, 9)
+        return CellOutcome(ends, seconds=0.5, steps=9)
+    return CellOutcome(ends, 7, 12, 345.678, TEXT if ends == "lost particles" else "", 0.5, 9)
 
 
 def made_map() -> MapRecord:
@@ -74,10 +74,10 @@ def made_map() -> MapRecord:
         ends: dict[Engine, dict[float, Kind]] = {"reference": {}, "lammps": {}}
         for engine, by_place in ends.items():
             for x in PLACES:
-                cell = Cell(MAP.id, x, y, layer)
-                ran.append(Ran(cell, engine, outcome(cell, engine)))
+                cell = MapCell(MAP.id, x, y, layer)
+                ran.append(CellRun(cell, engine, outcome(cell, engine)))
                 by_place[x] = kind(cell, engine)
-            edges += boundaries(Line(MAP.id, layer, y, engine), by_place)
+            edges += boundaries(MapLine(MAP.id, layer, y, engine), by_place)
         verdicts.append(agreement(MAP, layer, y, ends["reference"], ends["lammps"]))
     told = MAP.id, MAP.title, MAP.about, MAP.x, MAP.y, MAP.layers, MAP.lines
     return MapRecord(*told, 24.0, tuple(ran), tuple(edges), tuple(verdicts))

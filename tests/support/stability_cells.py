@@ -6,7 +6,7 @@ from functools import cache
 
 from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.stability import kinds, probe
-from lammps_cases.studies.stability.model import Cell, Engine, Outcome, StabilityMap
+from lammps_cases.studies.stability.model import CellOutcome, Engine, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import open_run
 
 
@@ -16,9 +16,9 @@ def living() -> Instance:
     return Instance(None)
 
 
-def outcome(of: StabilityMap, x: float, y: float, layer: str = "", side: Engine = "reference") -> Outcome:
+def outcome(of: StabilityMap, x: float, y: float, layer: str = "", side: Engine = "reference") -> CellOutcome:
     """How a cell ends."""
-    cell = Cell(of.id, x, y, layer)
+    cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
     run = open_run(start, watch, side, living())
     return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome

@@ -11,7 +11,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
 from lammps_cases.studies.stability.maps import timestep
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap
+from lammps_cases.studies.stability.model import Axis, MapCell, StabilityMap
 
 WIDTH, HEIGHT = 8, 9
 CUBIC = [{"types": "*", "style": "cubic", "A3": -1.0}, {"types": "*", "style": "background", "P_b": 0.5}]
@@ -66,7 +66,7 @@ def unstable(mach: float = 1e-3) -> Start:
 def viscous(factor: float) -> StabilityMap:
     """The map of the time step with one line and a viscosity that is wrong by a factor."""
 
-    def of(cell: Cell) -> Start:
+    def of(cell: MapCell) -> Start:
         made = timestep.box(cell.x, cell.y, 3.0, 1e-4)
         scene = made.case.scene
         types = tuple(t.model_copy(update={"viscosity": float(str(t.viscosity)) * factor}) for t in scene.types)

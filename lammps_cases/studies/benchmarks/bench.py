@@ -16,7 +16,7 @@ import numpy as np
 from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.eos.table import examples
-from lammps_cases.studies.benchmarks.measure import Call, Interval, in_turns
+from lammps_cases.studies.benchmarks.measure import Call, ConfidenceInterval, in_turns
 
 # By style; the time of a power depends on its exponent.
 LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
@@ -31,9 +31,9 @@ class Ratio:
 
     scene: str
     peer: str
-    ours_ns: Interval
-    peer_ns: Interval
-    ratio: Interval
+    ours_ns: ConfidenceInterval
+    peer_ns: ConfidenceInterval
+    ratio: ConfidenceInterval
 
 
 def against(
@@ -121,10 +121,10 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
 
     chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
     prepared = [campaign.prepare(case) for case in chosen]
-    told = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
+    lammps_jobs = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "jobs"
-        file.write_bytes(pickle.dumps(told))
+        file.write_bytes(pickle.dumps(lammps_jobs))
         alone = [
             sys.executable,
             "-c",

@@ -54,8 +54,8 @@ def scene(option: str, dimension: int, edge: int) -> Case:
         "compare": ["f"],
         **OPTIONS[option],
     }
-    made = Scene.model_validate({key: value for key, value in data.items() if value is not None})
-    return Case(f"bench-{option}", "", (), made, Path("bench"))
+    parsed = Scene.model_validate({key: value for key, value in data.items() if value is not None})
+    return Case(f"bench-{option}", "", (), parsed, Path("bench"))
 
 
 def simulation(case: Case, stages: Literal["compiled", "plain"] = "compiled") -> Simulation:

@@ -22,7 +22,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.benchmarks.bench import Ratio
-from lammps_cases.studies.benchmarks.measure import Interval, interval
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, interval
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.flow import Options, Start
 
@@ -90,9 +90,9 @@ def _stepping(start: Start, threads: int) -> Callable[[], float]:
 
 def _lammps(start: Start, count: int) -> list[float]:
     """Seconds of one step of LAMMPS on some ranks, after a few to warm up."""
-    told = job(start.case.scene, start.atoms, plan(start.case.scene))
+    lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
     runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
-    answer = ranks.solve(None, replace(told, runs=runs, ranks=count))
+    answer = ranks.solve(None, replace(lammps_job, runs=runs, ranks=count))
     return [answer.run_seconds[-1] / STEPS]
 
 
@@ -107,9 +107,9 @@ def _pysph(python: str) -> list[float]:
     if done.returncode:
         words = done.stderr.strip().splitlines()
         raise InputError("Python of PySPH", f"cannot run its example: {words[-1] if words else 'no message'}", python)
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert found["particles"] == EDGE**2
-    return [float(seconds) for seconds in found["seconds"]]
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert result["particles"] == EDGE**2
+    return [float(seconds) for seconds in result["seconds"]]
 
 
 def _against(
@@ -123,7 +123,7 @@ def _against(
         ratio.append(own[-1] / seconds)
     scale = 1e9 / EDGE**2
 
-    def summary(values: list[float], factor: float) -> Interval:
+    def summary(values: list[float], factor: float) -> ConfidenceInterval:
         return interval(tuple(values)).scaled(factor)
 
     return Ratio(scene, peer, summary(own, scale), summary(other, scale), summary(ratio, 1.0))

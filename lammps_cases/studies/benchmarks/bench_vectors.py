@@ -149,8 +149,8 @@ def ratios(edges: dict[int, int], repeats: int) -> Iterator[Ratio]:
 
 
 if __name__ == "__main__":
-    for found in ratios(EDGE, 25):
+    for one in ratios(EDGE, 25):
         print(
-            f"{found.scene:20} {found.ours_ns.median:6.0f} ns, plain {found.peer_ns.median:6.0f} ns a particle: "
-            f"ratio {found.ratio.median:.2f} ({found.ratio.low:.2f} to {found.ratio.high:.2f})"
+            f"{one.scene:20} {one.ours_ns.median:6.0f} ns, plain {one.peer_ns.median:6.0f} ns a particle: "
+            f"ratio {one.ratio.median:.2f} ({one.ratio.low:.2f} to {one.ratio.high:.2f})"
         )

@@ -26,16 +26,16 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Interval:
+class ConfidenceInterval:
     """A median and its 95 % confidence interval."""
 
     median: float
     low: float
     high: float
 
-    def scaled(self, factor: float) -> Interval:
+    def scaled(self, factor: float) -> ConfidenceInterval:
         """The interval times a positive number."""
-        return Interval(self.median * factor, self.low * factor, self.high * factor)
+        return ConfidenceInterval(self.median * factor, self.low * factor, self.high * factor)
 
 
 @dataclass(frozen=True)
@@ -54,16 +54,16 @@ class Timing:
     first: float
 
     @cached_property
-    def seconds(self) -> Interval:
+    def seconds(self) -> ConfidenceInterval:
         """Median time of one call."""
         return interval(self.seconds_r)
 
-    def against(self, other: Timing) -> Interval:
+    def against(self, other: Timing) -> ConfidenceInterval:
         """Ratio of this time to another one of the same rounds."""
         return interval(tuple(a / b for a, b in zip(self.seconds_r, other.seconds_r, strict=True)))
 
 
-def interval(values: tuple[float, ...]) -> Interval:
+def interval(values: tuple[float, ...]) -> ConfidenceInterval:
     r"""Median and its distribution-free confidence interval.
 
     The k-th smallest and k-th largest of n independent values enclose the median with probability
@@ -75,7 +75,7 @@ def interval(values: tuple[float, ...]) -> Interval:
     ordered = sorted(values)
     # Of `scipy.stats.quantile_test` this is the confidence interval, a hundred times as fast.
     k = max(1, int(binom.ppf((1 - CONFIDENCE) / 2, len(values), 0.5)))
-    return Interval(median(ordered), ordered[k - 1], ordered[-k])
+    return ConfidenceInterval(median(ordered), ordered[k - 1], ordered[-k])
 
 
 def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 0.02) -> dict[str, Timing]:
@@ -94,7 +94,7 @@ def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 
     for name, call in calls.items():
         first[name] = _seconds(call, 1)
         repeats[name] = _calibrated(call, at_least)
-    found: dict[str, list[float]] = {name: [] for name in calls}
+    measured: dict[str, list[float]] = {name: [] for name in calls}
     names = list(calls)
     collecting = gc.isenabled()
     gc.disable()  # a collection would be charged to whoever comes next
@@ -103,11 +103,11 @@ def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 
             start = turn % len(names)
             order = names[start:] + names[:start]
             for name in order if turn % 2 == 0 else order[::-1]:
-                found[name].append(_seconds(calls[name], repeats[name]) / repeats[name])
+                measured[name].append(_seconds(calls[name], repeats[name]) / repeats[name])
     finally:
         if collecting:
             gc.enable()
-    return {name: Timing(tuple(found[name]), repeats[name], first[name]) for name in names}
+    return {name: Timing(tuple(measured[name]), repeats[name], first[name]) for name in names}
 
 
 def _calibrated(call: Call, at_least: float) -> int:
@@ -125,7 +125,7 @@ def _seconds(call: Call, repeats: int) -> float:
     return time.perf_counter() - begin
 
 
-def verdict(ratio: Interval) -> Answer:
+def verdict(ratio: ConfidenceInterval) -> Answer:
     """What a ratio of two times says of the first: an interval that holds 1 says nothing."""
     if ratio.high < 1:
         return "faster"

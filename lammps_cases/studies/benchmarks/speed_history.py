@@ -10,11 +10,11 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.records.journal import Journal
 from lammps_cases.studies.benchmarks.bench import Ratio
-from lammps_cases.studies.benchmarks.measure import Answer, Interval, machine, verdict
+from lammps_cases.studies.benchmarks.measure import Answer, ConfidenceInterval, machine, verdict
 
 
 @dataclass(frozen=True)
-class Entry:
+class SpeedEntry:
     """One run of the benchmarks."""
 
     time: str
@@ -24,25 +24,25 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Change:
+class SpeedChange:
     """What became of one ratio from one entry to another: the factor by which it grew, and what that says."""
 
     scene: str
     peer: str
-    before: Interval
-    after: Interval
-    factor: Interval
+    before: ConfidenceInterval
+    after: ConfidenceInterval
+    factor: ConfidenceInterval
     answer: Answer
 
 
-def append(path: Path, label: str, ratios: Sequence[Ratio]) -> Entry:
+def append(path: Path, label: str, ratios: Sequence[Ratio]) -> SpeedEntry:
     """Add an entry to a history."""
-    entry = Entry(datetime.now(UTC).isoformat(timespec="seconds"), machine(), label, tuple(ratios))
-    Journal(path, Entry).append(entry)
+    entry = SpeedEntry(datetime.now(UTC).isoformat(timespec="seconds"), machine(), label, tuple(ratios))
+    Journal(path, SpeedEntry).append(entry)
     return entry
 
 
-def read(path: Path) -> list[Entry]:
+def read(path: Path) -> list[SpeedEntry]:
     """All entries of a history.
 
     Raises
@@ -52,7 +52,7 @@ def read(path: Path) -> list[Entry]:
     """
     entries = []
     try:
-        for number, entry in enumerate(Journal(path, Entry).lines(), 1):
+        for number, entry in enumerate(Journal(path, SpeedEntry).lines(), 1):
             if entry is None:
                 raise InputError("history", "is not a measurement of eos-ref bench", where=f"{path}, line {number}")
             entries.append(entry)
@@ -61,7 +61,7 @@ def read(path: Path) -> list[Entry]:
     return entries
 
 
-def pick(entries: Sequence[Entry], which: str, path: Path) -> Entry:
+def pick(entries: Sequence[SpeedEntry], which: str, path: Path) -> SpeedEntry:
     """An entry by its number, 1 the first and -1 the last, or by its label (the last of that name).
 
     Raises
@@ -79,7 +79,7 @@ def pick(entries: Sequence[Entry], which: str, path: Path) -> Entry:
         raise InputError("measurement", rule, which, str(path)) from None
 
 
-def changes(before: Entry, after: Entry) -> list[Change]:
+def changes(before: SpeedEntry, after: SpeedEntry) -> list[SpeedChange]:
     """Ratios to the same peer that both entries have.
 
     Every entry measured its peer in the same run, so that another machine changes both sides. The interval of the
@@ -89,9 +89,9 @@ def changes(before: Entry, after: Entry) -> list[Change]:
     return list(_changes(old, after.ratios))
 
 
-def _changes(old: dict[tuple[str, str], Interval], ratios: Iterable[Ratio]) -> Iterable[Change]:
+def _changes(old: dict[tuple[str, str], ConfidenceInterval], ratios: Iterable[Ratio]) -> Iterable[SpeedChange]:
     for ratio in ratios:
         was, now = old.get((ratio.scene, ratio.peer)), ratio.ratio
         if was is not None:
-            factor = Interval(now.median / was.median, now.low / was.high, now.high / was.low)
-            yield Change(ratio.scene, ratio.peer, was, now, factor, verdict(factor))
+            factor = ConfidenceInterval(now.median / was.median, now.low / was.high, now.high / was.low)
+            yield SpeedChange(ratio.scene, ratio.peer, was, now, factor, verdict(factor))

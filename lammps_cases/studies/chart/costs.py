@@ -22,7 +22,7 @@ FLUID = Regime(1e-9, 0.1)  # the densities for which tables and series are prepa
 def save(progress: Progress = SILENT, path: Path = COSTS) -> None:
     """Measure and write ``costs.json``; times in two digits, so that measuring again changes little of the file."""
     laws = [law for law in LAWS if not law.background]
-    found: dict[str, dict[str, Any]] = {}
+    costs: dict[str, dict[str, Any]] = {}
     for k, law in enumerate(laws):
         progress.advance(k, len(laws), f"costs of {law.style}")
         methods = usable(law)
@@ -31,8 +31,8 @@ def save(progress: Progress = SILENT, path: Path = COSTS) -> None:
             ns = took[method.name].seconds.median / QUICK_STATES * 1e9
             seconds = _started(law, method.name)
             entry = {"ns": _two_digits(ns), "startup": _two_digits(seconds)}
-            found.setdefault(law.style, {}).setdefault(method.name, entry)
-    document = {"machine": machine(), "states": QUICK_STATES, "laws": found}
+            costs.setdefault(law.style, {}).setdefault(method.name, entry)
+    document = {"machine": machine(), "states": QUICK_STATES, "laws": costs}
     write_atomically(path, json.dumps(document, indent=1) + "\n")
 
 

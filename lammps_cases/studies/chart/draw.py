@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis
-from lammps_cases.studies.chart.points import DIGITS, LAMMPS, Map, Panel, Point, frontier
+from lammps_cases.studies.chart.points import DIGITS, LAMMPS, Map, MethodPoint, Panel, frontier
 from lammps_cases.studies.flows.converge import Convergence
 
 # Told apart by colour and by shape; LAMMPS' own are always red stars.
@@ -41,7 +41,7 @@ def panel_figure(panel: Panel) -> Figure:
         return figure
 
 
-def _marks(points: Sequence[Point]) -> dict[str, tuple[str, str]]:
+def _marks(points: Sequence[MethodPoint]) -> dict[str, tuple[str, str]]:
     """Colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
     methods = sorted({p.method for p in points if p.engine != LAMMPS})
     marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(methods)}

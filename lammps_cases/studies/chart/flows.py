@@ -15,7 +15,7 @@ from eos_ref.kernels.styles import KERNELS, KernelStyle
 from lammps_cases.studies.benchmarks.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows import FLOWS
-from lammps_cases.studies.flows.converge import Convergence, Result, by_lammps, by_reference, converge
+from lammps_cases.studies.flows.converge import Convergence, FlowResult, by_lammps, by_reference, converge
 from lammps_cases.studies.flows.flow import Flow, Options
 
 # RK0 has the gradients of the quintic spline.
@@ -44,12 +44,12 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
     options = {
         f"{kernel}, cut {cut:g}": replace(flow.options, kernel=kernel, cut=cut) for kernel in kernels for cut in cuts
     }
-    runs: dict[str, tuple[Options, Callable[[], Result]]] = {}
+    runs: dict[str, tuple[Options, Callable[[], FlowResult]]] = {}
     for name, chosen in options.items():
         start = flow.start(n, chosen)
         runs[name] = chosen, partial(by_reference, start)
         runs[f"{LAMMPS} {name}"] = chosen, partial(by_lammps, start, lmp)
-    results: dict[str, list[Result]] = {name: [] for name in runs}
+    results: dict[str, list[FlowResult]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, (_, run) in runs.items():
             results[name].append(run())

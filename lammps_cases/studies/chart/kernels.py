@@ -17,8 +17,8 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, Panel, Point, measured
-from lammps_cases.studies.chart.prepared import STILL, Instances, Prepared, moving, prepared, still_step, worst
+from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, MethodPoint, Panel, measured
+from lammps_cases.studies.chart.prepared import STILL, Instances, LatticeSetup, moving, prepared, still_step, worst
 from lammps_cases.studies.flows.layout import relative
 
 KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
@@ -57,28 +57,28 @@ def gradient(x_nc: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Run:
+class TimedMethod:
     """One method: what it found, and a call whose time counts."""
 
-    found_n: FloatArray
+    value_n: FloatArray
     call: Callable[[], object]
     reason: str
 
 
-def _timed(runs: Mapping[str, Run], quick: bool) -> dict[str, measure.Timing]:
+def _timed(runs: Mapping[str, TimedMethod], quick: bool) -> dict[str, measure.Timing]:
     calls = {name: run.call for name, run in runs.items()}
     return measure.in_turns(calls, *((6, 0.002) if quick else (measure.ROUNDS, 0.01)))
 
 
 def _points(
-    quantity: str, regime: str, runs: Mapping[str, Run], true_n: FloatArray, scale_n: FloatArray, quick: bool
-) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
+    quantity: str, regime: str, runs: Mapping[str, TimedMethod], true_n: FloatArray, scale_n: FloatArray, quick: bool
+) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
     """Points whose errors are root mean squares, and the same with the worst errors."""
     timings = _timed(runs, quick)
     reasons = {name: run.reason for name, run in runs.items()}
 
-    def points(norm: Callable[[FloatArray, FloatArray], float]) -> tuple[Point, ...]:
-        errors = {name: norm(run.found_n - true_n, scale_n) for name, run in runs.items()}
+    def points(norm: Callable[[FloatArray, FloatArray], float]) -> tuple[MethodPoint, ...]:
+        errors = {name: norm(run.value_n - true_n, scale_n) for name, run in runs.items()}
         return measured(quantity, regime, errors, timings, len(true_n), reasons, ONE_PER_CENT)
 
     return points(relative), points(worst)
@@ -91,34 +91,38 @@ def _regime(disorder: float) -> str:
 # --- gradients
 
 
-def gradient_runs(cuts: Sequence[float], disorder: float, edge: int, lammps: Instances | None) -> dict[str, Run]:
-    """Every kernel and cutoff on the same particles; `Run.found_n` is the gradient (n, 2, 2)."""
-    runs: dict[str, Run] = {}
+def gradient_runs(
+    cuts: Sequence[float], disorder: float, edge: int, lammps: Instances | None
+) -> dict[str, TimedMethod]:
+    """Every kernel and cutoff on the same particles; `TimedMethod.value_n` is the gradient (n, 2, 2)."""
+    runs: dict[str, TimedMethod] = {}
     for kernel in KERNELS:
         for cut in cuts:
-            made = prepared(kernel, cut, disorder, edge)
-            made = moving(made, field(made.atoms.x_nc))
-            sim = made.simulation(("grad/v",))
+            setup = prepared(kernel, cut, disorder, edge)
+            setup = moving(setup, field(setup.atoms.x_nc))
+            sim = setup.simulation(("grad/v",))
             name = f"{kernel}, cutoff {cut:g}"
-            runs[name] = Run(sim.output("grad/v"), sim.evaluate, REASONS[kernel])
+            runs[name] = TimedMethod(sim.output("grad/v"), sim.evaluate, REASONS[kernel])
             if lammps:
                 lmp = lammps.one_more()
-                found_n = made.started(lmp).snapshots[0]["q.grad/v"]
-                runs[f"LAMMPS {name}"] = Run(found_n, still_step(lmp), f"{REASONS[kernel]}; time of a whole step")
+                value_n = setup.started(lmp).snapshots[0]["q.grad/v"]
+                runs[f"LAMMPS {name}"] = TimedMethod(
+                    value_n, still_step(lmp), f"{REASONS[kernel]}; time of a whole step"
+                )
     return runs
 
 
 def _gradients(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    mean: list[Point] = []
-    largest: list[Point] = []
+    mean: list[MethodPoint] = []
+    largest: list[MethodPoint] = []
     edge = QUICK_EDGE if quick else EDGE
     for disorder in QUICK_DISORDERS if quick else DISORDERS:
         with ExitStack() as stack:
             runs = gradient_runs(QUICK_CUTS if quick else CUTS, disorder, edge, Instances(lmp, stack))
             true_n = gradient(prepared("quintic", 3.0, disorder, edge).atoms.x_nc)
-            found = _points("velocity gradient", _regime(disorder), runs, true_n, true_n, quick)
-        mean += found[0]
-        largest += found[1]
+            both = _points("velocity gradient", _regime(disorder), runs, true_n, true_n, quick)
+        mean += both[0]
+        largest += both[1]
     about = f"{edge**2:,} particles of known density in 2D, field of wavelength 16 spacings. {_EVALUATION}"
     yield Panel(
         "kernels-gradient",
@@ -141,21 +145,25 @@ def _gradients(quick: bool, lmp: Any | None) -> Iterator[Panel]:
 # --- densities
 
 
-def _density_runs(cuts: Sequence[float], disorder: float, edge: int, lammps: Instances) -> dict[str, Run]:
-    runs: dict[str, Run] = {}
+def _density_runs(cuts: Sequence[float], disorder: float, edge: int, lammps: Instances) -> dict[str, TimedMethod]:
+    runs: dict[str, TimedMethod] = {}
     for cut in cuts:
-        made = prepared("quintic", cut, disorder, edge, rho_sum=True)
-        sim = made.simulation(("rho",))
-        runs[f"summation, cutoff {cut:g}"] = Run(sim.output("rho"), sim.evaluate, "more neighbours average more")
+        setup = prepared("quintic", cut, disorder, edge, rho_sum=True)
+        sim = setup.simulation(("rho",))
+        runs[f"summation, cutoff {cut:g}"] = TimedMethod(
+            sim.output("rho"), sim.evaluate, "more neighbours average more"
+        )
         if lammps:
             lmp = lammps.one_more()
-            found_n = made.started(lmp).snapshots[0]["rho"]
-            runs[f"LAMMPS summation, cutoff {cut:g}"] = Run(found_n, still_step(lmp), "the same; time of a whole step")
+            value_n = setup.started(lmp).snapshots[0]["rho"]
+            runs[f"LAMMPS summation, cutoff {cut:g}"] = TimedMethod(
+                value_n, still_step(lmp), "the same; time of a whole step"
+            )
     return runs
 
 
 def _densities(quick: bool, lmp: Any | None) -> Panel:
-    points: list[Point] = []
+    points: list[MethodPoint] = []
     edge = QUICK_EDGE if quick else EDGE
     for disorder in QUICK_DISORDERS if quick else DISORDERS:
         with ExitStack() as stack:
@@ -173,43 +181,43 @@ def _densities(quick: bool, lmp: Any | None) -> Panel:
     )
 
 
-def deformed(kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool) -> Prepared:
+def deformed(kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool) -> LatticeSetup:
     """Particles that fly freely, each with the diverging velocity (sin kx, sin ky) of where it was at first."""
     evolve = {"steps": STEPS, "timestep": 1.0 / STEPS, "compare_at": [STEPS]}
     cold = [{"mass": 1.0, "rho0": 1.0, "cs": COLD, "viscosity": 0.0}]
-    made = prepared(kernel, cut, disorder, edge, rho_sum, types=cold, evolve=evolve, compare=["rho", "x"])
-    return moving(made, DEFORMED * np.sin(K * made.atoms.x_nc[:, :2]))
+    setup = prepared(kernel, cut, disorder, edge, rho_sum, types=cold, evolve=evolve, compare=["rho", "x"])
+    return moving(setup, DEFORMED * np.sin(K * setup.atoms.x_nc[:, :2]))
 
 
-def exact_density(made: Prepared) -> FloatArray:
+def exact_density(setup: LatticeSetup) -> FloatArray:
     """Inverse of the determinant of the deformation at time 1, for each particle."""
-    return np.asarray(1 / np.prod(1 + DEFORMED * K * np.cos(K * made.atoms.x_nc[:, :2]), axis=1))
+    return np.asarray(1 / np.prod(1 + DEFORMED * K * np.cos(K * setup.atoms.x_nc[:, :2]), axis=1))
 
 
 def _deformed_runs(
     cuts: Sequence[float], disorder: float, edge: int, lammps: Instances
-) -> tuple[dict[str, Run], FloatArray]:
-    runs: dict[str, Run] = {}
-    made = deformed("quintic", 3.0, disorder, edge, rho_sum=False)
+) -> tuple[dict[str, TimedMethod], FloatArray]:
+    runs: dict[str, TimedMethod] = {}
+    setup = deformed("quintic", 3.0, disorder, edge, rho_sum=False)
     for cut in cuts:
         ways: list[tuple[str, KernelStyle, bool]] = [("summation", "quintic", True)]
         ways += [(f"continuity, {k}", k, False) for k in KERNELS if k != "RK0"]
         for way, kernel, rho_sum in ways:
-            made = deformed(kernel, cut, disorder, edge, rho_sum)
+            setup = deformed(kernel, cut, disorder, edge, rho_sum)
             reason = "no history, mass is conserved" if rho_sum else f"no noise of the particles; {REASONS[kernel]}"
-            sim = made.simulation(())
+            sim = setup.simulation(())
             sim.run(STEPS, 1.0 / STEPS)
             name = f"{way}, cutoff {cut:g}"
             # The density itself, before steps that change nothing.
-            runs[name] = Run(sim.output("rho").copy(), partial(sim.run, 1, STILL), reason)
+            runs[name] = TimedMethod(sim.output("rho").copy(), partial(sim.run, 1, STILL), reason)
             if lammps:
                 lmp = lammps.one_more()
-                runs[f"LAMMPS {name}"] = Run(made.started(lmp).arrays["rho"], still_step(lmp), reason)
-    return runs, exact_density(made)
+                runs[f"LAMMPS {name}"] = TimedMethod(setup.started(lmp).arrays["rho"], still_step(lmp), reason)
+    return runs, exact_density(setup)
 
 
 def _deformation(quick: bool, lmp: Any | None) -> Panel:
-    points: list[Point] = []
+    points: list[MethodPoint] = []
     edge = QUICK_EDGE if quick else EDGE
     for disorder in QUICK_DISORDERS if quick else DISORDERS:
         with ExitStack() as stack:
@@ -246,9 +254,9 @@ def maps(quick: bool) -> Iterator[Map]:
         for disorder in disorders:
             row = []
             for cut in cuts:
-                made = prepared(kernel, float(cut), float(disorder), QUICK_EDGE)
-                true_n = gradient(made.atoms.x_nc)
-                sim = moving(made, field(made.atoms.x_nc)).simulation(("grad/v",))
+                setup = prepared(kernel, float(cut), float(disorder), QUICK_EDGE)
+                true_n = gradient(setup.atoms.x_nc)
+                sim = moving(setup, field(setup.atoms.x_nc)).simulation(("grad/v",))
                 row.append(relative(sim.output("grad/v") - true_n, true_n))
             rows.append(tuple(row))
         yield Map(

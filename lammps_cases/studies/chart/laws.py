@@ -18,9 +18,9 @@ from eos_ref import EOS
 from eos_ref.eos.table import FloatArray, examples
 from eos_ref.methods.laws import LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
-from lammps_cases.studies.benchmarks.measure import Interval, Timing, in_turns
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing, in_turns
 from lammps_cases.studies.chart.engine_law import EngineLaw
-from lammps_cases.studies.chart.points import Crossing, Map, Panel, Point, measured
+from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, measured
 
 # Gamma 4 stands for whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -50,7 +50,7 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
     methods, reasons = methods_of(law), {m.name: m.reason for m in methods_of(law)}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     e = ENERGY if law.needs_energy else None
-    points: list[Point] = []
+    points: list[MethodPoint] = []
     copying = []
     for regime in regimes:
         took, seconds = timings(law, methods, (regime,), n, lmp)
@@ -118,9 +118,9 @@ def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Cros
     by_name = {method.name: method for method in methods}
     if "textbook" in by_name and law.style != "cubic":
         for other in ("float32 excess", "table, cubic"):
-            found = _accuracy_crossing(law, by_name["textbook"], by_name[other])
-            if found:
-                yield found
+            crossing = _accuracy_crossing(law, by_name["textbook"], by_name[other])
+            if crossing:
+                yield crossing
 
 
 def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing | None:
@@ -141,7 +141,7 @@ def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing |
     if bracket is None:
         return None
     low, high = (10**end for end in bracket)
-    at = Interval(math.sqrt(low * high), low, high)
+    at = ConfidenceInterval(math.sqrt(low * high), low, high)
     return Crossing(f"pressure of {name(law)}", (other.name, one.name), "|rho/rho0 - 1|", "smaller worst error", at)
 
 

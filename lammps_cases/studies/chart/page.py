@@ -13,7 +13,7 @@ from lammps_cases.pages import frame
 from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import draw
-from lammps_cases.studies.chart.points import Panel, Point, frontier
+from lammps_cases.studies.chart.points import MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
@@ -98,7 +98,7 @@ def _speedup(runs: list[Convergence]) -> float:
     return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
 
 
-def rows(panel: Panel, regime: str) -> list[tuple[Point, bool]]:
+def rows(panel: Panel, regime: str) -> list[tuple[MethodPoint, bool]]:
     """Points of a regime from the fastest on, and whether each is on the frontier."""
     best = frontier(panel.of(regime))
     return [(p, p in best) for p in sorted(panel.of(regime), key=lambda p: p.ns.median)]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from lammps_cases.studies.benchmarks.measure import Interval, Timing, verdict
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing, verdict
 
 LAMMPS = "LAMMPS"
 ONE_BIT = 2.0  # factor between two worst errors below which neither method is the better one
@@ -15,7 +15,7 @@ DIGITS = 15.95  # of a double; an error of 0 is drawn there
 
 
 @dataclass(frozen=True)
-class Point:
+class MethodPoint:
     """One way to compute one quantity in one regime: how wrong, how fast.
 
     Attributes
@@ -35,7 +35,7 @@ class Point:
     regime: str
     method: str
     error: float
-    ns: Interval
+    ns: ConfidenceInterval
     compiling: float = 0.0
     reason: str = ""
     dominated_by: str = ""
@@ -65,7 +65,7 @@ class Crossing:
     methods: tuple[str, str]
     variable: str
     criterion: str
-    at: Interval
+    at: ConfidenceInterval
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Panel:
     about: str
     error_of: str
     unit: str
-    points: tuple[Point, ...]
+    points: tuple[MethodPoint, ...]
     roofline_ns: float | None = None
     crossings: tuple[Crossing, ...] = field(default=())
 
@@ -93,7 +93,7 @@ class Panel:
         """Regimes in the order of their points."""
         return list(dict.fromkeys(point.regime for point in self.points))
 
-    def of(self, regime: str) -> list[Point]:
+    def of(self, regime: str) -> list[MethodPoint]:
         """Points of one regime."""
         return [point for point in self.points if point.regime == regime]
 
@@ -112,11 +112,13 @@ class Map:
     unit: str
 
 
-def point(quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = "") -> Point:
+def point(
+    quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = ""
+) -> MethodPoint:
     """A point from a timing of a call that treats ``per`` particles (or particles and steps)."""
     late = max(timing.first - timing.seconds.high, 0.0)
     ns = timing.seconds.scaled(1e9 / per)
-    return Point(quantity, regime, method, error, ns, late, reason)
+    return MethodPoint(quantity, regime, method, error, ns, late, reason)
 
 
 def measured(
@@ -127,14 +129,16 @@ def measured(
     per: float,
     reasons: Mapping[str, str] | None = None,
     same: float = ONE_BIT,
-) -> tuple[Point, ...]:
+) -> tuple[MethodPoint, ...]:
     """Return the points of one regime, compared: of every method that has an error; see `point` and `compared`."""
     reasons = reasons or {}
     points = [point(quantity, regime, m, error, timings[m], per, reasons.get(m, "")) for m, error in errors.items()]
     return compared(points, timings, same)
 
 
-def compared(points: Sequence[Point], timings: Mapping[str, Timing], same: float = ONE_BIT) -> tuple[Point, ...]:
+def compared(
+    points: Sequence[MethodPoint], timings: Mapping[str, Timing], same: float = ONE_BIT
+) -> tuple[MethodPoint, ...]:
     """The points of one regime with what their timings, of the same rounds, say about each other.
 
     A method is dominated by another one that is measurably faster and no less accurate, or more accurate and not
@@ -146,7 +150,7 @@ def compared(points: Sequence[Point], timings: Mapping[str, Timing], same: float
         Errors within this factor count as the same: of rounding, one bit, as a search for the worst case may miss by
         so much; of discretisations `ONE_PER_CENT`.
     """
-    found = []
+    marked = []
     for one in points:
         like, dominated = [], ""
         for other in points:
@@ -159,10 +163,10 @@ def compared(points: Sequence[Point], timings: Mapping[str, Timing], same: float
             as_good = other.error <= one.error * same
             if (better or (as_good and answer == "faster")) and not dominated:
                 dominated = other.method
-        found.append(replace(one, dominated_by=dominated, like=tuple(sorted(like))))
-    return tuple(found)
+        marked.append(replace(one, dominated_by=dominated, like=tuple(sorted(like))))
+    return tuple(marked)
 
 
-def frontier(points: Iterable[Point]) -> list[Point]:
+def frontier(points: Iterable[MethodPoint]) -> list[MethodPoint]:
     """The points that no other dominates, from the fastest to the most accurate."""
     return sorted((p for p in points if not p.dominated_by), key=lambda p: (p.ns.median, p.error))

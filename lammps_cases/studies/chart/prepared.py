@@ -26,7 +26,7 @@ STILL = 1e-12  # time step in which no particle moves enough to matter
 
 
 @dataclass(frozen=True)
-class Prepared:
+class LatticeSetup:
     """Particles of one kernel and cutoff, for either engine."""
 
     case: Case
@@ -38,9 +38,9 @@ class Prepared:
 
         scene, where = self.case.scene, self.case.where
         model, box = reference_side.model(scene, self.atoms, where), reference_side.box(scene, self.atoms)
-        made = Simulation(model, box, reference_side.state(scene, self.atoms, where), fields, CompiledEvaluator)
-        made.evaluate()
-        return made
+        sim = Simulation(model, box, reference_side.state(scene, self.atoms, where), fields, CompiledEvaluator)
+        sim.evaluate()
+        return sim
 
     def started(self, lmp: Any) -> session.Answer:
         """Run in LAMMPS, which keeps it."""
@@ -50,7 +50,7 @@ class Prepared:
 
 def prepared(
     kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool = False, **more: Any
-) -> Prepared:
+) -> LatticeSetup:
     """Unit masses on a disordered square lattice of unit spacing, at rest; ``more`` are keys of a scene."""
     data = {
         "dimension": 2,
@@ -67,12 +67,12 @@ def prepared(
     # One name for all: the same particles for every kernel and cutoff.
     case = Case("chart-kernels", "", (), Scene.model_validate(data), Path("chart"))
     atoms = build(case, case.scene.eos())
-    return Prepared(case, atoms)
+    return LatticeSetup(case, atoms)
 
 
-def moving(made: Prepared, v_nc: FloatArray) -> Prepared:
+def moving(setup: LatticeSetup, v_nc: FloatArray) -> LatticeSetup:
     """The same particles with velocities (n, 2)."""
-    return replace(made, atoms=replace(made.atoms, v_nc=np.hstack([v_nc, np.zeros((len(v_nc), 1))])))
+    return replace(setup, atoms=replace(setup.atoms, v_nc=np.hstack([v_nc, np.zeros((len(v_nc), 1))])))
 
 
 def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
@@ -97,6 +97,6 @@ class Instances:
 
     def one_more(self) -> Any:
         """A new instance, closed with the stack."""
-        made = session.open_lammps()
-        self._stack.callback(made.close)
-        return made
+        instance = session.open_lammps()
+        self._stack.callback(instance.close)
+        return instance

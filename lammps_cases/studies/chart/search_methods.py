@@ -25,7 +25,7 @@ WIDER = 1 + 1e-9  # of the cutoff: cells, and lists that are filtered, must not 
 _jit = numba.njit(error_model="numpy", cache=True, nogil=True)
 
 
-class Found(NamedTuple):
+class PairList(NamedTuple):
     """Pairs: indices (pairs,) of either particle, and box lengths (pairs, d) to be added to the second's position."""
 
     i_p: Any
@@ -39,7 +39,7 @@ class SearchMethod:
 
     name: str
     reason: str
-    pairs: Callable[[FloatArray, Box, float], Found]
+    pairs: Callable[[FloatArray, Box, float], PairList]
     most: int = 10_000_000  # particles for which it ends within seconds
     two_cuts: bool = False  # needs periodic edges of at least two cutoffs
 
@@ -47,7 +47,7 @@ class SearchMethod:
 # --- what is true
 
 
-def truth(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def truth(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     """All pairs closer than the cutoff, of the doubles given and in exact arithmetic; n squared of them are looked at.
 
     Doubles decide but where the distance may be the cutoff; of those, fractions.
@@ -69,8 +69,8 @@ def truth(x_nc: FloatArray, box: Box, cut: float) -> Found:
         for p in np.flatnonzero(np.abs(rr_nn[i_p, j_p] - cut * cut) <= doubt):
             close_p[p] = _exactly_close(x_nc, box, cut, i_p[p], j_p[p], image_c)
         images_pc = np.tile(image_c, (int(close_p.sum()), 1))
-        parts.append(Found(i_p[close_p], j_p[close_p], images_pc))
-    return Found(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        parts.append(PairList(i_p[close_p], j_p[close_p], images_pc))
+    return PairList(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def _exactly_close(x_nc: FloatArray, box: Box, cut: float, i: int, j: int, image_c: Any) -> bool:
@@ -80,18 +80,18 @@ def _exactly_close(x_nc: FloatArray, box: Box, cut: float, i: int, j: int, image
     return rr < Fraction(cut) ** 2
 
 
-def keys(found: Found) -> set[tuple[int, ...]]:
+def keys(pairs: PairList) -> set[tuple[int, ...]]:
     """Every pair as a tuple that does not depend on which particle came first."""
-    made = set()
-    for i, j, image in zip(found.i_p.tolist(), found.j_p.tolist(), found.image_pc.tolist(), strict=True):
-        made.add(max((j, i, *(-a for a in image)), (i, j, *image)))
-    return made
+    unordered = set()
+    for i, j, image in zip(pairs.i_p.tolist(), pairs.j_p.tolist(), pairs.image_pc.tolist(), strict=True):
+        unordered.add(max((j, i, *(-a for a in image)), (i, j, *image)))
+    return unordered
 
 
-def wrong(found: Found, true: Found) -> int:
+def wrong(pairs: PairList, true: PairList) -> int:
     """How many pairs are missed, invented or found twice."""
-    ours = keys(found)
-    return len(ours ^ keys(true)) + len(found.i_p) - len(ours)
+    ours = keys(pairs)
+    return len(ours ^ keys(true)) + len(pairs.i_p) - len(ours)
 
 
 @_jit
@@ -152,7 +152,7 @@ def _walk(
     return count
 
 
-def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> Found:
+def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> PairList:
     """Cells no smaller than the cutoff, each met with half of those around it; in the precision of the positions.
 
     A periodic edge shorter than the cutoff is one cell, which meets several images of itself.
@@ -178,33 +178,33 @@ def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> Found
         out = np.empty(room, np.int64), np.empty(room, np.int64), np.empty((room, d), np.int64)
         count = _walk(x_nc, start_m, of_k, cells_c, edges, periodic_c, offset_oc, limit, out)
         if count <= room:
-            return Found(*(part[:count] for part in out))
+            return PairList(*(part[:count] for part in out))
         room = count
 
 
-def brute_force(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def brute_force(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     """One cell: every particle meets every other one, and all images within reach."""
     return cell_list(x_nc, box, cut, most_cells=1)
 
 
-def _cells_float32(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def _cells_float32(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     return cell_list(x_nc.astype(np.float32), box, cut)
 
 
 # --- libraries
 
 
-def _reference(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def _reference(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     near = Neighbours(box, cut, 0.0)
     near.build(x_nc)
     order_n = np.arange(len(x_nc)) if near.order_n is None else near.order_n
     i_p = np.repeat(order_n, np.diff(near.start_n))
     j_p, close_p = order_n[near.j_p], np.empty(len(i_p), bool)
     _filter(x_nc, np.array(box.edge_c), cut * cut, i_p, j_p, near.image_pc, close_p)
-    return Found(i_p[close_p], j_p[close_p], near.image_pc[close_p])
+    return PairList(i_p[close_p], j_p[close_p], near.image_pc[close_p])
 
 
-def _vesin(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def _vesin(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     import vesin
 
     n, d = x_nc.shape
@@ -215,10 +215,10 @@ def _vesin(x_nc: FloatArray, box: Box, cut: float) -> Found:
     finder = vesin.NeighborList(cutoff=cut, full_list=False, n_threads=1)
     pair_p, shift_p = finder.compute(points, np.diag(extent), periodic, "PS")
     pair_p = pair_p.astype(np.int64)
-    return Found(pair_p[:, 0], pair_p[:, 1], shift_p[:, :d])
+    return PairList(pair_p[:, 0], pair_p[:, 1], shift_p[:, :d])
 
 
-def _tree(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def _tree(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     """scipy's own periodic box, which knows the nearest image alone."""
     from scipy.spatial import cKDTree
 
@@ -228,10 +228,10 @@ def _tree(x_nc: FloatArray, box: Box, cut: float) -> Found:
     points = np.where(np.array(box.periodic) & (points >= edge_c), 0.0, points)  # mod may round up to the edge
     pair_p = cKDTree(points, boxsize=size_c).query_pairs(cut, output_type="ndarray")
     image_pc = np.where(box.periodic, np.rint((x_nc[pair_p[:, 0]] - x_nc[pair_p[:, 1]]) / edge_c), 0.0)
-    return Found(pair_p[:, 0], pair_p[:, 1], image_pc.astype(np.int64))
+    return PairList(pair_p[:, 0], pair_p[:, 1], image_pc.astype(np.int64))
 
 
-def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> Found:
+def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> PairList:
     """Copies of the particles near periodic faces, as LAMMPS has them; any box, any number of images."""
     from scipy.spatial import cKDTree
 
@@ -257,7 +257,7 @@ def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> Found:
     # A particle meets the other's copy, and the other its copy: one of both is kept.
     first = np.argmax(image_pc != 0, axis=1)
     upward_p = np.take_along_axis(image_pc, first[:, None], 1)[:, 0] >= 0
-    return Found(i_p[upward_p], j_p[upward_p], image_pc[upward_p])
+    return PairList(i_p[upward_p], j_p[upward_p], image_pc[upward_p])
 
 
 METHODS: tuple[SearchMethod, ...] = (

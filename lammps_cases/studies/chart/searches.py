@@ -19,7 +19,7 @@ from eos_ref.syntax.fixes import FixRheo
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.benchmarks.measure import Timing
-from lammps_cases.studies.chart.points import Crossing, Panel, Point, measured
+from lammps_cases.studies.chart.points import Crossing, MethodPoint, Panel, measured
 from lammps_cases.studies.chart.search_methods import METHODS, SearchMethod, truth, wrong
 from lammps_cases.studies.flows.layout import rows
 
@@ -60,16 +60,16 @@ def _calls(edge: int, methods: Sequence[SearchMethod]) -> dict[str, Callable[[],
 def _crossings(edges: Sequence[int], quick: bool) -> tuple[Crossing, ...]:
     """Where two methods change places between two sizes of a scene."""
     timings = {edge: measure.in_turns(_calls(edge, METHODS), measure.ROUNDS, 0.003) for edge in edges}
-    found = []
+    crossings = []
     for k, one in enumerate(METHODS):
         for other in METHODS[k + 1 :]:
             both = [e for e in edges if {one.name, other.name} <= timings[e].keys()]
             answers = {e: measure.verdict(timings[e][one.name].against(timings[e][other.name])) for e in both}
-            told = [e for e in both if answers[e] != "cannot tell"]
-            for low, high in pairwise(told):
+            decided = [e for e in both if answers[e] != "cannot tell"]
+            for low, high in pairwise(decided):
                 if answers[low] != answers[high]:
-                    found.append(_crossing(one, other, low, high, answers[low], 0.004 if quick else 0.02))
-    return tuple(found)
+                    crossings.append(_crossing(one, other, low, high, answers[low], 0.004 if quick else 0.02))
+    return tuple(crossings)
 
 
 def _crossing(one: SearchMethod, other: SearchMethod, low: int, high: int, below: str, at_least: float) -> Crossing:
@@ -81,20 +81,20 @@ def _crossing(one: SearchMethod, other: SearchMethod, low: int, high: int, below
         if answer == "cannot tell":
             break
         low, high = (middle, high) if answer == below else (low, middle)
-    n = measure.Interval(float(low * high), float(low**2), float(high**2))
+    n = measure.ConfidenceInterval(float(low * high), float(low**2), float(high**2))
     first, second = (one.name, other.name) if below == "faster" else (other.name, one.name)
     return Crossing("pairs closer than a cutoff", (first, second), "particles", "less time", n)
 
 
-def _search_points(edge: int, quick: bool) -> tuple[Point, ...]:
+def _search_points(edge: int, quick: bool) -> tuple[MethodPoint, ...]:
     calls = _calls(edge, METHODS)
     timings = measure.in_turns(calls, *((6, 0.005) if quick or edge > 100 else (measure.ROUNDS, 0.02)))
     scenes = [at_the_cutoff(float(edge), NEAR, k) for k in range(1 if quick else SCENES)]
     trues = [truth(x_nc, box, CUT) for x_nc, box in scenes]
 
     def error(m: SearchMethod) -> float:
-        found = (m.pairs(x_nc, box, CUT) for x_nc, box in scenes)
-        return sum(map(wrong, found, trues)) / (len(scenes) * NEAR // 2)
+        pairs = (m.pairs(x_nc, box, CUT) for x_nc, box in scenes)
+        return sum(map(wrong, pairs, trues)) / (len(scenes) * NEAR // 2)
 
     errors, reasons = {m.name: error(m) for m in METHODS if m.name in calls}, {m.name: m.reason for m in METHODS}
     return measured("pairs", f"{edge**2:,} particles", errors, timings, edge**2, reasons)
@@ -151,7 +151,7 @@ def _ran(mach: float, skin: float, edge: int, most: int) -> tuple[Simulation, fl
     return sim, (near.built - 1) / steps, rho_n
 
 
-def _rebuild_points(regime: str, mach: float, edge: int, quick: bool) -> tuple[Point, ...]:
+def _rebuild_points(regime: str, mach: float, edge: int, quick: bool) -> tuple[MethodPoint, ...]:
     rates: dict[float, float] = {}
     densities: dict[float, FloatArray] = {}
     calls: dict[str, Callable[[], object]] = {}

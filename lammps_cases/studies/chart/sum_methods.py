@@ -86,12 +86,12 @@ def _exact_rows(start_n: Any, term_q: FloatArray) -> FloatArray:
     return np.array([math.fsum(terms[a:b]) for a, b in pairwise(starts)])
 
 
-def error(found_n: FloatArray, exact_n: FloatArray, absolute_n: FloatArray) -> float:
+def error(sum_n: FloatArray, exact_n: FloatArray, absolute_n: FloatArray) -> float:
     """Worst error of sums, relative to the (exact) sums of absolute terms.
 
     The exact sums are rounded once: an error below 2**-52 may be theirs.
     """
-    return float(np.max(np.abs(found_n - exact_n) / absolute_n))
+    return float(np.max(np.abs(sum_n - exact_n) / absolute_n))
 
 
 # --- loops

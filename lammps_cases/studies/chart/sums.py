@@ -13,7 +13,7 @@ from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.chart.points import Panel, Point, measured
+from lammps_cases.studies.chart.points import MethodPoint, Panel, measured
 from lammps_cases.studies.chart.sum_methods import METHODS, Half, error, exact
 
 WAVE = 16.0  # wavelength of the field whose gradient is summed, in spacings
@@ -47,10 +47,10 @@ def scene(dimension: int, cut: float, edge: int) -> tuple[Half, dict[str, FloatA
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
     """One panel per sum; LAMMPS has no part in it, as the terms are given."""
-    made = {regime: scene(d, cut, (QUICK_EDGE if quick else EDGE)[d]) for regime, (d, cut) in REGIMES.items()}
+    scenes = {regime: scene(d, cut, (QUICK_EDGE if quick else EDGE)[d]) for regime, (d, cut) in REGIMES.items()}
     for quantity, title in TITLES.items():
-        points: list[Point] = []
-        for regime, (pairs, terms) in made.items():
+        points: list[MethodPoint] = []
+        for regime, (pairs, terms) in scenes.items():
             points += _points(f"sum of a {quantity}", regime, pairs, terms[quantity], quick)
         yield Panel(
             f"sums-{quantity}",
@@ -64,7 +64,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
         )
 
 
-def _points(quantity: str, regime: str, pairs: Half, term_p: FloatArray, quick: bool) -> tuple[Point, ...]:
+def _points(quantity: str, regime: str, pairs: Half, term_p: FloatArray, quick: bool) -> tuple[MethodPoint, ...]:
     calls = {method.name: method.prepare(pairs, term_p) for method in METHODS}
     timings = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
     sums = exact(pairs, term_p), exact(pairs, np.abs(term_p))

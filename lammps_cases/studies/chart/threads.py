@@ -16,8 +16,8 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.methods.laws import METHODS as LAW_METHODS
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import Interval
-from lammps_cases.studies.chart.points import Crossing, Panel, Point, measured
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
+from lammps_cases.studies.chart.points import Crossing, MethodPoint, Panel, measured
 from lammps_cases.studies.chart.prepared import STILL, prepared
 
 STATES, QUICK_STATES = (1_000, 10_000, 100_000, 1_000_000), (1_000, 30_000, 300_000)
@@ -38,7 +38,7 @@ def _law_calls(n: int) -> dict[str, Callable[[], FloatArray]]:
 
 
 def _law_threads(quick: bool) -> Panel:
-    points: list[Point] = []
+    points: list[MethodPoint] = []
     sizes = QUICK_STATES if quick else STATES
     rounds = (6, 0.004) if quick else (measure.ROUNDS, 0.02)
     answers: dict[int, measure.Answer] = {}
@@ -74,7 +74,7 @@ def _second_pays(low: int, high: int, rounds: tuple[int, float]) -> Crossing:
         if answer == "cannot tell":
             break
         low, high = (middle, high) if answer == "faster" else (low, middle)
-    at = Interval(math.sqrt(low * high), low, high)
+    at = ConfidenceInterval(math.sqrt(low * high), low, high)
     return Crossing("pressure", ("compiled", "compiled, 2 threads"), "states", "less time", at)
 
 
@@ -83,7 +83,7 @@ def _model_threads(quick: bool) -> Iterator[Panel]:
 
     if "threads" not in inspect.signature(CompiledEvaluator).parameters:
         return
-    points: list[Point] = []
+    points: list[MethodPoint] = []
     for edge in QUICK_EDGES if quick else EDGES:
         moved: dict[str, Any] = {"rho": {"ratio": [0.99, 1.01]}, "velocity": {"random": 0.1}, "compare": ["rho", "x"]}
         old = prepared("RK1", 3.0, 0.1, edge, **moved).simulation(())

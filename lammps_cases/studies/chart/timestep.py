@@ -16,7 +16,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.session import EngineBroken, EngineRefused
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import Interval, Timing
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
 from lammps_cases.studies.chart import threads
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, measured
 from lammps_cases.studies.chart.prepared import Instances
@@ -67,11 +67,11 @@ def stepping(start: Start, lmp: Any | None) -> FlowRun:
 
 def shots(run: FlowRun, steps: Sequence[int]) -> list[Snapshot]:
     """Return all readings of a flow, from its beginning to its end."""
-    found = []
+    snapshots = []
     for step in steps:
         run.advance(step - run.step)
-        found.append(run.snapshot())
-    return found
+        snapshots.append(run.snapshot())
+    return snapshots
 
 
 def _start(flow: Flow, n: int, fraction: float) -> Start:
@@ -97,15 +97,15 @@ def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances
     flow = wave.flow
     finest = _start(flow, n, fine)
     limit = wave.field(shots(stepping(finest, instances[-1]), finest.steps)[-1])
-    found = []
+    solutions = []
     for fraction, lmp in zip(fractions, instances, strict=False):
         start = _start(flow, n, fraction)
         run = stepping(start, lmp)
         read = shots(run, start.steps)
         field_n = wave.field(read[-1])
         total = flow.measures(n, replace(flow.options, dt_fraction=fraction), read)["profile"]
-        found.append(Solved(field_n, relative(field_n - limit, limit), total, start, partial(run.advance, TIMED)))
-    return found
+        solutions.append(Solved(field_n, relative(field_n - limit, limit), total, start, partial(run.advance, TIMED)))
+    return solutions
 
 
 def order(solved: Sequence[Solved]) -> Fit:
@@ -133,8 +133,8 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
     any_start = solved[""][0].start
     per = len(any_start.atoms) * any_start.steps[-1] * any_start.timestep
     orders = "; ".join(
-        f"{prefix or 'reference '}{found.order:.2f} +/- {found.standard_error:.2f}"
-        for prefix, found in ((prefix, order(s)) for prefix, s in solved.items())
+        f"{prefix or 'reference '}{fitted.order:.2f} +/- {fitted.standard_error:.2f}"
+        for prefix, fitted in ((prefix, order(s)) for prefix, s in solved.items())
     )
     limited, m = (flow, n) if flow.name == "shear-wave" else (FLOWS["taylor-green"], SWIFT)
     limits = tuple(_limits(limited, m, lmp))
@@ -165,7 +165,7 @@ def _whole(timing: Timing, factor: float) -> Timing:
 # --- limit of stability
 
 
-def stability(flow: Flow, n: int, lmp: Any | None) -> Interval:
+def stability(flow: Flow, n: int, lmp: Any | None) -> ConfidenceInterval:
     """Step at which a flow gets unstable, over the flow's limit: bisected between one that does not and one that does.
 
     The initial state carries noise of a hundredth of the wave. Steps are looked at upwards, so that none is far beyond
@@ -177,7 +177,7 @@ def stability(flow: Flow, n: int, lmp: Any | None) -> Interval:
     while high / low > CLOSE:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if _grows(flow, n, middle, lmp) else (middle, high)
-    return Interval(math.sqrt(low * high), low, high)
+    return ConfidenceInterval(math.sqrt(low * high), low, high)
 
 
 def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:

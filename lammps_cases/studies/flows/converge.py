@@ -24,7 +24,7 @@ ENGINES: tuple[Engine, ...] = ("reference", "lammps")
 
 
 @dataclass(frozen=True)
-class Result:
+class FlowResult:
     """What came of a flow: snapshots, wall time of the steps alone, particles, steps; a message where it failed."""
 
     snapshots: tuple[Snapshot, ...]
@@ -34,7 +34,7 @@ class Result:
     message: str = ""
 
 
-def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", threads: int = 1) -> Result:
+def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", threads: int = 1) -> FlowResult:
     """Run a flow on the reference.
 
     Parameters
@@ -53,7 +53,7 @@ def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", thr
     return _timed(start, lambda: ReferenceFlow(start, make))
 
 
-def by_lammps(start: Start, lmp: Any) -> Result:
+def by_lammps(start: Start, lmp: Any) -> FlowResult:
     """Run a flow on a LAMMPS instance; what LAMMPS refuses or loses becomes the message.
 
     Raises
@@ -64,7 +64,7 @@ def by_lammps(start: Start, lmp: Any) -> Result:
     return _timed(start, lambda: LammpsFlow(start, lmp))
 
 
-def _timed(start: Start, begin: Callable[[], FlowRun]) -> Result:
+def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
     """Snapshots at the steps of a flow, with the wall time of the steps alone."""
     snapshots, seconds, done, message = [], 0.0, 0, ""
     try:
@@ -80,20 +80,20 @@ def _timed(start: Start, begin: Callable[[], FlowRun]) -> Result:
         raise
     except EngineRefused as error:
         message = " ".join(str(error).split())
-    return Result(tuple(snapshots), seconds, len(start.atoms), done, message)
+    return FlowResult(tuple(snapshots), seconds, len(start.atoms), done, message)
 
 
-def solve(site: str | None, start: Start) -> Result:
+def solve(site: str | None, start: Start) -> FlowResult:
     """Task of a worker: run a flow on its LAMMPS."""
     with instance(site).use() as lmp:
         return by_lammps(start, lmp)
 
 
-def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> Result:
+def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> FlowResult:
     """Run a flow on LAMMPS in a process of its own, whose death becomes the message."""
     outcome = workers.outcome(workers.call(solve, start, time_limit=time_limit), time_limit)
     if isinstance(outcome, Failure):
-        return Result((), float("nan"), len(start.atoms), 0, outcome.message)
+        return FlowResult((), float("nan"), len(start.atoms), 0, outcome.message)
     return outcome
 
 
@@ -161,21 +161,21 @@ def converge(
         Folder of another LAMMPS, see `lammps_cases.engine.installations`.
     """
     chosen, given = tuple(resolutions) or flow.resolutions, options or flow.options
-    results: dict[Engine, list[Result]] = {name: [] for name in engines}
+    results: dict[Engine, list[FlowResult]] = {name: [] for name in engines}
     with contextlib.ExitStack() as stack:
         run = {name: _runner(name, site, stack) for name in engines}
         for n in chosen:
             start = flow.start(n, given)
-            runs: dict[Engine, list[Result]] = {name: [] for name in engines}
+            runs: dict[Engine, list[FlowResult]] = {name: [] for name in engines}
             for _ in range(repeats):
                 for name in engines:
                     runs[name].append(run[name](start))
-            for name, found in runs.items():
-                results[name].append(replace(found[0], seconds=median(result.seconds for result in found)))
-    return tuple(_judged(flow, given, name, chosen, found) for name, found in results.items())
+            for name, timed in runs.items():
+                results[name].append(replace(timed[0], seconds=median(result.seconds for result in timed)))
+    return tuple(_judged(flow, given, name, chosen, timed) for name, timed in results.items())
 
 
-def _runner(name: Engine, site: str | None, stack: contextlib.ExitStack) -> Callable[[Start], Result]:
+def _runner(name: Engine, site: str | None, stack: contextlib.ExitStack) -> Callable[[Start], FlowResult]:
     if name == "reference":
         return by_reference
     workers = stack.enter_context(Workers(site, 1))
@@ -183,11 +183,11 @@ def _runner(name: Engine, site: str | None, stack: contextlib.ExitStack) -> Call
 
 
 def _judged(
-    flow: Flow, options: Options, name: Engine, resolutions: tuple[int, ...], found: list[Result]
+    flow: Flow, options: Options, name: Engine, resolutions: tuple[int, ...], results: list[FlowResult]
 ) -> Convergence:
     measured = [
         {} if result.message else flow.measures(n, options, result.snapshots)
-        for n, result in zip(resolutions, found, strict=True)
+        for n, result in zip(resolutions, results, strict=True)
     ]
     names = next((list(errors) for errors in measured if errors), [])
     return Convergence(
@@ -196,8 +196,8 @@ def _judged(
         options,
         resolutions,
         {measure: tuple(errors.get(measure, float("nan")) for errors in measured) for measure in names},
-        tuple(result.seconds for result in found),
-        tuple(result.n for result in found),
-        tuple(result.steps for result in found),
-        {n: result.message for n, result in zip(resolutions, found, strict=True) if result.message},
+        tuple(result.seconds for result in results),
+        tuple(result.n for result in results),
+        tuple(result.steps for result in results),
+        {n: result.message for n, result in zip(resolutions, results, strict=True) if result.message},
     )

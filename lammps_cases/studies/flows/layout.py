@@ -87,7 +87,7 @@ def start(
     dt = times[0] / math.ceil(times[0] / timestep)
     steps = tuple(round(t / dt) for t in times)
     rheo = {"kernel": options.kernel, "cut": options.cut, "zmin": options.zmin, "rho_sum": options.rho_sum}
-    made = Scene.model_validate(
+    parsed = Scene.model_validate(
         {
             "dimension": 2,
             "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have some
@@ -101,8 +101,8 @@ def start(
         }
     )
     types_n = np.ones(n, int) if type_n is None else type_n
-    mass_n = np.array([t.mass for t in made.types])[types_n - 1]
-    rho0_n = np.array(made.rho0 or (1.0,) * len(made.types))[types_n - 1]
+    mass_n = np.array([t.mass for t in parsed.types])[types_n - 1]
+    rho0_n = np.array(parsed.rho0 or (1.0,) * len(parsed.types))[types_n - 1]
     flat_n1 = np.zeros((n, 1))
     atoms = Atoms(
         id_n=np.arange(1, n + 1),
@@ -117,7 +117,7 @@ def start(
         rho_n=None if options.rho_sum else rho0_n if rho_n is None else rho_n,
         energy_n=None if e_n is None else mass_n * e_n,
     )
-    return Start(Case(name, "", (), made, Path("flows")), atoms, steps, dt)
+    return Start(Case(name, "", (), parsed, Path("flows")), atoms, steps, dt)
 
 
 def relative(error_n: FloatArray, scale_n: FloatArray) -> float:

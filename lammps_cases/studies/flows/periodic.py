@@ -200,12 +200,12 @@ def _sound_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> 
     last = snapshots[-1]
     rho_n, _ = waves.sound_wave(last.x_nc[:, 0], last.time, k, c, nu, STATE, COMPRESSED)
     error_n = last.rho_n - rho_n
-    found = {
+    errors = {
         "speed": abs(float(np.hypot(rate, omega)) / (c * k) - 1),
         "damping": abs(float(rate) / (nu * k**2 / 2) - 1),
         "profile": relative(error_n - error_n.mean(), rho_n - STATE),
     }
-    return found | ({"mean": abs(float(last.rho_n.mean()) / STATE - 1)} if options.rho_sum else {})
+    return errors | ({"mean": abs(float(last.rho_n.mean()) / STATE - 1)} if options.rho_sum else {})
 
 
 SOUND = Flow(

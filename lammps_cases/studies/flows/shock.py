@@ -109,14 +109,14 @@ def _tube_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dic
     The same from the solution that forces without volumes have.
     """
     gases, last = problem(options), snapshots[-1]
-    x_n, found_n = folded(n, last)
+    x_n, velocity_n = folded(n, last)
     errors = {}
     for suffix, (rho_n, u_n) in (
         ("", gases.at(x_n, last.time)),
         (" without volume", without_volume(gases, x_n, last.time)),
     ):
         difference = gases.left.rho - gases.right.rho
-        errors[f"velocity{suffix}"] = float(np.mean(np.abs(found_n - u_n)) / gases.velocity)
+        errors[f"velocity{suffix}"] = float(np.mean(np.abs(velocity_n - u_n)) / gases.velocity)
         errors[f"density{suffix}"] = float(np.mean(np.abs(last.rho_n - rho_n)) / difference)
     return errors
 

@@ -86,12 +86,12 @@ def _channel_errors(n: int, options: Options, snapshots: Sequence[Snapshot], dri
     """Errors of the velocity over all fluid particles: at all times, at the last one."""
     fluid_n = _channel(n, options, drive).atoms.type_n == 1
     speed, gravity = drive.speed(n, options), drive.gravity(n, options)
-    found, exact = [], []
+    velocities, exact = [], []
     for snapshot in snapshots:
-        found.append(snapshot.v_nc[fluid_n, 0])
+        velocities.append(snapshot.v_nc[fluid_n, 0])
         y_n = snapshot.x_nc[fluid_n, 1]
         exact.append(plane_start_up(y_n, snapshot.time, n, NU, gravity, drive.plate * speed))
-    error = np.array(found) - np.array(exact)
+    error = np.array(velocities) - np.array(exact)
     return {"velocity": relative(error, np.array(exact)), "velocity at the end": relative(error[-1], exact[-1])}
 
 
@@ -135,7 +135,7 @@ SPREAD = 0.01  # kinematic viscosity over c n
 
 
 @dataclass(frozen=True)
-class Column:
+class TankColumn:
     """A tank of n rows: law, gravity, places and densities of the rows from the bottom up, height."""
 
     law: EOS
@@ -145,13 +145,13 @@ class Column:
     height: float
 
 
-def _column(n: int, options: Options) -> Column:
+def _column(n: int, options: Options) -> TankColumn:
     style = cast(Style, options.word("law", "linear"))
     law = EOS(style, 1.0, 1.0)
     gravity = options.number("compression", COMPRESSION) / n
     depth_n, rho_n = column(law, np.arange(n) + 0.5, gravity)
     height = float(column(law, n, gravity)[0])
-    return Column(law, gravity, height - depth_n[::-1], rho_n[::-1], height)
+    return TankColumn(law, gravity, height - depth_n[::-1], rho_n[::-1], height)
 
 
 def _tank(n: int, options: Options) -> Start:

@@ -30,7 +30,7 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import machines
 from lammps_cases.studies.mutation.perturbed import (
-    Judge,
+    CaseJudge,
     PerturbedCase,
     Rows,
     first_difference,
@@ -198,7 +198,7 @@ def measure(
     ------
     EngineMissing
     """
-    found = []
+    runs = []
     with Workers(engine.site, jobs) as workers:
         judge = judge_of(engine, workers, store)
         pool = _Pool(workers, judge, progress)
@@ -206,13 +206,13 @@ def measure(
         for kind in dict.fromkeys(("as given", *kinds)):
             if kind != "machine":
                 records = plain if kind == "as given" else dict(pool.records(kind, cases))
-                found.append(_run(kind, cases, plain, records, pool))
+                runs.append(_run(kind, cases, plain, records, pool))
     if "machine" in kinds:  # by processes of its own: the workers are gone by then
         here = machines.run(cases, engine, {}, jobs, progress)
         there = machines.run(cases, engine, machines.older(), jobs, progress)
         moved = sum(there.references[name] != here.references[name] for name in here.references)
-        found.append(_run("machine", cases, here.records, there.records, None, moved))
-    return found
+        runs.append(_run("machine", cases, here.records, there.records, None, moved))
+    return runs
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,7 @@ class _Pool:
     """Workers, and what they judge by."""
 
     workers: Workers
-    judge: Judge
+    judge: CaseJudge
     progress: Progress
 
     def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:

@@ -21,7 +21,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import alarms, catalogue, record, resolution, schedule
 from lammps_cases.studies.mutation.fault import Fault
-from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Kept, Power
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, PlantedEntry, Power
 from lammps_cases.studies.mutation.schedule import MutationPool, PlantedFault
 from lammps_cases.studies.mutation.unmutated import Control
 
@@ -77,13 +77,13 @@ def collect(
     begin = time.perf_counter()
     resolved = installations.resolve(engine)
     cases = casefile.select(casefile.load(), tag="quick" if quick_only else None)
-    found: tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]] = ((), ())
+    planted: tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]] = ((), ())
     who = EngineRecord(name=engine)
     if "faults" in sections:
         with MutationPool(resolved, jobs, open_store(), every) as pool:
             who = pool.judge.engine
             chosen = select(catalogue.faults(who.distribution), names, family, sample)
-            found = _faults(pool, cases, chosen, folder, f"{quick_only} {every}", progress)
+            planted = _faults(pool, cases, chosen, folder, f"{quick_only} {every}", progress)
     measured = _resolution(sections, cases, resolved, jobs, progress)
     alarmed = _alarms(sections, cases, resolved, jobs, progress)
     return Power(
@@ -93,7 +93,7 @@ def collect(
         not (names or family or sample is not None) and "faults" in sections,
         quick_only,
         round(time.perf_counter() - begin, 1),
-        *found,
+        *planted,
         measured,
         alarmed,
     )
@@ -103,19 +103,19 @@ def _faults(
     pool: MutationPool, cases: Sequence[Case], chosen: Sequence[Fault], folder: Path, mode: str, progress: Progress
 ) -> tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]]:
     key = hashlib.sha256(f"{record.sources()} {pool.judge.engine.library_sha256} {mode}".encode()).hexdigest()
-    known = record.kept(folder, key)
+    records = record.kept(folder, key)
     ordered = schedule.in_order(cases)
     without: list[Control] = pool.prepare(ordered, progress)
-    ahead = [fault for fault in chosen if fault.id not in known]
+    ahead = [fault for fault in chosen if fault.id not in records]
 
     def done(planted: PlantedFault) -> None:
         one = record.fault_record(planted, pool.quick)
-        known[one.id] = one
-        record.planted(folder).append(Kept(key, one))
-        progress.advance(sum(fault.id in known for fault in chosen), len(chosen), one.id)
+        records[one.id] = one
+        record.planted(folder).append(PlantedEntry(key, one))
+        progress.advance(sum(fault.id in records for fault in chosen), len(chosen), one.id)
 
     pool.plant(ahead, done)
-    return record.controls(without), record.with_arguments([known[fault.id] for fault in chosen])
+    return record.controls(without), record.with_arguments([records[fault.id] for fault in chosen])
 
 
 def _resolution(

@@ -100,14 +100,14 @@ def _parsed(text: str, where: str) -> list[ast.stmt]:
 
 def _expressions(inside: ast.stmt, old: ast.expr, new: ast.expr) -> list[Callable[[], None]]:
     """What replaces an expression, for each place that has it."""
-    found: list[Callable[[], None]] = []
+    changes: list[Callable[[], None]] = []
     for node in ast.walk(inside):
         for name, child in ast.iter_fields(node):
             if isinstance(child, list):
-                found += [_in_list(child, k, k + 1, [new]) for k, part in enumerate(child) if _same(part, old)]
+                changes += [_in_list(child, k, k + 1, [new]) for k, part in enumerate(child) if _same(part, old)]
             elif _same(child, old):
-                found.append(partial(setattr, node, name, new))
-    return found
+                changes.append(partial(setattr, node, name, new))
+    return changes
 
 
 def _statements(inside: ast.stmt, old: list[ast.stmt], new: list[ast.stmt]) -> list[Callable[[], None]]:

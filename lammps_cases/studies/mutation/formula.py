@@ -73,23 +73,23 @@ _KINDS: dict[str, Kind] = {
 @cache
 def faults() -> dict[str, SourceFault | LintFault]:
     """All faults of this family by their id, in order."""
-    found: list[SourceFault | LintFault] = []
+    planted: list[SourceFault | LintFault] = []
     for table, names in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
         for name in names:
             fault = f"formula.lint-{_slug(name)}"
-            found.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
+            planted.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
     for edit in TypeAdapter(list[Edit]).validate_python(read_yaml(EDITS, "faults")):
         module, name = split_name(edit.function)
         text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
-        found.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, module, text))
-    assert len({fault.id for fault in found}) == len(found), "two faults of one id"
-    return {fault.id: fault for fault in found}
+        planted.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, module, text))
+    assert len({fault.id for fault in planted}) == len(planted), "two faults of one id"
+    return {fault.id: fault for fault in planted}
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
     """The stages that make a mistake of the lint's."""
-    known = isinstance(fault, LintFault) and fault.table == "stage"
-    return model_mistakes.MUTANTS[fault.name].stages if known else None  # type: ignore[attr-defined]
+    in_lint = isinstance(fault, LintFault) and fault.table == "stage"
+    return model_mistakes.MUTANTS[fault.name].stages if in_lint else None  # type: ignore[attr-defined]
 
 
 def _slug(name: str) -> str:

@@ -26,7 +26,7 @@ from lammps_cases.scene.casefile import Case
 
 
 @dataclass(frozen=True)
-class Ran:
+class MachineRun:
     """Cases run by a process of its own: their records, and digests of the reference's fields."""
 
     records: dict[str, CaseRecord]
@@ -36,13 +36,13 @@ class Ran:
 def older() -> dict[str, str]:
     """Environment variables that switch off what newer processors have; a library that knows them not ignores them."""
     simd: Any = np.show_config(mode="dicts")
-    found = simd["SIMD Extensions"].get("found", [])
+    extensions = simd["SIMD Extensions"].get("found", [])
     switches = {
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F",
         "NUMBA_CPU_NAME": "generic",
         "OPENBLAS_CORETYPE": "Nehalem",
     }
-    return switches | ({"NPY_DISABLE_CPU_FEATURES": " ".join(found)} if found else {})
+    return switches | ({"NPY_DISABLE_CPU_FEATURES": " ".join(extensions)} if extensions else {})
 
 
 def run(
@@ -51,7 +51,7 @@ def run(
     settings: Mapping[str, str],
     jobs: int = 2,
     progress: Progress = SILENT,
-) -> Ran:
+) -> MachineRun:
     """Run cases by ``eos-ref run`` with some environment variables; without any, with the user's store.
 
     Raises
@@ -78,15 +78,15 @@ def run(
             try:
                 for line in process.stderr or ():
                     last = line.strip() or last
-                    if found := re.match(r"(\d+)/\d+ (.*)", line):
-                        progress.advance(int(found[1]), len(cases), f"machine: {found[2]}")
+                    if match := re.match(r"(\d+)/\d+ (.*)", line):
+                        progress.advance(int(match[1]), len(cases), f"machine: {match[2]}")
             except BaseException:
                 process.terminate()
                 raise
         if not (report / "run.json").exists():
             raise RuntimeError(f"eos-ref run on the other machine left no report: {last}")
         records = {record.case: record for record in read_run(report).cases}
-        return Ran(records, {name: _reference(report / "fields" / f"{name}.npz") for name in records})
+        return MachineRun(records, {name: _reference(report / "fields" / f"{name}.npz") for name in records})
 
 
 def _reference(file: Path) -> str:

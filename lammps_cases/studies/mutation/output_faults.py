@@ -177,7 +177,7 @@ def _per_field() -> Iterator[OutputFault]:
 @cache
 def faults() -> dict[str, OutputFault]:
     """All faults of this family by their id, in order."""
-    found = (
+    every = (
         *_per_field(),
         _fault(
             "all-shifted", "exchanged", "all arrays but the ids are those of the atom before", _all(_shifted, ("id",))
@@ -188,5 +188,5 @@ def faults() -> dict[str, OutputFault]:
         _fault("all-late", "stale", "all arrays are those of the reading before", _late),
         _fault("all-single", "single precision", "all arrays rounded to float32", _all(_single, ("id", "type"))),
     )
-    assert len({fault.id for fault in found}) == len(found), "two faults of one id"
-    return {fault.id: fault for fault in found}
+    assert len({fault.id for fault in every}) == len(every), "two faults of one id"
+    return {fault.id: fault for fault in every}

@@ -107,17 +107,17 @@ class Power:
     @property
     def complaints(self) -> list[str]:
         """What is wrong, a line each; none if all is as it must be."""
-        found = [f"control {control.family}: {red}" for control in self.controls for red in control.red]
+        lines = [f"control {control.family}: {red}" for control in self.controls for red in control.red]
         if not self.quick_only:
-            found += [f"unseen: {fault.id}: {fault.what}" for fault in self.missed if not fault.argued]
+            lines += [f"unseen: {fault.id}: {fault.what}" for fault in self.missed if not fault.argued]
         if self.whole:
             rates = [("quick", self.quick, QUICK_RATE)]
             rates += [] if self.quick_only else [("all", self.caught, ALL_RATE)]
             for name, count, least in rates:
                 if count < least * len(self.faults):
-                    found.append(f"{name} cases catch {count} of {len(self.faults)} faults, fewer than {least:.0%}")
+                    lines.append(f"{name} cases catch {count} of {len(self.faults)} faults, fewer than {least:.0%}")
         alarms = [alarm for run in self.alarms for alarm in run.alarms if not alarm.finding]
-        return found + [f"false alarm, {alarm.kind}: {alarm.case}: {alarm.message}" for alarm in alarms]
+        return lines + [f"false alarm, {alarm.kind}: {alarm.case}: {alarm.message}" for alarm in alarms]
 
 
 _DOCUMENT = Document("power", Power)
@@ -125,8 +125,8 @@ _DOCUMENT = Document("power", Power)
 
 def arguments() -> dict[tuple[str, str], str]:
     """Reasons why faults go unseen, by id and what they change."""
-    found = TypeAdapter(list[Argument]).validate_python(read_yaml(ARGUED, "arguments"))
-    return {(argument.id, argument.what): argument.reason for argument in found}
+    entries = TypeAdapter(list[Argument]).validate_python(read_yaml(ARGUED, "arguments"))
+    return {(argument.id, argument.what): argument.reason for argument in entries}
 
 
 def fault_record(planted: PlantedFault, quick: set[str]) -> FaultRecord:
@@ -138,20 +138,20 @@ def fault_record(planted: PlantedFault, quick: set[str]) -> FaultRecord:
 
 def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
     """Records of faults, with the reasons why those that no case sees go unseen."""
-    known = arguments()
+    reasons = arguments()
 
     def reason(fault: FaultRecord) -> str:
-        return "" if fault.caught_by else known.get((fault.id, fault.what), "")
+        return "" if fault.caught_by else reasons.get((fault.id, fault.what), "")
 
     return tuple(replace(fault, argued=reason(fault)) for fault in records)
 
 
-def controls(found: Sequence[Control]) -> tuple[ControlRecord, ...]:
+def controls(measured: Sequence[Control]) -> tuple[ControlRecord, ...]:
     """The control of every family: of `told` and `read` LAMMPS' own answers, of the others what the reference plays."""
 
     def of(family: Family) -> ControlRecord:
         by_lammps = family in ("told", "read")
-        used = [c for c in found if by_lammps or c.played is not None]
+        used = [c for c in measured if by_lammps or c.played is not None]
         red = [c for c in used if not (c.answered if by_lammps else c.played)]
         return ControlRecord(family, len(used), tuple(f"{c.case}: {'; '.join(c.red)}" for c in red))
 
@@ -175,7 +175,7 @@ def document(power: Power) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Kept:
+class PlantedEntry:
     """A line of ``planted.jsonl``: a fault that was planted, under the key of all it depends on."""
 
     key: str
@@ -193,9 +193,9 @@ def sources() -> str:
     return digest.hexdigest()
 
 
-def planted(folder: Path) -> Journal[Kept]:
+def planted(folder: Path) -> Journal[PlantedEntry]:
     """``planted.jsonl``: faults as they are done."""
-    return Journal(folder / "planted.jsonl", Kept)
+    return Journal(folder / "planted.jsonl", PlantedEntry)
 
 
 def kept(folder: Path, key: str) -> dict[str, FaultRecord]:

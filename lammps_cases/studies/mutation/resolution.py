@@ -18,7 +18,7 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation.perturbed import Judge, RepeatedCase, judge_of
+from lammps_cases.studies.mutation.perturbed import CaseJudge, RepeatedCase, judge_of
 from lammps_cases.studies.mutation.scene_numbers import Number, numbers
 
 PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
@@ -32,7 +32,7 @@ QUICK = "quick"
 
 
 @dataclass(frozen=True)
-class Change:
+class VisibleChange:
     """The smallest change of a number that a case sees.
 
     Attributes
@@ -71,13 +71,13 @@ class Resolution:
     relative_change: float | None
     candidates: int
     sensitive: int
-    best: Change | None
-    quick: Change | None
+    best: VisibleChange | None
+    quick: VisibleChange | None
     note: str = ""
 
 
 @dataclass(frozen=True)
-class Probe:
+class Sensitivity:
     """Where a case will see a number change: the estimate of the relative change; infinite: nowhere."""
 
     parameter: str
@@ -90,13 +90,13 @@ class Probe:
 # --- in a worker
 
 
-def probes(site: str | None, judge: Judge, ready: PreparedCase, parameters: Sequence[str]) -> list[Probe]:
+def probes(site: str | None, judge: CaseJudge, ready: PreparedCase, parameters: Sequence[str]) -> list[Sensitivity]:
     """Task: try every number of a case once, of some parameters or of all."""
     wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
     if not wanted:
         return []
     case = RepeatedCase(site, judge, ready)
-    return [Probe(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted]
+    return [Sensitivity(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted]
 
 
 def _estimate(case: RepeatedCase, number: Number) -> float:
@@ -124,24 +124,26 @@ def _estimate(case: RepeatedCase, number: Number) -> float:
     return math.inf
 
 
-def smallest(site: str | None, judge: Judge, ready: PreparedCase, places: Sequence[Probe]) -> list[tuple[str, Change]]:
+def smallest(
+    site: str | None, judge: CaseJudge, ready: PreparedCase, places: Sequence[Sensitivity]
+) -> list[tuple[str, VisibleChange]]:
     """Task: the smallest change seen of some numbers of a case, up or down."""
     case = RepeatedCase(site, judge, ready)
-    known = {(n.parameter, n.place): n for n in numbers(ready)}
-    found = []
+    by_place = {(n.parameter, n.place): n for n in numbers(ready)}
+    pairs = []
     for probe in places:
-        number = known[probe.parameter, probe.place]
+        number = by_place[probe.parameter, probe.place]
         changes = [
             change
             for sign in (1, -1)
             if (change := _counted(case, number, sign) if number.whole else _bisected(case, number, sign, probe))
         ]
         if changes:
-            found.append((probe.parameter, min(changes, key=lambda change: change.relative_change)))
-    return found
+            pairs.append((probe.parameter, min(changes, key=lambda change: change.relative_change)))
+    return pairs
 
 
-def _counted(case: RepeatedCase, number: Number, sign: int) -> Change | None:
+def _counted(case: RepeatedCase, number: Number, sign: int) -> VisibleChange | None:
     before = 0
     for k in WHOLE:
         if number.value + sign * k < 0:
@@ -152,7 +154,7 @@ def _counted(case: RepeatedCase, number: Number, sign: int) -> Change | None:
     return None
 
 
-def _bisected(case: RepeatedCase, number: Number, sign: int, probe: Probe) -> Change | None:
+def _bisected(case: RepeatedCase, number: Number, sign: int, probe: Sensitivity) -> VisibleChange | None:
     def altered(size: float) -> float:
         return number.value * (1 + sign * size)
 
@@ -162,14 +164,14 @@ def _bisected(case: RepeatedCase, number: Number, sign: int, probe: Probe) -> Ch
     bracket = _bracket(sees, min(max(1.5 * probe.estimate, 2 * FLOOR), LARGEST))
     if bracket is None:
         return None
-    seen, unseen = bracket
-    while seen > CLOSE * unseen:
-        middle = math.sqrt(seen * max(unseen, FLOOR))
-        if altered(middle) in (altered(seen), altered(unseen)):
+    visible, invisible = bracket
+    while visible > CLOSE * invisible:
+        middle = math.sqrt(visible * max(invisible, FLOOR))
+        if altered(middle) in (altered(visible), altered(invisible)):
             break
-        seen, unseen = (middle, unseen) if sees(middle) else (seen, middle)
-    below = abs(altered(unseen) - number.value) / abs(number.value)
-    return _change(case, number, altered(seen) - number.value, below)
+        visible, invisible = (middle, invisible) if sees(middle) else (visible, middle)
+    below = abs(altered(invisible) - number.value) / abs(number.value)
+    return _change(case, number, altered(visible) - number.value, below)
 
 
 def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
@@ -177,22 +179,22 @@ def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float]
     size = start
     if not sees(size):
         while size < LARGEST:
-            size, unseen = min(4 * size, LARGEST), size
+            size, invisible = min(4 * size, LARGEST), size
             if sees(size):
-                return size, unseen
+                return size, invisible
         return None
     while size > FLOOR:
-        seen, size = size, max(size / 4, FLOOR)
+        visible, size = size, max(size / 4, FLOOR)
         if not sees(size):
-            return seen, size if size > FLOOR else 0.0
+            return visible, size if size > FLOOR else 0.0
     return size, 0.0
 
 
-def _change(case: RepeatedCase, number: Number, change: float, unseen: float) -> Change:
+def _change(case: RepeatedCase, number: Number, change: float, unseen: float) -> VisibleChange:
     ratios = case.moved(number.job_with(number.value + change))
     leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
     relative = abs(change) / abs(number.value)
-    return Change(case.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
+    return VisibleChange(case.ready.case.name, number.place, number.value, change, relative, unseen, leaving)
 
 
 # --- in the parent
@@ -223,39 +225,41 @@ def measure(
 
         def done(what: str, tasks: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             for count, (name, future) in enumerate(tasks.items(), 1):
-                found = workers.outcome(future, LIMIT)
+                outcome = workers.outcome(future, LIMIT)
                 progress.advance(count, len(tasks), f"{what}: {name}")
-                yield name, [] if isinstance(found, Failure) else found
+                yield name, [] if isinstance(outcome, Failure) else outcome
 
         trying = {
             name: workers.call(probes, judge, one, tuple(parameters), time_limit=LIMIT) for name, one in ready.items()
         }
-        tried: dict[str, list[Probe]] = dict(done("resolution, tried", trying))
+        tried: dict[str, list[Sensitivity]] = dict(done("resolution, tried", trying))
         chosen = _chosen(tried, quick, ready)
         searching = {
             name: workers.call(smallest, judge, ready[name], of, time_limit=LIMIT) for name, of in chosen.items()
         }
-        found = [pair for _, pairs in done("resolution, bisected", searching) for pair in pairs]
-    return [_resolution(parameter, tried, found, quick) for parameter in _parameters(tried)]
+        pairs = [pair for _, of_case in done("resolution, bisected", searching) for pair in of_case]
+    return [_resolution(parameter, tried, pairs, quick) for parameter in _parameters(tried)]
 
 
-def _parameters(tried: dict[str, list[Probe]]) -> list[str]:
+def _parameters(tried: dict[str, list[Sensitivity]]) -> list[str]:
     return sorted({probe.parameter for places in tried.values() for probe in places})
 
 
-def _of(parameter: str, tried: dict[str, list[Probe]]) -> dict[str, Probe]:
+def _of(parameter: str, tried: dict[str, list[Sensitivity]]) -> dict[str, Sensitivity]:
     """The most promising number of a parameter in every case that has it."""
-    found = {}
+    best = {}
     for name, places in tried.items():
         of = [probe for probe in places if probe.parameter == parameter]
         if of:
-            found[name] = min(of, key=lambda probe: probe.estimate)
-    return found
+            best[name] = min(of, key=lambda probe: probe.estimate)
+    return best
 
 
-def _chosen(tried: dict[str, list[Probe]], quick: set[str], ready: dict[str, PreparedCase]) -> dict[str, list[Probe]]:
+def _chosen(
+    tried: dict[str, list[Sensitivity]], quick: set[str], ready: dict[str, PreparedCase]
+) -> dict[str, list[Sensitivity]]:
     """The most promising cases of every parameter, smaller ones first among equals."""
-    chosen: dict[str, list[Probe]] = {}
+    chosen: dict[str, list[Sensitivity]] = {}
     for parameter in _parameters(tried):
         of = {name: probe for name, probe in _of(parameter, tried).items() if math.isfinite(probe.estimate)}
         names = sorted(of, key=lambda name: (of[name].estimate, len(ready[name].atoms), name))
@@ -265,10 +269,10 @@ def _chosen(tried: dict[str, list[Probe]], quick: set[str], ready: dict[str, Pre
 
 
 def _resolution(
-    parameter: str, tried: dict[str, list[Probe]], found: Sequence[tuple[str, Change]], quick: set[str]
+    parameter: str, tried: dict[str, list[Sensitivity]], pairs: Sequence[tuple[str, VisibleChange]], quick: set[str]
 ) -> Resolution:
     of = _of(parameter, tried)
-    changes = sorted((c for p, c in found if p == parameter), key=lambda c: (c.relative_change, c.case))
+    changes = sorted((c for p, c in pairs if p == parameter), key=lambda c: (c.relative_change, c.case))
     best = changes[0] if changes else None
     return Resolution(
         parameter,
@@ -282,7 +286,7 @@ def _resolution(
     )
 
 
-def _note(best: Change | None, probe: Probe) -> str:
+def _note(best: VisibleChange | None, probe: Sensitivity) -> str:
     if best is None:
         return "no case sees it"
     if probe.whole:

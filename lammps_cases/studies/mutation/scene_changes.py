@@ -41,7 +41,7 @@ def exchanged(one: str, other: str) -> Callable[[BaseModel], Updates]:
 
 def as_style(style: str, **values: float) -> Callable[[LawSettings], Updates]:
     """Make an equation of state one of another style."""
-    return put(style=style, **dict.fromkeys(PARAMETER.values()), **values)
+    return put(**{"style": style, **dict.fromkeys(PARAMETER.values()), **values})
 
 
 def dropped(part: BaseModel) -> None:

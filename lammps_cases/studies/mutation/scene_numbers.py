@@ -48,10 +48,10 @@ def numbers(ready: PreparedCase) -> list[Number]:
     scene = ready.case.scene
     if scene.expect or scene.twin:
         return []
-    found = [*_of_types(ready), *_of_laws(ready), *_of_atoms(ready)]
+    candidates = [*_of_types(ready), *_of_laws(ready), *_of_atoms(ready)]
     if scene.interacts:
-        found += [*_of_model(ready), *_of_shift(ready), *_of_forces(ready)]
-    return [n for n in found if n.value != 0 and np.isfinite(n.value)]
+        candidates += [*_of_model(ready), *_of_shift(ready), *_of_forces(ready)]
+    return [n for n in candidates if n.value != 0 and np.isfinite(n.value)]
 
 
 def _scene(ready: PreparedCase, alter: Callable[[float], Scene]) -> Put:

@@ -108,12 +108,12 @@ class MutationPool:
 
     def prepare(self, cases: Sequence[Case], progress: Progress) -> list[Control]:
         """Have every case answered by both sides without a fault; only those as expected are used for faults."""
-        found: list[Control] = []
+        controls: list[Control] = []
         for control in self._together([self._control(case) for case in cases]):
-            found.append(control)
-            progress.advance(len(found), len(cases), f"without a fault: {control.case}")
-        known = {c.case: c for c in found}
-        order = [known[case.name] for case in cases]
+            controls.append(control)
+            progress.advance(len(controls), len(cases), f"without a fault: {control.case}")
+        by_case = {c.case: c for c in controls}
+        order = [by_case[case.name] for case in cases]
         self.answered = [c.case for c in order if c.answered]
         self.played = [c.case for c in order if c.answered and c.played]
         self.quick = {case.name for case in cases if "quick" in case.tags}
@@ -170,20 +170,20 @@ class MutationPool:
 
     def _ask_lammps(self, fault: Fault) -> Detecting:
         """Put cases to a fault in what LAMMPS is given, or in what is read from it."""
-        found: list[Detection] = []
+        detections: list[Detection] = []
         ahead = self._groups(self.answered)
-        while ahead and (self.every or not found):
+        while ahead and (self.every or not detections):
             names = ahead.pop(0)
             outcome = yield self._workers.call(
                 tasks.detect, self.folder, self.judge, fault.id, names, self.every, time_limit=LIMIT
             )
             if not isinstance(outcome, Failure):
-                found += outcome
+                detections += outcome
             elif len(names) > 1:
                 ahead[:0] = [[name] for name in names]  # which of them took the worker with it?
             else:
-                found += yield from self._ended(names[0], outcome)
-        return found
+                detections += yield from self._ended(names[0], outcome)
+        return detections
 
     def _ended(self, name: str, failure: Failure) -> Detecting:
         """Judge that LAMMPS, or what stands in for it, did not answer; any other failure is this program's."""
@@ -198,29 +198,29 @@ class MutationPool:
         """Have the mutated reference answer in place of LAMMPS, and judge the answers that differ."""
         mutation = _mutation(fault)
         enough = len(self.played) if self.every else ENOUGH
-        found: list[Detection] = []
+        detections: list[Detection] = []
         quick = [name for name in self.played if name in self.quick]
         ahead = [part for part in (quick, self.played[len(quick) :]) if part]
-        while ahead and (self.every or not found):
+        while ahead and (self.every or not detections):
             names = ahead.pop(0)
             played = yield self._call_substitute(mutation, names, enough)
             if isinstance(played, Failure):
                 if len(names) > 1:
                     ahead[:0] = [[name] for name in names]
                 else:
-                    found += yield from self._ended(names[0], played)
+                    detections += yield from self._ended(names[0], played)
                 continue
             for one in played:
                 outcome = yield self._workers.call(
                     tasks.judge_substitution, self.folder, self.judge, one, time_limit=LIMIT
                 )
-                found += [outcome] if isinstance(outcome, Detection) else []
-                if found and not self.every:
+                detections += [outcome] if isinstance(outcome, Detection) else []
+                if detections and not self.every:
                     break
             if len(played) >= enough:
                 rest = names[names.index(played[-1].case) + 1 :]
                 ahead[:0] = [rest] if rest else []
-        return found
+        return detections
 
     def _call_substitute(self, mutation: Mutation, names: list[str], enough: int) -> Future[list[Substitution]]:
         future: Future[list[Substitution]] = self._substitutes.schedule(

@@ -153,14 +153,14 @@ class SourceFault(Fault):
 @cache
 def faults() -> dict[str, SourceFault]:
     """The faults planted, by id: of every module those whose ids have the lowest hashes."""
-    found: dict[str, SourceFault] = {}
+    planted: dict[str, SourceFault] = {}
     for module, count in MODULES.items():
         tree = ast.parse(text_of(module))
         _check_names(module, tree)
         places = names(module, tree)
         chosen = sorted(places, key=lambda name: hashlib.sha256(name.encode()).digest())[:count]
-        found |= {name: _made(module, name, places[name]) for name in sorted(chosen)}
-    return found
+        planted |= {name: _made(module, name, places[name]) for name in sorted(chosen)}
+    return planted
 
 
 def excluded(module: str) -> dict[str, str]:
@@ -181,15 +181,15 @@ def excluded_assignments(module: str, tree: ast.Module) -> list[ast.Assign]:
     InputError
         A function that the module does not define, or that makes no such assignment.
     """
-    found: list[ast.Assign] = []
+    assignments: list[ast.Assign] = []
     for function, targets in EXCLUDED_ASSIGNMENTS.items():
         of, _, name = function.partition(":")
         for target in targets if of == module else ():
-            made = [node for node in ast.walk(definition(tree, name)) if _assigns(node, target)]
-            if not made:
+            matching = [node for node in ast.walk(definition(tree, name)) if _assigns(node, target)]
+            if not matching:
                 raise InputError("excluded assignment", "must be in the function", target, function)
-            found += made  # type: ignore[arg-type]
-    return found
+            assignments += matching  # type: ignore[arg-type]
+    return assignments
 
 
 def _assigns(node: ast.AST, target: str) -> bool:
@@ -204,13 +204,13 @@ def _check_names(module: str, tree: ast.Module) -> None:
 
 def names(module: str, tree: ast.Module) -> dict[str, int]:
     """Everything that can be changed in a module: id, and place in the order of the source."""
-    found: dict[str, int] = {}
-    seen: dict[str, int] = {}
+    by_id: dict[str, int] = {}
+    count: dict[str, int] = {}
     for place, (where, how, _, _) in enumerate(_changes(module, tree)):
         name = f"source.{_in_ids(module, where)}.{how}"
-        seen[name] = seen.get(name, 0) + 1
-        found[f"{name}-{seen[name]}"] = place
-    return found
+        count[name] = count.get(name, 0) + 1
+        by_id[f"{name}-{count[name]}"] = place
+    return by_id
 
 
 def _made(module: str, name: str, place: int) -> SourceFault:
@@ -240,12 +240,12 @@ Change = tuple[str, str, ast.stmt, Callable[[], None]]  # function, operator, st
 
 def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
     """Everything that can be changed, in the order of the source; the last entry makes the change in the tree."""
-    aside = excluded_assignments(module, tree)
+    left_out = excluded_assignments(module, tree)
     for name, function in _functions(module, tree):
         droppable = function.name not in ("__init__", "move")  # what is missing there ends every run at once
         for body, at in _statements(function):
             statement = body[at]
-            if statement in aside or (isinstance(statement, ast.If) and _of_type(statement.test)):
+            if statement in left_out or (isinstance(statement, ast.If) and _of_type(statement.test)):
                 continue
             yield from ((name, how, statement, change) for how, change in _of_statement(body, at, droppable))
 

@@ -86,9 +86,9 @@ class _Finder(importlib.abc.MetaPathFinder):
     ) -> importlib.machinery.ModuleSpec | None:
         if fullname != self.name:
             return None
-        found = importlib.machinery.PathFinder.find_spec(fullname, path)
-        assert found is not None and found.origin is not None
-        return importlib.util.spec_from_file_location(fullname, found.origin, loader=_Loader(self, found.origin))
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        assert spec is not None and spec.origin is not None
+        return importlib.util.spec_from_file_location(fullname, spec.origin, loader=_Loader(self, spec.origin))
 
 
 class _Loader(importlib.machinery.SourceFileLoader):
@@ -117,14 +117,14 @@ def answer_cases(
         Only of cases whose answers differ, in order.
     """
     load(mutation)
-    found: list[Substitution] = []
+    differing: list[Substitution] = []
     for name in names:
-        if len(found) >= enough:
+        if len(differing) >= enough:
             break
         substitution = _within(limit, name, lambda case: answer_case(mutation, folder, case, engine))
         if substitution.verdict or not _as_without(folder, substitution):
-            found.append(substitution)
-    return found
+            differing.append(substitution)
+    return differing
 
 
 def _within(limit: float, name: str, answer: Callable[[str], Substitution]) -> Substitution:

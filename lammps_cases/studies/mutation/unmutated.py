@@ -15,7 +15,7 @@ from lammps_cases.run.campaign import PreparedCase, faulty
 from lammps_cases.studies.mutation import substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep
 from lammps_cases.studies.mutation.fault import Detection
-from lammps_cases.studies.mutation.perturbed import Judge, PerturbedCase, outcome
+from lammps_cases.studies.mutation.perturbed import CaseJudge, PerturbedCase, outcome
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Control:
     red: tuple[str, ...] = ()
 
 
-def answer_case(site: str | None, folder: Path, judge: Judge, ready: PreparedCase, failed: str = "") -> Control:
+def answer_case(site: str | None, folder: Path, judge: CaseJudge, ready: PreparedCase, failed: str = "") -> Control:
     """Task: have LAMMPS and the reference answer a case, judge both, and keep the answers.
 
     ``failed`` says how LAMMPS' process ended, where an earlier attempt took its worker with it.
@@ -58,7 +58,7 @@ def answer_case(site: str | None, folder: Path, judge: Judge, ready: PreparedCas
     return Control(ready.case.name, plain.as_expected, played, tuple(red))
 
 
-def verdict(judge: Judge, case: PerturbedCase, outcomes: list[Outcome]) -> CaseRecord:
+def verdict(judge: CaseJudge, case: PerturbedCase, outcomes: list[Outcome]) -> CaseRecord:
     """Return the ordinary verdict; a fault of the harness is the verdict `error`, as it is in a run."""
     try:
         return judge.verdict(case, outcomes)

@@ -12,7 +12,7 @@ from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Box, Model, State
 from eos_ref.syntax.fixes import SurfaceDetection
-from lammps_cases.studies.stability.kinds import Look, Subject, moment_matrices
+from lammps_cases.studies.stability.kinds import Observation, Subject, moment_matrices
 from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, numbers, pressures, read
 
 NEAR = 0.8  # of a limit: from here on it is a warning
@@ -45,66 +45,66 @@ def advice(model: Model, box: Box, state: State, timestep: float | None, limits:
 
 def judge(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[Advice]:
     """See `advice`."""
-    known = read() if limits is None else limits
-    found: list[Advice] = []
+    measured = read() if limits is None else limits
+    lines: list[Advice] = []
     if timestep is not None:
-        found += time_step(model, numbers(model, state, timestep), known)
-        found += tension(model, state, known)
-    found += hyperbolicity(model, state)
+        lines += time_step(model, numbers(model, state, timestep), measured)
+        lines += tension(model, state, measured)
+    lines += hyperbolicity(model, state)
     if len(state.x_nc) <= MOST:
-        found += _neighbourhoods(model, box, state)
-    return found
+        lines += _neighbourhoods(model, box, state)
+    return lines
 
 
 # --- time step
 
 
-def time_step(model: Model, found: Numbers, limits: Limits) -> Iterable[Advice]:
+def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
     """The time step over measured limits, those of theory, and the growth of sound."""
-    measured = _nearest(limits, found)
-    theory = _theory(found)
+    measured = _nearest(limits, step)
+    theory = _theory(step)
     if measured is not None:
         fraction, text = measured
         yield Advice(f"time step is {fraction:.2f} of the measured limit ({text}), {theory}", fraction >= NEAR)
     else:
-        yield Advice(f"time step is {theory} (no measured limit)", found.fraction >= 1)
-    yield from _sound(model, found)
+        yield Advice(f"time step is {theory} (no measured limit)", step.fraction >= 1)
+    yield from _sound(model, step)
 
 
-def _theory(found: Numbers) -> str:
-    parts = [f"{found.acoustic:.2f} of CFL h/4(c+U)"]
-    if found.nu > 0:
-        parts.append(f"{found.viscous:.2f} of viscous h^2/8nu")
+def _theory(step: Numbers) -> str:
+    parts = [f"{step.acoustic:.2f} of CFL h/4(c+U)"]
+    if step.nu > 0:
+        parts.append(f"{step.viscous:.2f} of viscous h^2/8nu")
     return ", ".join(parts)
 
 
-def _nearest(limits: Limits, found: Numbers) -> tuple[float, str] | None:
+def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
     """The curve that the time step is nearest to: fraction of its stable end, and what it is."""
     places: dict[tuple[str, str], Curve] = {}
     for curve in limits.curves:  # a deck runs on LAMMPS: its limit goes before the reference's
         if curve.engine == "lammps" or (curve.map, curve.layer) not in places:
             places[curve.map, curve.layer] = curve
-    if not places or not found.fraction > 0:
+    if not places or not step.fraction > 0:
         return None
-    ratio = max(found.ratio, 1e-300)
+    ratio = max(step.ratio, 1e-300)
     near = [curve for curve in places.values() if curve.covers(ratio)] or list(places.values())
-    fraction, curve = max(((found.fraction / curve.at(ratio).low, curve) for curve in near), key=lambda pair: pair[0])
-    at, scale = curve.at(ratio), found.dt / found.fraction
-    side = "viscous" if found.viscous > found.acoustic else "sound"
+    fraction, curve = max(((step.fraction / curve.at(ratio).low, curve) for curve in near), key=lambda pair: pair[0])
+    at, scale = curve.at(ratio), step.dt / step.fraction
+    side = "viscous" if step.viscous > step.acoustic else "sound"
     outside = "" if curve.covers(ratio) else ", beyond the viscosities measured"
     where = f"{curve.map}, {curve.layer}" if curve.layer else curve.map
     text = f"{side}; {where}: {curve.above} from {at.low * scale:.3g} to {at.high * scale:.3g} on{outside}"
     return fraction, text
 
 
-def _sound(model: Model, found: Numbers) -> Iterable[Advice]:
+def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
     """Pressure lags half a step behind: a wave gains c^2 dt/2 k^2 and loses nu k^2 per time."""
-    limit = 2 * found.nu / found.c**2 if found.c > 0 else math.inf
-    if found.dt <= limit:
+    limit = 2 * step.nu / step.c**2 if step.c > 0 else math.inf
+    if step.dt <= limit:
         return
     damped = model.pair.artificial_viscosity > 0 or model.pair.rho_damp > 0
     rest = "; artificial viscosity and damping, which slow it, are not counted" if damped else ""
-    yield Advice(f"sound waves grow: time step {found.dt:.3g} > 2 nu/c^2 = {limit:.3g}{rest}", not damped)
+    yield Advice(f"sound waves grow: time step {step.dt:.3g} > 2 nu/c^2 = {limit:.3g}{rest}", not damped)
 
 
 # --- equations of state
@@ -184,7 +184,7 @@ def _matrices(model: Model, box: Box, state: State) -> Iterable[Advice]:
         model.eos,
         model,
     )
-    m_nbb, definite_n, used_n = moment_matrices(of, Look(0, state.x_nc, state.v_nc, rho_n, rho_n))
+    m_nbb, definite_n, used_n = moment_matrices(of, Observation(0, state.x_nc, state.v_nc, rho_n, rho_n))
     if not used_n.any():
         yield Advice(f"all particles have fewer than zmin = {model.fix.zmin} neighbours: no moment matrix is used")
         return

@@ -36,19 +36,19 @@ def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
     InputError
         A start that no deck can say: ids other than 1 to N, or a number that is not finite.
     """
-    told = job(start.case.scene, start.atoms, plan(start.case.scene))
-    _check(told)
+    deck_job = job(start.case.scene, start.atoms, plan(start.case.scene))
+    _check(deck_job)
     lines = [
         *(f"# {_plain(line)}" for line in note),
-        *told.setup,
+        *deck_job.setup,
         "",
-        *_atoms(told),
+        *_atoms(deck_job),
         "",
-        *told.commands,
+        *deck_job.commands,
         "",
-        *_output(told, every),
+        *_output(deck_job, every),
         "",
-        *(stretch.command for stretch in told.runs),
+        *(stretch.command for stretch in deck_job.runs),
     ]
     return "\n".join(lines) + "\n"
 
@@ -58,23 +58,25 @@ def _plain(line: str) -> str:
     return " ".join(line.split()).translate({ord(c): None for c in '&"'}).encode("ascii", "replace").decode()
 
 
-def _check(told: Job) -> None:
-    if not np.array_equal(told.id_n, np.arange(1, len(told.id_n) + 1)):
-        raise InputError("ids", "must be 1 to N in a deck: LAMMPS numbers the atoms that it creates", int(told.id_n[0]))
-    for name, values in {"x": told.x_nc, "v": told.v_nc, **told.per_atom}.items():
+def _check(deck_job: Job) -> None:
+    if not np.array_equal(deck_job.id_n, np.arange(1, len(deck_job.id_n) + 1)):
+        raise InputError(
+            "ids", "must be 1 to N in a deck: LAMMPS numbers the atoms that it creates", int(deck_job.id_n[0])
+        )
+    for name, values in {"x": deck_job.x_nc, "v": deck_job.v_nc, **deck_job.per_atom}.items():
         if values is not None and not np.isfinite(values).all():
             raise InputError(name, "must be finite in a deck: LAMMPS reads no other number", "inf or nan")
 
 
-def _atoms(told: Job) -> Iterable[str]:
+def _atoms(deck_job: Job) -> Iterable[str]:
     """Atoms in the order of their ids, and what each is given; what all share is said once."""
-    for t, (x, y, z) in zip(told.type_n.tolist(), told.x_nc.tolist(), strict=True):
+    for t, (x, y, z) in zip(deck_job.type_n.tolist(), deck_job.x_nc.tolist(), strict=True):
         # With remap an atom on the upper face of a periodic box is not left out.
         yield f"create_atoms {t} single {x!r} {y!r} {z!r} remap yes"
     given: dict[str, FloatArray] = {}
-    if told.v_nc is not None:
-        given |= {f"v{axis}": told.v_nc[:, k] for k, axis in enumerate("xyz")}
-    given |= {_SET[name]: np.asarray(values_n, float) for name, values_n in told.per_atom.items()}
+    if deck_job.v_nc is not None:
+        given |= {f"v{axis}": deck_job.v_nc[:, k] for k, axis in enumerate("xyz")}
+    given |= {_SET[name]: np.asarray(values_n, float) for name, values_n in deck_job.per_atom.items()}
     shared = {
         name for name, values_n in given.items() if len(set(values_n.tolist())) == 1 and not _minus_zero(values_n)
     }
@@ -82,7 +84,7 @@ def _atoms(told: Job) -> Iterable[str]:
         if given[name][0] != 0.0 or not name.startswith("v"):
             yield f"set group all {name} {float(given[name][0])!r}"
     own = {name: values_n.tolist() for name, values_n in given.items() if name not in shared}
-    for k in range(len(told.id_n) if own else 0):
+    for k in range(len(deck_job.id_n) if own else 0):
         yield f"set atom {k + 1} " + " ".join(f"{name} {values[k]!r}" for name, values in own.items())
 
 
@@ -90,18 +92,18 @@ def _minus_zero(values_n: FloatArray) -> bool:
     return bool((np.signbit(values_n) & (values_n == 0.0)).any())
 
 
-def _output(told: Job, every: int) -> Iterable[str]:
+def _output(deck_job: Job, every: int) -> Iterable[str]:
     """Thermo output and a dump: positions, velocities, density, what compute q of the job gives."""
     yield f"thermo {every}"
     yield "thermo_style custom step atoms ke"
     columns = ["id", "type", "x", "y", "z", "vx", "vy", "vz"]
     names: dict[str, str] = {}
-    if "rho" in told.atom_arrays and "rho" not in told.outputs:
+    if "rho" in deck_job.atom_arrays and "rho" not in deck_job.outputs:
         yield "compute density all rheo/property/atom rho"
         names["c_density"] = "rho"
-    single = sum(math.prod(shape) for shape in told.outputs.values()) == 1
+    single = sum(math.prod(shape) for shape in deck_job.outputs.values()) == 1
     place = 0
-    for name, shape in told.outputs.items():
+    for name, shape in deck_job.outputs.items():
         for k in range(math.prod(shape)):
             place += 1
             label = name if math.prod(shape) == 1 else f"{name}[{k + 1}]"

@@ -23,7 +23,7 @@ from eos_ref.model.parameters import BoolArray
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
 from lammps_cases.studies.stability import names
-from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, Cell, Engine, Kind, Ran, Theory
+from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, CellRun, Engine, Kind, MapCell, Theory
 from lammps_cases.studies.stability.record import MapRecord
 
 # Colours of Okabe & Ito (2008), which the colour-blind tell apart, and a shape of its own for every kind.
@@ -58,7 +58,7 @@ _LINES: tuple[dict[str, Any], ...] = (
     {"ls": (0, (6, 2, 1, 2, 1, 2)), "color": "#2e8b57"},
     {"ls": (0, (1, 2.5)), "color": "#8c5a3c", "lw": 1.8},
 )
-Link = Callable[[Cell], str]
+Link = Callable[[MapCell], str]
 Places = dict[tuple[float, float], dict[Engine, Kind]]
 
 
@@ -130,14 +130,14 @@ def _margins(axis: Axis) -> tuple[float, float]:
     return axis.low - spread, axis.high + spread
 
 
-def _draw_cells(axis: Any, ran: Sequence[Ran], link: Link, name: str) -> None:
+def _draw_cells(axis: Any, ran: Sequence[CellRun], link: Link, name: str) -> None:
     for kind in KINDS:
         cells = [r.cell for r in ran if r.outcome.kind == kind]
         if cells:
             _scatter(axis, kind, cells, link).set_gid(f"{name}-{KINDS.index(kind)}")
 
 
-def _scatter(axis: Any, kind: Kind, cells: Sequence[Cell], link: Link) -> Any:
+def _scatter(axis: Any, kind: Kind, cells: Sequence[MapCell], link: Link) -> Any:
     colour, shape = MARKS[kind]
     marks = axis.scatter(
         [c.x for c in cells],
@@ -173,14 +173,14 @@ def _middle(axis: Axis, boundary: Boundary) -> float:
 def chains(drawn: MapRecord, boundaries: Sequence[Boundary]) -> list[list[Boundary]]:
     """Boundaries between the same kinds, from line to line; a line without one ends the chain."""
     heights = sorted({b.y for b in boundaries} | set(drawn.lines))
-    found: dict[tuple[Kind, Kind, int], dict[float, Boundary]] = defaultdict(dict)
+    by_kinds: dict[tuple[Kind, Kind, int], dict[float, Boundary]] = defaultdict(dict)
     for y in heights:
         count: dict[tuple[Kind, Kind], int] = defaultdict(int)
         for b in sorted((b for b in boundaries if b.y == y), key=lambda b: b.low):
-            found[b.below, b.above, count[b.below, b.above]][y] = b
+            by_kinds[b.below, b.above, count[b.below, b.above]][y] = b
             count[b.below, b.above] += 1
     parts = []
-    for by_height in found.values():
+    for by_height in by_kinds.values():
         for there, group in itertools.groupby(heights, key=by_height.__contains__):
             if there:
                 parts.append([by_height[y] for y in group])
@@ -188,7 +188,7 @@ def chains(drawn: MapRecord, boundaries: Sequence[Boundary]) -> list[list[Bounda
 
 
 def _draw_difference(
-    axis: Any, drawn: MapRecord, ran: Sequence[Ran], boundaries: Sequence[Boundary], link: Link
+    axis: Any, drawn: MapRecord, ran: Sequence[CellRun], boundaries: Sequence[Boundary], link: Link
 ) -> None:
     """Both boundaries; cells of both engines, small and grey where they agree, in both colours where not."""
     for engine, colour in ENGINE_COLOURS.items():
@@ -209,12 +209,12 @@ def _draw_difference(
             mark.set_url(link(cell))
 
 
-def places(ran: Iterable[Ran]) -> Places:
+def places(ran: Iterable[CellRun]) -> Places:
     """Kinds by place and engine."""
-    found: Places = defaultdict(dict)
+    by_place: Places = defaultdict(dict)
     for r in ran:
-        found[r.cell.x, r.cell.y][r.engine] = r.outcome.kind
-    return dict(found)
+        by_place[r.cell.x, r.cell.y][r.engine] = r.outcome.kind
+    return dict(by_place)
 
 
 def _draw_theory(axis: Any, drawn: MapRecord, here: Sequence[Theory], theory: Sequence[Theory]) -> None:
@@ -239,7 +239,7 @@ def _value(x_of_y: Callable[[float], float], y: float) -> float:
         return math.nan
 
 
-def _legend(theory: Sequence[Theory], ran: Sequence[Ran]) -> list[Line2D | Patch]:
+def _legend(theory: Sequence[Theory], ran: Sequence[CellRun]) -> list[Line2D | Patch]:
     there = {r.outcome.kind for r in ran}
     handles: list[Line2D | Patch] = []
     for kind in KINDS:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from lammps_cases.findings import LEDGER
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.maps import maps
-from lammps_cases.studies.stability.model import Cell
+from lammps_cases.studies.stability.model import MapCell
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class ExpectedDifference:
     why: str
 
 
-def expected_difference(line: Agreement | Cell) -> ExpectedDifference | None:
+def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
     """What explains that the engines differ on a line, or in a cell; None: nothing."""
     for entry in LEDGER:
         for where in entry.expected_in_maps:

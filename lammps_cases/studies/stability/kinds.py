@@ -16,14 +16,14 @@ from eos_ref.model.parameters import BoolArray, Box, IntArray, Model
 from eos_ref.numbers.matrices import cholesky
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability.model import Kind, Watch
+from lammps_cases.studies.stability.model import FailureCriteria, Kind
 
 VANISHING = 0.01  # of rho0
 ON_TOP = 0.01  # spacings: particles nearer than this lie on top of each other
 
 
 @dataclass(frozen=True)
-class Look:
+class Observation:
     """Particles after a step, by id.
 
     Attributes
@@ -47,7 +47,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Found:
+class ParticleFailure:
     """A failure in one look: the particle (id) and the number that show it."""
 
     kind: Kind
@@ -106,7 +106,7 @@ def kinetic_energy(mass_n: FloatArray, v_nc: FloatArray) -> float:
         return float(0.5 * np.sum(mass_n[:, None] * np.square(v_nc)))
 
 
-def first(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     """The worst failure of a look, in the order of `KINDS`; None if the particles are sound.
 
     Parameters
@@ -116,22 +116,22 @@ def first(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found 
     """
     with np.errstate(all="ignore"):
         for detect in DETECTORS:
-            found = detect(of, watch, look, energy)
-            if found is not None:
-                return found
+            failure = detect(of, watch, look, energy)
+            if failure is not None:
+                return failure
     return None
 
 
-def _worst(of: Subject, kind: Kind, bad_n: BoolArray, size_n: Any, highest: bool = False) -> Found | None:
+def _worst(of: Subject, kind: Kind, bad_n: BoolArray, size_n: Any, highest: bool = False) -> ParticleFailure | None:
     """The particle among the bad ones whose number is lowest (or highest), the first of equals."""
     if not bad_n.any():
         return None
     at = np.flatnonzero(bad_n)
     k = at[np.argmax(size_n[at]) if highest else np.argmin(size_n[at])]
-    return Found(kind, int(of.id_n[k]), float(size_n[k]))
+    return ParticleFailure(kind, int(of.id_n[k]), float(size_n[k]))
 
 
-def lost(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def lost(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     """A particle beyond a face of the box that is not periodic; the value is how far."""
     low_c, high_c = np.array(of.box.low_c), np.array(of.box.high_c)
     beyond_nc = np.where(of.box.periodic, 0.0, np.maximum(low_c - look.x_nc, look.x_nc - high_c))
@@ -140,7 +140,7 @@ def lost(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found |
     return _worst(of, "lost particles", bad_n, far_n, highest=True) if of.moves else None
 
 
-def non_finite(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def non_finite(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     """A density or pressure that is NaN; a position or velocity that is no finite number. The value is NaN."""
     bad_n: BoolArray = np.isnan(look.rho_n) | np.isnan(look.pressure_n)
     if of.moves:
@@ -149,23 +149,29 @@ def non_finite(of: Subject, watch: Watch, look: Look, energy: float | None) -> F
     return _worst(of, "non-finite", bad_n, np.full(len(bad_n), np.nan))
 
 
-def overflow(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def overflow(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     """An infinite density or pressure."""
     worst_n = np.where(np.isinf(look.rho_n), look.rho_n, look.pressure_n)
     return _worst(of, "overflow", np.isinf(worst_n), worst_n)
 
 
-def negative_density(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def negative_density(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """A negative density; those that a law alone is given are no failure."""
     return _worst(of, "negative density", look.rho_n < 0, look.rho_n) if of.moves else None
 
 
-def vanishing_density(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def vanishing_density(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """A density of at most a hundredth of rho0."""
     return _worst(of, "vanishing density", look.rho_n <= VANISHING * of.rho0_n, look.rho_n) if of.moves else None
 
 
-def wall_penetration(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def wall_penetration(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """A fluid particle below the face of a wall; the value is its coordinate."""
     if watch.behind is None:
         return None
@@ -181,7 +187,9 @@ def wrapped(box: Box, x_nc: FloatArray) -> FloatArray:
         return np.where(box.periodic, x_nc - np.floor((x_nc - low_c) / edge_c) * edge_c, x_nc)
 
 
-def energy_growth(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def energy_growth(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """Kinetic energy beyond what the scene can supply; the atom with most of it, the value a ratio."""
     if watch.growth is None or energy is None:
         return None
@@ -189,10 +197,10 @@ def energy_growth(of: Subject, watch: Watch, look: Look, energy: float | None) -
     if now <= watch.growth * energy:
         return None
     own_n = of.mass_n * np.square(look.v_nc).sum(axis=1)
-    return Found("energy growth", int(of.id_n[np.argmax(own_n)]), now / energy if energy else np.inf)
+    return ParticleFailure("energy growth", int(of.id_n[np.argmax(own_n)]), now / energy if energy else np.inf)
 
 
-def too_close(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def too_close(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     """Two particles, not both solid, much nearer than they began; the value is their distance over the spacing."""
     if watch.closest is None:
         return None
@@ -207,13 +215,17 @@ def too_close(of: Subject, watch: Watch, look: Look, energy: float | None) -> Fo
     return _worst(of, "overlap", r_n < ON_TOP, r_n) or _worst(of, "clumping", r_n < watch.closest, r_n)
 
 
-def negative_pressure(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def negative_pressure(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """A negative pressure of the fluid, where a map watches for it."""
     bad_n = (look.pressure_n < 0) & ~of.solid_n
     return _worst(of, "negative pressure", bad_n, look.pressure_n) if watch.pressure else None
 
 
-def loss_of_hyperbolicity(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def loss_of_hyperbolicity(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """A fluid particle at a density at which dP/drho is not positive; the value is dP/drho."""
     if not watch.hyperbolic or of.eos is None:
         return None
@@ -227,7 +239,7 @@ def loss_of_hyperbolicity(of: Subject, watch: Watch, look: Look, energy: float |
     return _worst(of, "loss of hyperbolicity", ~(stiffness_n > 0), stiffness_n)
 
 
-def bad_matrix(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def bad_matrix(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     r"""A moment matrix without a Cholesky factor, or a badly conditioned one.
 
     The matrices are those of `eos_ref.evaluation.array_evaluator.ArrayEvaluator.moments` for the positions and
@@ -247,7 +259,7 @@ def bad_matrix(of: Subject, watch: Watch, look: Look, energy: float | None) -> F
     return _worst(of, "ill-conditioned matrix", bad_n, condition_n, highest=True)
 
 
-def moment_matrices(of: Subject, look: Look) -> tuple[FloatArray, BoolArray, BoolArray]:
+def moment_matrices(of: Subject, look: Observation) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Moment matrices of all particles (n, b, b), which have a Cholesky factor, and which are used (zmin)."""
     assert of.model is not None
     plain = ArrayEvaluator(of.model, of.box, of.type_n, of.solid_n)
@@ -262,7 +274,9 @@ def moment_matrices(of: Subject, look: Look) -> tuple[FloatArray, BoolArray, Boo
     return m_nbb, definite_n, plain.coordination_n >= of.model.fix.zmin
 
 
-def misclassified_surface(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def misclassified_surface(
+    of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
+) -> ParticleFailure | None:
     """A particle of another class than expected; the value is the class found. The first by id."""
     if not watch.surface or look.surface_n is None:
         return None
@@ -270,10 +284,10 @@ def misclassified_surface(of: Subject, watch: Watch, look: Look, energy: float |
     wrong = np.flatnonzero((expected_n >= 0) & (look.surface_n != expected_n))
     if not wrong.size:
         return None
-    return Found("misclassified surface", int(of.id_n[wrong[0]]), float(look.surface_n[wrong[0]]))
+    return ParticleFailure("misclassified surface", int(of.id_n[wrong[0]]), float(look.surface_n[wrong[0]]))
 
 
-def lost_digits(of: Subject, watch: Watch, look: Look, energy: float | None) -> Found | None:
+def lost_digits(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
     """A pressure with fewer correct digits than asked for, by the law in ball arithmetic; the value is how many."""
     if watch.digits is None or of.eos is None:
         return None
@@ -287,7 +301,7 @@ def lost_digits(of: Subject, watch: Watch, look: Look, energy: float | None) -> 
     return _worst(of, "lost digits", digits_n < watch.digits, digits_n)
 
 
-Detector = Callable[[Subject, Watch, Look, float | None], Found | None]
+Detector = Callable[[Subject, FailureCriteria, Observation, float | None], ParticleFailure | None]
 # From the worst on, as in `KINDS`: a later one may trust what an earlier one has found to be sound.
 DETECTORS: tuple[Detector, ...] = (
     lost,

@@ -16,7 +16,7 @@ from eos_ref.model.parameters import Model, State
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability.model import Boundary, Cell, Engine, Kind, StabilityMap
+from lammps_cases.studies.stability.model import Boundary, Engine, Kind, MapCell, StabilityMap
 
 FILE = Path(__file__).parent / "atlas-limits.json"
 
@@ -79,7 +79,7 @@ def _largest(values_n: Any) -> float:
 
 
 @dataclass(frozen=True)
-class Point:
+class LimitPoint:
     """A measured limit: ``fraction`` of `Numbers` between ``low`` and ``high``, at a ``ratio``."""
 
     ratio: float
@@ -95,9 +95,9 @@ class Curve:
     layer: str
     engine: Engine
     above: Kind
-    points: tuple[Point, ...]
+    points: tuple[LimitPoint, ...]
 
-    def at(self, ratio: float) -> Point:
+    def at(self, ratio: float) -> LimitPoint:
         """The limit at a ratio, interpolated in logarithms; beyond the ratios measured that of the nearest one."""
         logs = np.log([p.ratio for p in self.points])
         place = math.log(min(max(ratio, self.points[0].ratio), self.points[-1].ratio))
@@ -105,7 +105,9 @@ class Curve:
         def interpolated(values: Sequence[float]) -> float:
             return float(np.exp(np.interp(place, logs, np.log(values))))
 
-        return Point(ratio, interpolated([p.low for p in self.points]), interpolated([p.high for p in self.points]))
+        return LimitPoint(
+            ratio, interpolated([p.low for p in self.points]), interpolated([p.high for p in self.points])
+        )
 
     def covers(self, ratio: float) -> bool:
         """Whether a ratio lies within those measured."""
@@ -147,15 +149,15 @@ def measured(boundaries: Iterable[Boundary], maps: Mapping[str, StabilityMap], e
 
 
 def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[Curve, ...]:
-    found: dict[tuple[str, str, Engine], list[tuple[Point, Kind]]] = defaultdict(list)
+    by_layer: dict[tuple[str, str, Engine], list[tuple[LimitPoint, Kind]]] = defaultdict(list)
     for b in boundaries:
         point = _point(b, maps[b.map]) if b.below == "stable" and b.above != "stable" else None
         if point is not None:
-            found[b.map, b.layer, b.engine].append((point, b.above))
+            by_layer[b.map, b.layer, b.engine].append((point, b.above))
     curves = []
-    for (name, layer, side), points in sorted(found.items(), key=lambda item: item[0]):
+    for (name, layer, side), points in sorted(by_layer.items(), key=lambda item: item[0]):
         # Lines that differ in something else than their ratio: the lowest limit counts.
-        lowest: dict[float, tuple[Point, Kind]] = {}
+        lowest: dict[float, tuple[LimitPoint, Kind]] = {}
         for point, kind in sorted(points, key=lambda pair: pair[0].low):
             lowest.setdefault(float(f"{point.ratio:.4g}"), (point, kind))
         chosen = sorted(lowest.values(), key=lambda pair: pair[0].ratio)
@@ -164,29 +166,29 @@ def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) ->
     return tuple(curves)
 
 
-def _point(boundary: Boundary, of: StabilityMap) -> Point | None:
-    starts = [of.start(Cell(boundary.map, x, boundary.y, boundary.layer)) for x in (boundary.low, boundary.high)]
+def _point(boundary: Boundary, of: StabilityMap) -> LimitPoint | None:
+    starts = [of.start(MapCell(boundary.map, x, boundary.y, boundary.layer)) for x in (boundary.low, boundary.high)]
     if not _same(*starts) or starts[0].timestep == starts[1].timestep:
         return None
     low, high = (_numbers(start) for start in starts)
     if not (0 < low.fraction < math.inf and 0 < low.ratio < math.inf):
         return None
-    return Point(low.ratio, low.fraction, high.fraction)
+    return LimitPoint(low.ratio, low.fraction, high.fraction)
 
 
 def _tensions(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[Tension, ...]:
-    found: dict[tuple[str, str, Engine], Tension] = {}
+    by_layer: dict[tuple[str, str, Engine], Tension] = {}
     for b in boundaries:
         if (b.below, b.above) != ("clumping", "stable"):
             continue
-        low, high = (maps[b.map].start(Cell(b.map, x, b.y, b.layer)) for x in (b.low, b.high))
+        low, high = (maps[b.map].start(MapCell(b.map, x, b.y, b.layer)) for x in (b.low, b.high))
         if not _same(low, high) or low.case.scene.pressure == high.case.scene.pressure or low.timestep != high.timestep:
             continue
         shift = low.case.scene.rheo.shifting is not None
         one = Tension(b.map, b.layer, b.engine, shift, _pressure(low), _pressure(high))
         key = b.map, b.layer, b.engine
-        found[key] = max(one, found.get(key, one), key=lambda t: t.low)
-    return tuple(found[key] for key in sorted(found))
+        by_layer[key] = max(one, by_layer.get(key, one), key=lambda t: t.low)
+    return tuple(by_layer[key] for key in sorted(by_layer))
 
 
 def _pressure(start: Start) -> float:

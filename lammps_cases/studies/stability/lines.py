@@ -12,7 +12,7 @@ from lammps_cases.studies.stability.model import Axis, Boundary, Engine, Kind, S
 
 
 @dataclass(frozen=True)
-class Line:
+class MapLine:
     """A line of a map on an engine: all x at one y."""
 
     map: str
@@ -56,30 +56,30 @@ def middle(axis: Axis, low: float, high: float) -> float:
     return math.sqrt(low) * math.sqrt(high) if axis.log else (low + high) / 2
 
 
-def wanted(of: StabilityMap, known: Mapping[float, Kind]) -> list[float]:
+def wanted(of: StabilityMap, kinds: Mapping[float, Kind]) -> list[float]:
     """Places to be run next: the coarse ones, then those halfway between neighbours of different kind; none: done."""
-    missing = [x for x in places(of.x, of.coarse) if x not in known]
+    missing = [x for x in places(of.x, of.coarse) if x not in kinds]
     if missing:
         return missing
     return [
         middle(of.x, a, b)
-        for a, b in itertools.pairwise(sorted(known))
-        if known[a] != known[b] and coordinate(of.x, b) - coordinate(of.x, a) > of.x.width
+        for a, b in itertools.pairwise(sorted(kinds))
+        if kinds[a] != kinds[b] and coordinate(of.x, b) - coordinate(of.x, a) > of.x.width
     ]
 
 
-def boundaries(line: Line, known: Mapping[float, Kind]) -> tuple[Boundary, ...]:
+def boundaries(line: MapLine, kinds: Mapping[float, Kind]) -> tuple[Boundary, ...]:
     """Every change of kind along a line, from low to high."""
     return tuple(
-        Boundary(line.map, line.layer, line.y, line.engine, a, b, known[a], known[b])
-        for a, b in itertools.pairwise(sorted(known))
-        if known[a] != known[b]
+        Boundary(line.map, line.layer, line.y, line.engine, a, b, kinds[a], kinds[b])
+        for a, b in itertools.pairwise(sorted(kinds))
+        if kinds[a] != kinds[b]
     )
 
 
-def sequence(known: Mapping[float, Kind]) -> tuple[Kind, ...]:
+def sequence(kinds: Mapping[float, Kind]) -> tuple[Kind, ...]:
     """The kinds along a line, each stretch of one kind once."""
-    return tuple(kind for kind, _ in itertools.groupby(known[x] for x in sorted(known)))
+    return tuple(kind for kind, _ in itertools.groupby(kinds[x] for x in sorted(kinds)))
 
 
 def agreement(
@@ -87,7 +87,7 @@ def agreement(
 ) -> Agreement:
     """The verdict on a line that both engines have run."""
     sides: tuple[tuple[Engine, Mapping[float, Kind]], ...] = (("reference", reference), ("lammps", lammps))
-    ours, theirs = (boundaries(Line(of.id, layer, y, engine), known) for engine, known in sides)
+    ours, theirs = (boundaries(MapLine(of.id, layer, y, engine), of_engine) for engine, of_engine in sides)
     kinds = sequence(reference), sequence(lammps)
     same = kinds[0] == kinds[1] and all(_meet(of.x, a, b) for a, b in zip(ours, theirs, strict=True))
     return Agreement(of.id, layer, y, "same" if same else "differs", *kinds, (ours, theirs))

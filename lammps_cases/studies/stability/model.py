@@ -47,7 +47,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapCell:
     """A place on a map: the values of its axes, and which layer (a variant of the scene, as ``with shift``)."""
 
     map: str
@@ -57,7 +57,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Watch:
+class FailureCriteria:
     """What a run is watched for, beside what is always: numbers that are none, lost particles, errors, crashes, hangs.
 
     Attributes
@@ -87,7 +87,7 @@ class Watch:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CellOutcome:
     """How one engine ended in a cell.
 
     ``step``, ``atom`` (id) and ``value`` say where and with which number the failure was first seen, ``message`` what
@@ -104,12 +104,12 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Ran:
+class CellRun:
     """A cell that was run on an engine."""
 
-    cell: Cell
+    cell: MapCell
     engine: Engine
-    outcome: Outcome
+    outcome: CellOutcome
 
 
 @dataclass(frozen=True)
@@ -155,8 +155,8 @@ class StabilityMap:
     x: Axis
     y: Axis
     lines: tuple[float, ...]
-    start: Callable[[Cell], Start]
-    watch: Callable[[Cell], Watch]
+    start: Callable[[MapCell], Start]
+    watch: Callable[[MapCell], FailureCriteria]
     layers: tuple[str, ...] = ("",)
     coarse: int = 4
     theory: tuple[Theory, ...] = ()

@@ -6,15 +6,15 @@ import re
 import shlex
 
 from eos_ref import InputError
-from lammps_cases.studies.stability.model import Cell
+from lammps_cases.studies.stability.model import MapCell
 
 
-def name(cell: Cell) -> str:
+def name(cell: MapCell) -> str:
     """``MAP:LAYER:X:Y``, with numbers that read back as the same doubles."""
     return f"{cell.map}:{cell.layer}:{float(cell.x)!r}:{float(cell.y)!r}"
 
 
-def parse(text: str) -> Cell:
+def parse(text: str) -> MapCell:
     """The cell of a name.
 
     Raises
@@ -28,14 +28,14 @@ def parse(text: str) -> Cell:
         x, y = (float(number) for number in numbers)
     except ValueError:
         raise InputError("cell", "must be MAP:LAYER:X:Y with two numbers", text) from None
-    return Cell(first, x, y, layer)
+    return MapCell(first, x, y, layer)
 
 
-def command(cell: Cell) -> str:
+def command(cell: MapCell) -> str:
     """The command that runs a cell again."""
     return f"eos-ref stability --cell {shlex.quote(name(cell))}"
 
 
-def anchor(cell: Cell) -> str:
+def anchor(cell: MapCell) -> str:
     """A name that can stand in an address or be a file's, different for every cell."""
     return re.sub(r"[^A-Za-z0-9.+-]", lambda m: "__" if m[0] == ":" else f"_{ord(m[0]):x}_", name(cell))

@@ -20,7 +20,16 @@ from lammps_cases.studies.stability import draw, expected, names
 from lammps_cases.studies.stability.deck import deck
 from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.lines import Agreement
-from lammps_cases.studies.stability.model import KINDS, Boundary, Cell, Engine, Kind, Outcome, Ran, StabilityMap
+from lammps_cases.studies.stability.model import (
+    KINDS,
+    Boundary,
+    CellOutcome,
+    CellRun,
+    Engine,
+    Kind,
+    MapCell,
+    StabilityMap,
+)
 from lammps_cases.studies.stability.record import Atlas, MapRecord, read_state
 from lammps_cases.studies.stability.runs import watched
 
@@ -43,10 +52,10 @@ WHO: dict[Engine, str] = {"lammps": "LAMMPS", "reference": "reference"}
 class CellView:
     """A cell as the page shows it."""
 
-    cell: Cell
+    cell: MapCell
     anchor: str
-    lammps: Outcome | None
-    reference: Outcome | None
+    lammps: CellOutcome | None
+    reference: CellOutcome | None
     command: str
     deck: str
     shots: tuple[Shot, ...]
@@ -69,7 +78,7 @@ class MapView:
 
 
 @dataclass(frozen=True)
-class Difference:
+class EngineDifference:
     """A line on which the engines differ, in words."""
 
     map: str
@@ -119,26 +128,26 @@ def _facts(atlas: Atlas) -> Iterator[tuple[str, str]]:
 def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:
     figure = draw.map_figure(record, of.theory if of else (), lambda cell: "#" + names.anchor(cell))
     picture = saved(figure, folder / "figures", record.id)
-    telling = told_apart(record)
+    telling = informative_cells(record)
     decks = {cell: path for cell in telling if of and (path := write_deck(of, cell, folder))}
     same = sum(line.verdict == "same" for line in record.agreement)
     agreement = f"{same} of {len(record.agreement)} lines" if record.agreement else "not compared"
     return MapView(record, picture, rows(record, folder, decks, telling), kinds(record.cells), agreement)
 
 
-def told_apart(record: MapRecord) -> set[Cell]:
+def informative_cells(record: MapRecord) -> set[MapCell]:
     """The cells that show a map: where a failure begins, and where the engines end differently."""
-    found = {
-        Cell(b.map, b.high if KINDS.index(b.above) > KINDS.index(b.below) else b.low, b.y, b.layer)
+    cells = {
+        MapCell(b.map, b.high if KINDS.index(b.above) > KINDS.index(b.below) else b.low, b.y, b.layer)
         for b in record.boundaries
     }
-    ends: dict[Cell, set[Kind]] = {}
+    ends: dict[MapCell, set[Kind]] = {}
     for r in record.cells:
         ends.setdefault(r.cell, set()).add(r.outcome.kind)
-    return found | {cell for cell, both in ends.items() if len(both) > 1}
+    return cells | {cell for cell, both in ends.items() if len(both) > 1}
 
 
-def write_deck(of: StabilityMap, cell: Cell, folder: Path) -> str:
+def write_deck(of: StabilityMap, cell: MapCell, folder: Path) -> str:
     """Write the deck of a cell; its path from the page, or nothing where no deck can say it."""
     start, watch = of.start(cell), of.watch(cell)
     scene = watched(start.case.scene, watch)
@@ -152,17 +161,17 @@ def write_deck(of: StabilityMap, cell: Cell, folder: Path) -> str:
     return path
 
 
-def _difference(line: Agreement, record: MapRecord) -> Difference:
+def _difference(line: Agreement, record: MapRecord) -> EngineDifference:
     ours, theirs = line.boundaries
-    found = expected.expected_difference(line)
-    return Difference(
+    reason = expected.expected_difference(line)
+    return EngineDifference(
         record.id,
         record.title,
         line.layer,
         f"{record.y.name} = {line.y:.5g}",
         along(line.lammps, theirs, record),
         along(line.reference, ours, record),
-        f"{found.finding or 'no finding'}: {found.why}" if found else "",
+        f"{reason.finding or 'no finding'}: {reason.why}" if reason else "",
     )
 
 
@@ -174,15 +183,15 @@ def along(ends: Sequence[Kind], boundaries: Sequence[Boundary], record: MapRecor
     return text
 
 
-def rows(record: MapRecord, folder: Path, decks: Mapping[Cell, str], shown: Container[Cell]) -> list[CellView]:
+def rows(record: MapRecord, folder: Path, decks: Mapping[MapCell, str], shown: Container[MapCell]) -> list[CellView]:
     """Cells by layer, height and place; with pictures of the particles for those to be shown."""
-    outcomes: dict[Cell, dict[Engine, Outcome]] = {}
+    outcomes: dict[MapCell, dict[Engine, CellOutcome]] = {}
     for r in record.cells:
         outcomes.setdefault(r.cell, {})[r.engine] = r.outcome
-    made = []
+    views = []
     for cell in sorted(outcomes, key=lambda c: (record.layers.index(c.layer), c.y, c.x)):
         states = {side: read_state(folder, cell, side) for side in WHO if cell in shown}
-        made.append(
+        views.append(
             CellView(
                 cell,
                 names.anchor(cell),
@@ -193,7 +202,7 @@ def rows(record: MapRecord, folder: Path, decks: Mapping[Cell, str], shown: Cont
                 tuple(shot(state, WHO[side]) for side, state in states.items() if state is not None),
             )
         )
-    return made
+    return views
 
 
 def shot(state: Mapping[str, Any], who: str) -> Shot:
@@ -214,7 +223,7 @@ def shot(state: Mapping[str, Any], who: str) -> Shot:
     )
 
 
-def kinds(ran: Sequence[Ran]) -> dict[Kind, tuple[int, int]]:
+def kinds(ran: Sequence[CellRun]) -> dict[Kind, tuple[int, int]]:
     """How often each kind ended a run, on LAMMPS and on the reference."""
     ends = Counter((r.engine, r.outcome.kind) for r in ran)
     counted: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in KINDS}

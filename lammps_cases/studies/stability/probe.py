@@ -20,12 +20,12 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.scene.atoms import IntArray
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds
-from lammps_cases.studies.stability.kinds import Found, Look, Subject
-from lammps_cases.studies.stability.model import Cell, Engine, Kind, Outcome, StabilityMap, Watch
-from lammps_cases.studies.stability.runs import ReferenceRun, Run, Stopped, open_run
+from lammps_cases.studies.stability.kinds import Observation, ParticleFailure, Subject
+from lammps_cases.studies.stability.model import CellOutcome, Engine, FailureCriteria, Kind, MapCell, StabilityMap
+from lammps_cases.studies.stability.runs import ObservedRun, ReferenceRun, Stopped, open_run
 
 LIMIT = 30.0  # seconds that a cell may take
-Note = Callable[[Look], None]
+Note = Callable[[Observation], None]
 ARRAYS = {"x": "x_nc", "v": "v_nc", "rho": "rho_n", "pressure": "pressure_n", "id": "id_n", "type": "type_n"}
 ARRAYS |= {"low": "low_c", "high": "high_c"}
 
@@ -55,7 +55,7 @@ class Before:
 class Examined:
     """What came of a cell; ``before`` is None for a stable run, and for a law alone."""
 
-    outcome: Outcome
+    outcome: CellOutcome
     before: Before | None = None
 
 
@@ -63,7 +63,7 @@ class Examined:
 
 
 def follow(
-    run: Run, of: Subject, watch: Watch, steps: int, note: Note = lambda look: None, single: int = 0
+    run: ObservedRun, of: Subject, watch: FailureCriteria, steps: int, note: Note = lambda look: None, single: int = 0
 ) -> Examined:
     """Look at a run until its first failure.
 
@@ -83,11 +83,11 @@ def follow(
         run.begin()
         last = run.look()
     except Stopped as stop:
-        return Examined(Outcome(stop.kind, 0, stop.atom, message=stop.message))
+        return Examined(CellOutcome(stop.kind, 0, stop.atom, message=stop.message))
     energy = watch.energy
-    found = kinds.first(of, watch, last, energy)
-    if found is not None:
-        return _failed(of, found, 0, last)
+    failure = kinds.first(of, watch, last, energy)
+    if failure is not None:
+        return _failed(of, failure, 0, last)
     at_rest = kinds.kinetic_energy(of.mass_n, last.v_nc)
     while last.step < steps:
         note(last)
@@ -103,46 +103,48 @@ def follow(
         if energy is None:
             energy = max(at_rest, kinds.kinetic_energy(of.mass_n, look.v_nc))
         last = look
-    return Examined(Outcome("stable"))
+    return Examined(CellOutcome("stable"))
 
 
 def _advance(
-    run: Run, of: Subject, watch: Watch, steps: int, energy: float | None
-) -> tuple[Look | None, Found | None, str]:
+    run: ObservedRun, of: Subject, watch: FailureCriteria, steps: int, energy: float | None
+) -> tuple[Observation | None, ParticleFailure | None, str]:
     """Take steps: the look after them, what is wrong with it, and what the engine said."""
     try:
         run.advance(steps)
         look = run.look()
     except Stopped as stop:
-        return None, _seen(run, of, watch, energy) or Found(stop.kind, stop.atom), stop.message
+        return None, _failure_of_stopped(run, of, watch, energy) or ParticleFailure(stop.kind, stop.atom), stop.message
     return look, kinds.first(of, watch, look, energy), ""
 
 
-def _seen(run: Run, of: Subject, watch: Watch, energy: float | None) -> Found | None:
+def _failure_of_stopped(
+    run: ObservedRun, of: Subject, watch: FailureCriteria, energy: float | None
+) -> ParticleFailure | None:
     """What is wrong with a reference that has stopped in the middle of a step: its particles can still be looked at."""
     if not isinstance(run, ReferenceRun):
         return None
-    found = kinds.first(of, replace(watch, surface={}, condition=None, closest=None), run.look(), energy)
-    return found if found is not None and found.kind in ("non-finite", "lost particles") else None
+    failure = kinds.first(of, replace(watch, surface={}, condition=None, closest=None), run.look(), energy)
+    return failure if failure is not None and failure.kind in ("non-finite", "lost particles") else None
 
 
 def _step_by_step(
-    run: Run,
+    run: ObservedRun,
     of: Subject,
-    watch: Watch,
+    watch: FailureCriteria,
     stretch: int,
     energy: float | None,
-    last: Look,
-    known: tuple[Found, str],
+    last: Observation,
+    first_failure: tuple[ParticleFailure, str],
     note: Note,
 ) -> Examined:
     """The failing stretch again, one step at a time."""
-    end, (first, said) = last.step + stretch, known
+    end, (first, first_message) = last.step + stretch, first_failure
     try:
         run.back()
     except Stopped as stop:
         # What nobody wrote (a finding) makes LAMMPS end otherwise the second time.
-        return _failed(of, first, end, last, f"{said} (run again, it ended earlier: {stop.message})".strip())
+        return _failed(of, first, end, last, f"{first_message} (run again, it ended earlier: {stop.message})".strip())
     while last.step < end:
         look, failure, message = _advance(run, of, watch, 1, energy)
         if failure is not None:
@@ -150,15 +152,15 @@ def _step_by_step(
         assert look is not None
         last = look
         note(last)
-    return _failed(of, first, end, last, f"{said} (not seen when every step was looked at)".strip())
+    return _failed(of, first, end, last, f"{first_message} (not seen when every step was looked at)".strip())
 
 
-def _failed(of: Subject, found: Found, step: int, before: Look, message: str = "") -> Examined:
-    outcome = Outcome(found.kind, step, found.atom, found.value, message)
-    return Examined(outcome, _before(of, before, found.atom) if of.moves else None)
+def _failed(of: Subject, failure: ParticleFailure, step: int, before: Observation, message: str = "") -> Examined:
+    outcome = CellOutcome(failure.kind, step, failure.atom, failure.value, message)
+    return Examined(outcome, _before(of, before, failure.atom) if of.moves else None)
 
 
-def _before(of: Subject, look: Look, atom: int | None) -> Before:
+def _before(of: Subject, look: Observation, atom: int | None) -> Before:
     x_nc = kinds.wrapped(of.box, look.x_nc[:, : len(of.box.low_c)])
     ends = np.array(of.box.low_c), np.array(of.box.high_c)
     failing = () if atom is None else (atom,)
@@ -168,11 +170,13 @@ def _before(of: Subject, look: Look, atom: int | None) -> Before:
 # --- inside a worker
 
 
-def run_cell(site: str | None, start: Start, watch: Watch, side: Engine, trace: str, single: int = 0) -> Examined:
+def run_cell(
+    site: str | None, start: Start, watch: FailureCriteria, side: Engine, trace: str, single: int = 0
+) -> Examined:
     """Task of a worker: examine one cell; the last sound look is kept in the file ``trace``, should the worker die."""
     of, begin = kinds.subject(start), time.perf_counter()
 
-    def note(look: Look) -> None:
+    def note(look: Observation) -> None:
         partly = Path(f"{trace}.new")
         partly.write_bytes(pickle.dumps((look, time.perf_counter() - begin)))
         partly.replace(trace)
@@ -187,26 +191,28 @@ def run_cell(site: str | None, start: Start, watch: Watch, side: Engine, trace: 
 
 
 @dataclass(frozen=True)
-class Asked:
+class PendingCell:
     """A cell that a worker examines."""
 
     start: Start
-    watch: Watch
+    watch: FailureCriteria
     side: Engine
     trace: Path
     future: Future[Examined]
 
 
-def ask(of: StabilityMap, cell: Cell, side: Engine, workers: Workers, folder: Path, limit: float = LIMIT) -> Asked:
+def ask(
+    of: StabilityMap, cell: MapCell, side: Engine, workers: Workers, folder: Path, limit: float = LIMIT
+) -> PendingCell:
     """Queue a cell; ``folder`` is for traces of workers that die."""
     start, watch = of.start(cell), of.watch(cell)
     handle, name = tempfile.mkstemp(dir=folder, prefix="trace-")
     os.close(handle)
     future = workers.call(run_cell, start, watch, side, name, time_limit=limit)
-    return Asked(start, watch, side, Path(name), future)
+    return PendingCell(start, watch, side, Path(name), future)
 
 
-def settle(asked: Asked, workers: Workers, limit: float = LIMIT) -> Examined:
+def settle(pending: PendingCell, workers: Workers, limit: float = LIMIT) -> Examined:
     """Wait for a cell.
 
     A worker that dies becomes a `crash`, after the last sound look; it is sent through the last stretch again, step by
@@ -218,45 +224,47 @@ def settle(asked: Asked, workers: Workers, limit: float = LIMIT) -> Examined:
         A mistake of this project's own.
     """
     try:
-        outcome = workers.outcome(asked.future, limit)
+        outcome = workers.outcome(pending.future, limit)
         if not isinstance(outcome, Failure):
             return outcome
-        message = _said_of(asked.side, outcome)
+        message = _failure_message(pending.side, outcome)
         if outcome.verdict not in ("timeout", "crashed"):
-            raise RuntimeError(f"{asked.start.case.name} on {asked.side}: {message}")
+            raise RuntimeError(f"{pending.start.case.name} on {pending.side}: {message}")
         if outcome.verdict == "timeout":
-            return _died(asked, "hang", message, limit)
-        return _crashed(asked, message, workers, limit)
+            return _died(pending, "hang", message, limit)
+        return _crashed(pending, message, workers, limit)
     finally:
-        asked.trace.unlink(missing_ok=True)
+        pending.trace.unlink(missing_ok=True)
 
 
-def _said_of(side: Engine, failure: Failure) -> str:
+def _failure_message(side: Engine, failure: Failure) -> str:
     """What became of a worker; those of this package speak of LAMMPS, whatever they run."""
     return failure.message if side == "lammps" else failure.message.replace("LAMMPS", "the reference")
 
 
-def _crashed(asked: Asked, message: str, workers: Workers, limit: float) -> Examined:
-    known = _last(asked.trace)
-    if known is not None and asked.watch.every > 1:
-        told = asked.start, asked.watch, asked.side, str(asked.trace), max(known[0].step, 1)
-        again = workers.outcome(workers.call(run_cell, *told, time_limit=limit), limit)
+def _crashed(pending: PendingCell, message: str, workers: Workers, limit: float) -> Examined:
+    last = _last_observation(pending.trace)
+    if last is not None and pending.watch.every > 1:
+        arguments = pending.start, pending.watch, pending.side, str(pending.trace), max(last[0].step, 1)
+        again = workers.outcome(workers.call(run_cell, *arguments, time_limit=limit), limit)
         if not isinstance(again, Failure) and again.outcome.kind != "stable":
             return again  # a failure came before the crash
-        message = _said_of(asked.side, again) if isinstance(again, Failure) else f"{message} (once in two runs)"
-    return _died(asked, "crash", message, 0.0)
+        message = (
+            _failure_message(pending.side, again) if isinstance(again, Failure) else f"{message} (once in two runs)"
+        )
+    return _died(pending, "crash", message, 0.0)
 
 
-def _died(asked: Asked, kind: Kind, message: str, seconds: float) -> Examined:
-    steps, known, of = asked.start.steps[-1], _last(asked.trace), kinds.subject(asked.start)
-    if known is None:
-        return Examined(Outcome(kind, 0, message=message, seconds=seconds, steps=steps))
-    look, spent = known
-    outcome = Outcome(kind, look.step + 1, message=message, seconds=seconds or spent, steps=steps)
+def _died(pending: PendingCell, kind: Kind, message: str, seconds: float) -> Examined:
+    steps, last, of = pending.start.steps[-1], _last_observation(pending.trace), kinds.subject(pending.start)
+    if last is None:
+        return Examined(CellOutcome(kind, 0, message=message, seconds=seconds, steps=steps))
+    look, spent = last
+    outcome = CellOutcome(kind, look.step + 1, message=message, seconds=seconds or spent, steps=steps)
     return Examined(outcome, _before(of, look, None) if of.moves else None)
 
 
-def _last(trace: Path) -> tuple[Look, float] | None:
+def _last_observation(trace: Path) -> tuple[Observation, float] | None:
     """What a worker that died has left: a file of this process' own making."""
     content = trace.read_bytes() if trace.exists() else b""
     return pickle.loads(content) if content else None
@@ -269,7 +277,7 @@ def scratch() -> Iterator[Path]:
         yield Path(folder)
 
 
-def examine(of: StabilityMap, cell: Cell, side: Engine, workers: Workers, limit: float = LIMIT) -> Examined:
+def examine(of: StabilityMap, cell: MapCell, side: Engine, workers: Workers, limit: float = LIMIT) -> Examined:
     """Run a cell on an engine: how it ended, and the particles before."""
     with scratch() as folder:
         return settle(ask(of, cell, side, workers, folder, limit), workers, limit)

@@ -15,7 +15,7 @@ from lammps_cases.records.files import csv_text, write_arrays, write_atomically
 from lammps_cases.records.journal import Journal
 from lammps_cases.studies.stability import names
 from lammps_cases.studies.stability.lines import Agreement
-from lammps_cases.studies.stability.model import Axis, Boundary, Cell, Engine, Ran
+from lammps_cases.studies.stability.model import Axis, Boundary, CellRun, Engine, MapCell
 from lammps_cases.studies.stability.probe import Before
 
 _INFINITE = ConfigDict(ser_json_inf_nan="strings")
@@ -33,7 +33,7 @@ class MapRecord:
     layers: tuple[str, ...]
     lines: tuple[float, ...]
     seconds: float
-    cells: tuple[Ran, ...]
+    cells: tuple[CellRun, ...]
     boundaries: tuple[Boundary, ...]
     agreement: tuple[Agreement, ...]
 
@@ -59,13 +59,13 @@ class Atlas:
 
 
 @dataclass(frozen=True)
-class Kept:
+class CellEntry:
     """A line of ``cells.jsonl``: a cell that was run, under the key of all it depends on."""
 
     __pydantic_config__ = _INFINITE
 
     key: str
-    ran: Ran
+    ran: CellRun
 
 
 _DOCUMENT = Document("stability", Atlas)
@@ -104,20 +104,20 @@ def document(atlas: Atlas) -> dict[str, Any]:
     }
 
 
-def cells(folder: Path) -> Journal[Kept]:
+def cells(folder: Path) -> Journal[CellEntry]:
     """``cells.jsonl``: cells as they come; of those of one key the last counts."""
-    return Journal(folder / "cells.jsonl", Kept)
+    return Journal(folder / "cells.jsonl", CellEntry)
 
 
 # --- particles before a failure
 
 
-def state_file(folder: Path, cell: Cell, engine: Engine) -> Path:
+def state_file(folder: Path, cell: MapCell, engine: Engine) -> Path:
     """Where the particles before a failure are kept."""
     return folder / "states" / f"{names.anchor(cell)}--{engine}.npz"
 
 
-def write_state(folder: Path, cell: Cell, engine: Engine, before: Before | None) -> None:
+def write_state(folder: Path, cell: MapCell, engine: Engine, before: Before | None) -> None:
     """Keep the particles before a failure; without one, an older file of the cell goes."""
     file = state_file(folder, cell, engine)
     if before is None:
@@ -126,7 +126,7 @@ def write_state(folder: Path, cell: Cell, engine: Engine, before: Before | None)
         write_arrays(file, before.arrays())
 
 
-def read_state(folder: Path, cell: Cell, engine: Engine) -> dict[str, Any] | None:
+def read_state(folder: Path, cell: MapCell, engine: Engine) -> dict[str, Any] | None:
     """Arrays step, x, v, rho, pressure, id, type, low, high, failing (ids); None for a run without failure."""
     file = state_file(folder, cell, engine)
     if not file.exists():

@@ -21,8 +21,8 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import single
-from lammps_cases.studies.stability.kinds import Look
-from lammps_cases.studies.stability.model import Engine, Kind, Watch
+from lammps_cases.studies.stability.kinds import Observation
+from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
 
 class Stopped(RuntimeError):
@@ -36,7 +36,7 @@ class Stopped(RuntimeError):
         return Stopped, (self.kind, self.message, self.atom)
 
 
-class Run(Protocol):
+class ObservedRun(Protocol):
     """A run that stops to be looked at.
 
     `look`, `begin` and `advance` raise `Stopped`.
@@ -50,21 +50,21 @@ class Run(Protocol):
     def advance(self, steps: int) -> None:
         """Take steps."""
 
-    def look(self) -> Look:
+    def look(self) -> Observation:
         """The particles now."""
 
     def back(self) -> None:
         """Return to where the last stretch began."""
 
 
-def again(run: Run, stretches: Sequence[int]) -> None:
+def again(run: ObservedRun, stretches: Sequence[int]) -> None:
     """Run from the start through the same stretches: the same bits."""
     run.begin()
     for steps in stretches:
         run.advance(steps)
 
 
-def watched(scene: Scene, watch: Watch) -> Scene:
+def watched(scene: Scene, watch: FailureCriteria) -> Scene:
     """The scene with every field that is looked at among those compared."""
     if not scene.interacts:
         return scene
@@ -72,10 +72,10 @@ def watched(scene: Scene, watch: Watch) -> Scene:
     return scene.model_copy(update={"compare": tuple(dict.fromkeys([*scene.compare, *wanted]))})
 
 
-def _copied(step: int, *fields: Any) -> Look:
+def _copied(step: int, *fields: Any) -> Observation:
     """A look that shares no array with the engine."""
     copies: list[Any] = [None if array is None else np.array(array) for array in fields]
-    return Look(step, *copies)
+    return Observation(step, *copies)
 
 
 # --- reference
@@ -99,7 +99,7 @@ class LawRun:
     def advance(self, steps: int) -> None:
         """Nothing moves."""
 
-    def look(self) -> Look:
+    def look(self) -> Observation:
         """Pressures of the densities given."""
         a = self.start.atoms
         assert a.rho_n is not None
@@ -110,7 +110,7 @@ class LawRun:
             raise Stopped("error", str(error)) from None
         d = self.start.case.scene.dimension
         v_nc = np.zeros(a.x_nc.shape) if a.v_nc is None else a.v_nc
-        return Look(0, a.x_nc[:, :d], v_nc[:, :d], a.rho_n, pressure_n, a.energy_n)
+        return Observation(0, a.x_nc[:, :d], v_nc[:, :d], a.rho_n, pressure_n, a.energy_n)
 
     def back(self) -> None:
         """Nothing moves."""
@@ -119,7 +119,7 @@ class LawRun:
 class ReferenceRun:
     """The compiled reference; what it refuses stops the run."""
 
-    def __init__(self, start: Start, watch: Watch) -> None:
+    def __init__(self, start: Start, watch: FailureCriteria) -> None:
         self.start, self.step = start, 0
         self.fields = ("surface",) if watch.surface else ()
         self._stretches: list[int] = []
@@ -161,7 +161,7 @@ class ReferenceRun:
         with np.errstate(all="ignore"):
             self.simulation.run(steps, self.start.timestep)
 
-    def look(self) -> Look:
+    def look(self) -> Observation:
         """The state now, also of a run that has stopped."""
         simulation = self.simulation
         s = simulation.state
@@ -196,7 +196,7 @@ def saying(error: str) -> Kind:
 class LammpsRun:
     """LAMMPS itself; its errors stop the run."""
 
-    def __init__(self, start: Start, watch: Watch, instance: Instance) -> None:
+    def __init__(self, start: Start, watch: FailureCriteria, instance: Instance) -> None:
         self.start, self.instance, self.step = start, instance, 0
         scene = watched(start.case.scene, watch)
         self.job = job(scene, start.atoms, _planned(scene))
@@ -227,7 +227,7 @@ class LammpsRun:
         missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.stepping.lmp)["id"])
         return int(missing[0]) if missing.size else None
 
-    def look(self) -> Look:
+    def look(self) -> Observation:
         """LAMMPS' arrays by id."""
         with _stopping(self.instance):
             arrays = self.stepping.read()
@@ -263,7 +263,7 @@ def _stopping(instance: Instance) -> Iterator[Any]:
         raise Stopped(saying(str(error)), str(error)) from None
 
 
-def open_run(start: Start, watch: Watch, side: Engine, instance: Instance) -> Run:
+def open_run(start: Start, watch: FailureCriteria, side: Engine, instance: Instance) -> ObservedRun:
     """The run of a start on an engine, not begun."""
     if side == "lammps":
         return LammpsRun(start, watch, instance)

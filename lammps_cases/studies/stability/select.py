@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from eos_ref import InputError
 from eos_ref.errors import nearest
-from lammps_cases.studies.stability.model import Cell, StabilityMap
+from lammps_cases.studies.stability.model import MapCell, StabilityMap
 
 
-def maps(known: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str | None = None) -> list[StabilityMap]:
+def maps(by_id: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str | None = None) -> list[StabilityMap]:
     """Maps by name or wild-card pattern and by tag; without either, all that are not tagged long.
 
     Raises
@@ -20,22 +20,22 @@ def maps(known: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str 
     """
     wanted: set[str] = set()
     for name in names:
-        hits = fnmatch.filter(known, name)
+        hits = fnmatch.filter(by_id, name)
         if not hits:
-            raise _missing(known, name)
+            raise _missing(by_id, name)
         wanted.update(hits)
-    chosen = [one for one in known.values() if not names or one.id in wanted]
+    chosen = [one for one in by_id.values() if not names or one.id in wanted]
     if tag is not None:
         chosen = [one for one in chosen if tag in one.tags]
         if not chosen:
-            tags = sorted({t for one in known.values() for t in one.tags})
+            tags = sorted({t for one in by_id.values() for t in one.tags})
             raise InputError("tag", f"no map has it (tags: {', '.join(tags)})", tag)
     elif not names:
         chosen = [one for one in chosen if "long" not in one.tags]
     return chosen
 
 
-def of_cell(known: Mapping[str, StabilityMap], cell: Cell) -> StabilityMap:
+def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
     """The map of a cell.
 
     Raises
@@ -43,9 +43,9 @@ def of_cell(known: Mapping[str, StabilityMap], cell: Cell) -> StabilityMap:
     InputError
         There is no such map, or it has no such layer, or the place lies outside.
     """
-    if cell.map not in known:
-        raise _missing(known, cell.map)
-    of = known[cell.map]
+    if cell.map not in by_id:
+        raise _missing(by_id, cell.map)
+    of = by_id[cell.map]
     if cell.layer not in of.layers:
         raise InputError("layer", f"must be one of {', '.join(map(repr, of.layers))}", cell.layer)
     for axis, value in ((of.x, cell.x), (of.y, cell.y)):
@@ -54,5 +54,5 @@ def of_cell(known: Mapping[str, StabilityMap], cell: Cell) -> StabilityMap:
     return of
 
 
-def _missing(known: Mapping[str, StabilityMap], name: str) -> InputError:
-    return InputError("map", f"does not exist{nearest(name, known)}", name)
+def _missing(by_id: Mapping[str, StabilityMap], name: str) -> InputError:
+    return InputError("map", f"does not exist{nearest(name, by_id)}", name)

@@ -43,7 +43,7 @@ class Single(ArrayEvaluator):
 
 def simulation(model: Model, box: Box, state: State, fields: Iterable[str] = ()) -> Simulation:
     """A fluid whose state is float32."""
-    made = Simulation(model, box, state, fields, Single)
-    made.mass_n = made.mass_n.astype(np.float32)
-    made.other_nc = made.other_nc.astype(np.float32)
-    return made
+    sim = Simulation(model, box, state, fields, Single)
+    sim.mass_n = sim.mass_n.astype(np.float32)
+    sim.other_nc = sim.other_nc.astype(np.float32)
+    return sim

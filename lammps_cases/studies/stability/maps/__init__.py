@@ -13,10 +13,10 @@ MODULES = ("timestep", "laws", "matrices", "precision", "tension", "surfaces", "
 @cache
 def maps() -> dict[str, StabilityMap]:
     """All maps by id, in the order of their modules."""
-    found: dict[str, StabilityMap] = {}
+    by_id: dict[str, StabilityMap] = {}
     for name in MODULES:
         for one in importlib.import_module(f"{__name__}.{name}").MAPS:
-            if one.id in found:
+            if one.id in by_id:
                 raise ValueError(f"two maps are called {one.id}")
-            found[one.id] = one
-    return found
+            by_id[one.id] = one
+    return by_id

@@ -17,7 +17,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 RHO0, CS = 1.2, 3.1
 STIFFNESS = CS * CS * RHO0  # the natural unit of pressure
@@ -58,8 +58,8 @@ def _tait(gamma: float) -> dict[str, Any]:
     return {"style": "tait/general", "gamma": gamma}
 
 
-def _plain(cell: Cell) -> Watch:
-    return Watch()
+def _plain(cell: MapCell) -> FailureCriteria:
+    return FailureCriteria()
 
 
 def _overflow(gamma: float) -> float:
@@ -95,14 +95,14 @@ NEGATIVE = StabilityMap(
     y=Axis("gamma", -2.0, 8.0, 0.1),
     lines=(-1.5, 1.4, 2.3, 4.0, 7.0),
     start=lambda cell: alone("tait-negative", _tait(cell.y), RHO0 * cell.x),
-    watch=lambda cell: Watch(hyperbolic=True),
+    watch=lambda cell: FailureCriteria(hyperbolic=True),
     theory=(Theory("real and rising", _zero),),
     tags=("quick",),
     quick_lines=(2.3, 4.0),
 )
 
 
-def _cubic(cell: Cell) -> Start:
+def _cubic(cell: MapCell) -> Start:
     sign = -1.0 if cell.layer == "stretched" else 1.0
     law = {"style": "cubic", "A3": -cell.y / RHO0**2}
     return alone(f"cubic-{cell.layer}", law, RHO0 * (1 + sign * cell.x))
@@ -118,7 +118,7 @@ CUBIC = StabilityMap(
     y=Axis("-A3 rho0^2", 0.1, 30.0, 0.1, log=True),
     lines=(0.1, 0.4, 1.6, 25.6),
     start=_cubic,
-    watch=lambda cell: Watch(pressure=True) if cell.layer == "sign" else Watch(hyperbolic=True),
+    watch=lambda cell: FailureCriteria(pressure=True) if cell.layer == "sign" else FailureCriteria(hyperbolic=True),
     layers=("compressed", "stretched", "sign"),
     theory=(
         Theory("spinodal", lambda y: 1 / math.sqrt(3 * y), "compressed"),
@@ -136,7 +136,7 @@ GAS = StabilityMap(
     y=Axis("energy per mass", -1.0, 2.0, 0.1),
     lines=(-1.0, 0.5, 2.0),
     start=lambda cell: alone("gas-gamma", {"style": "ideal/gas", "gamma": cell.x}, RHO0, cell.y),
-    watch=lambda cell: Watch(pressure=True, hyperbolic=True),
+    watch=lambda cell: FailureCriteria(pressure=True, hyperbolic=True),
     theory=(Theory("gamma = 1", lambda y: 1.0),),
     tags=("quick",),
     engines_differ="the reference refuses a heat capacity ratio that is none; LAMMPS takes it, the manual is silent",
@@ -150,7 +150,7 @@ ENERGY = StabilityMap(
     y=Axis("gamma", 1.0, 2.0, 0.1),
     lines=(1.05, 1.4, 5 / 3),
     start=lambda cell: alone("gas-energy", {"style": "ideal/gas", "gamma": cell.y}, RHO0, cell.x),
-    watch=lambda cell: Watch(pressure=True, hyperbolic=True),
+    watch=lambda cell: FailureCriteria(pressure=True, hyperbolic=True),
     theory=(Theory("e = 0", lambda y: 0.0),),
 )
 
@@ -173,7 +173,7 @@ LIMIT = StabilityMap(
     y=Axis("rho/rho0", 1.001, 10.0, 0.1, log=True),
     lines=(1.01, 1.3, 4.0),
     start=lambda cell: alone("gamma-0", _tait(cell.x), RHO0 * cell.y),
-    watch=lambda cell: Watch(digits=DIGITS),
+    watch=lambda cell: FailureCriteria(digits=DIGITS),
     engines_differ="LAMMPS evaluates the power as printed, which loses the digits that gamma has below 1",
     theory=(Theory(f"{DIGITS} digits left", _limit),),
     tags=("quick",),
@@ -181,7 +181,7 @@ LIMIT = StabilityMap(
 )
 
 
-def _background(cell: Cell) -> Start:
+def _background(cell: MapCell) -> Start:
     law = {"style": cell.layer}
     return alone(f"background-{cell.layer}", law, RHO0 * cell.y, background=STIFFNESS * cell.x)
 
@@ -194,7 +194,7 @@ BACKGROUND = StabilityMap(
     y=Axis("rho/rho0", 0.5, 1.3, 0.1),
     lines=(0.8, 0.95, 1.05, 1.2),
     start=_background,
-    watch=lambda cell: Watch(pressure=True),
+    watch=lambda cell: FailureCriteria(pressure=True),
     layers=("linear", "tait/water"),
     theory=(Theory("P = 0", lambda y: 1 - y, "linear"), Theory("P = 0", lambda y: (1 - y**7) / 7, "tait/water")),
     tags=("quick",),

@@ -22,7 +22,7 @@ from lammps_cases.findings.kernels import STALE_GRADIENT_BELOW_ZMIN
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 CONDITION = 1e12  # leaves four digits of a double's sixteen
 CS, NU = 10.0, 0.5
@@ -31,13 +31,13 @@ STEPS, EVERY = 20, 5
 _FLUID: dict[str, Any] = {"types": [fluid(cs=CS, viscosity=NU)]}
 
 
-def _kernel(cell: Cell) -> KernelStyle:
+def _kernel(cell: MapCell) -> KernelStyle:
     kernel: dict[str, KernelStyle] = {"RK0": "RK0", "RK1": "RK1", "RK2": "RK2"}
     return kernel[cell.layer.split()[0]]
 
 
 def _start(
-    cell: Cell, x_nc: FloatArray, high_c: tuple[float, float], cut: float, zmin: int, periodic: tuple[bool, bool]
+    cell: MapCell, x_nc: FloatArray, high_c: tuple[float, float], cut: float, zmin: int, periodic: tuple[bool, bool]
 ) -> Start:
     """Particles of unit volume with small random velocities, in a box with empty space beyond its open faces."""
     options = Options(_kernel(cell), cut, zmin=zmin)
@@ -45,7 +45,7 @@ def _start(
     dt = 0.1 * time_step(options, CS, NU)
     v_nc = np.random.default_rng(seed(f"{cell.map}/velocity")).uniform(-0.1, 0.1, x_nc.shape)
     ends = tuple(high if around else high + MARGIN for high, around in zip(high_c, periodic, strict=True))
-    made = start(
+    moving = start(
         f"{cell.map}-{cell.layer.replace(' ', '-').lower()}",
         _FLUID,
         x_nc,
@@ -57,13 +57,13 @@ def _start(
         v_nc=v_nc,
         periodic=periodic,
     )
-    return made if cell.layer.endswith("run") else replace(made, steps=(0,))
+    return moving if cell.layer.endswith("run") else replace(moving, steps=(0,))
 
 
-def _watch(cell: Cell) -> Watch:
+def _watch(cell: MapCell) -> FailureCriteria:
     if cell.layer.endswith("run"):
-        return Watch(every=EVERY, growth=100.0)
-    return Watch(every=EVERY, condition=CONDITION)
+        return FailureCriteria(every=EVERY, growth=100.0)
+    return FailureCriteria(every=EVERY, condition=CONDITION)
 
 
 def square(disorder: float, name: str) -> FloatArray:
@@ -72,7 +72,7 @@ def square(disorder: float, name: str) -> FloatArray:
     return np.asarray(x_nc + disorder * np.random.default_rng(seed(f"{name}/positions")).uniform(-1, 1, x_nc.shape))
 
 
-def _lattice(cell: Cell) -> Start:
+def _lattice(cell: MapCell) -> Start:
     """A periodic square lattice in disorder."""
     x_nc = np.mod(square(cell.y, cell.map), EDGE)
     return _start(cell, x_nc, (EDGE, EDGE), cell.x, 0, (True, True))
@@ -98,7 +98,7 @@ LATTICE = StabilityMap(
 )
 
 
-def _corner(cell: Cell) -> Start:
+def _corner(cell: MapCell) -> Start:
     """A square of particles without anything around it; zmin is the whole number below x."""
     return _start(cell, square(0.0, cell.map), (EDGE, EDGE), cell.y, math.floor(cell.x), (False, False))
 
@@ -138,7 +138,7 @@ ZMIN = StabilityMap(
 )
 
 
-def _surface(cell: Cell) -> Start:
+def _surface(cell: MapCell) -> Start:
     return _start(cell, square(cell.y, cell.map), (EDGE, EDGE), cell.x, 0, (False, False))
 
 
@@ -161,7 +161,7 @@ SURFACE = StabilityMap(
 )
 
 
-def _row(cell: Cell) -> Start:
+def _row(cell: MapCell) -> Start:
     """A periodic row, every second particle off the line."""
     n = 2 * EDGE
     x_nc = np.stack([np.arange(n) + 0.5, 2.0 + cell.x * (np.arange(n) % 2)], axis=1)

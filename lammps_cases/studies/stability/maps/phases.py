@@ -16,7 +16,7 @@ import numpy as np
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step, under
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 SIZE = 12  # edge of the periodic box; the slab of the heavy fluid takes half of it
 DISORDER = 0.1  # spacings
@@ -30,7 +30,7 @@ def _time_step(sound: float) -> float:
     return min(time_step(Options(), sound, NU * sound), 2 * NU / sound)
 
 
-def _slabs(cell: Cell) -> Start:
+def _slabs(cell: MapCell) -> Start:
     x_nc, faster = rows(0, SIZE, SIZE), max(1.0, cell.y)
     heavy_n = np.abs(x_nc[:, 0] - SIZE / 2) < SIZE / 4
     x_nc += DISORDER * np.random.default_rng(seed("phases")).uniform(-1, 1, x_nc.shape)
@@ -81,7 +81,7 @@ MAPS = (
         Axis("speed of sound of the light fluid / of the heavy one", 0.5, 2.0, 0.1),
         (0.5, 1.0, 2.0),
         _slabs,
-        lambda cell: Watch(every=10, closest=0.5),
+        lambda cell: FailureCriteria(every=10, closest=0.5),
         ("continuity", "harmonic/means", "rho/sum", "rho/sum self/mass"),
         theory=(
             Theory("viscous limit", viscous_limit, "continuity"),

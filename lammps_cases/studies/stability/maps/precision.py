@@ -15,13 +15,13 @@ import numpy as np
 
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 EDGE = 6  # spacings
 SPEED = 1.0  # of the flow
 
 
-def _shear(cell: Cell, cs: float, nu: float, offset: float, fraction: float, steps: int) -> Start:
+def _shear(cell: MapCell, cs: float, nu: float, offset: float, fraction: float, steps: int) -> Start:
     """Return a sheared wave in a box far from the origin."""
     y_n = rows(0, EDGE, EDGE)[:, 1]
     v_nc = np.stack([SPEED * np.sin(2 * np.pi * y_n / EDGE), np.zeros(len(y_n))], axis=1)
@@ -31,13 +31,13 @@ def _shear(cell: Cell, cs: float, nu: float, offset: float, fraction: float, ste
 
 
 def _start(
-    cell: Cell, scene: dict[str, Any], options: Options, dt: float, steps: int, offset: float = 0.0, **fields: Any
+    cell: MapCell, scene: dict[str, Any], options: Options, dt: float, steps: int, offset: float = 0.0, **fields: Any
 ) -> Start:
     """Return a periodic box with some fields, whose numbers the layer float32 rounds."""
     low_c, high_c = (offset, offset), (offset + EDGE, offset + EDGE)
     x_nc, name = rows(0, EDGE, EDGE) + np.array(low_c), f"{cell.map}-{cell.layer}"
-    made = start(name, scene, x_nc, high_c, low_c, options=options, times=(steps * dt,), timestep=dt, **fields)
-    return single(made) if cell.layer == "float32" else made
+    double = start(name, scene, x_nc, high_c, low_c, options=options, times=(steps * dt,), timestep=dt, **fields)
+    return single(double) if cell.layer == "float32" else double
 
 
 def single(given: Start) -> Start:
@@ -48,7 +48,7 @@ def single(given: Start) -> Start:
     return replace(given, atoms=replace(a, **short))
 
 
-def _far(cell: Cell) -> Start:
+def _far(cell: MapCell) -> Start:
     cs = SPEED / cell.y
     # Whole, so that the places half a spacing from it are the first to be lost.
     return _shear(cell, cs, 0.1 * cs, float(math.floor(cell.x)), 0.2, 60)
@@ -62,7 +62,7 @@ ORIGIN = StabilityMap(
     y=Axis("Mach number", 0.01, 0.3, 0.1, log=True),
     lines=(0.03, 0.3),
     start=_far,
-    watch=lambda cell: Watch(every=10, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.3),
+    watch=lambda cell: FailureCriteria(every=10, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.3),
     layers=("float64", "float32"),
     reference_only=("float32",),
     engines_differ="particles that rounding puts on top of each other: refused by the reference, not by LAMMPS",
@@ -73,7 +73,7 @@ ORIGIN = StabilityMap(
 )
 
 
-def _stepped(cell: Cell) -> Start:
+def _stepped(cell: MapCell) -> Start:
     cs = SPEED / cell.y
     return _shear(cell, cs, 0.5 * cs, 0.0, cell.x, 100)
 
@@ -87,13 +87,13 @@ STEP = StabilityMap(
     y=Axis("Mach number", 0.003, 0.3, 0.1, log=True),
     lines=(0.03, 0.3),
     start=_stepped,
-    watch=lambda cell: Watch(every=20, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.1),
+    watch=lambda cell: FailureCriteria(every=20, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.1),
     layers=("float64", "float32"),
     reference_only=("float32",),
 )
 
 
-def _squeezed(cell: Cell) -> Start:
+def _squeezed(cell: MapCell) -> Start:
     """Return a wave of compression so weak that its densities are few roundings from rho0."""
     cs, options = 10.0, Options(dt_fraction=0.2)
     rho_n = 1.0 + cell.x * np.cos(2 * np.pi * rows(0, EDGE, EDGE)[:, 0] / EDGE)
@@ -101,9 +101,9 @@ def _squeezed(cell: Cell) -> Start:
     return _start(cell, scene, options, time_step(options, cs, cell.y), 100, rho_n=rho_n)
 
 
-def _sound(cell: Cell) -> Watch:
+def _sound(cell: MapCell) -> FailureCriteria:
     """Kinetic energy beyond a few times that of the sound wave is not the wave's."""
-    return Watch(every=10, growth=4.0, energy=EDGE**2 * (10.0 * cell.x) ** 2 / 4)
+    return FailureCriteria(every=10, growth=4.0, energy=EDGE**2 * (10.0 * cell.x) ** 2 / 4)
 
 
 COMPRESSION = StabilityMap(

@@ -17,7 +17,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 WIDTH = 8  # of a layer of fluid, periodic
 MARGIN = 5.0  # empty space above and below
@@ -37,7 +37,7 @@ def _layer(name: str, number: int, disorder: float) -> FloatArray:
     return x_nc
 
 
-def _summed(cell: Cell) -> Start:
+def _summed(cell: MapCell) -> Start:
     cs = cell.x / TIME
     options = Options(cut=cell.y, rho_sum=cell.layer == "rho/sum")
     # Sound grows with the time step unless dt < 2 nu/c^2.
@@ -64,7 +64,7 @@ SUMMED = StabilityMap(
     Axis("cutoff / spacing", 2.4, 5.0, 0.1),
     (2.4, 3.0, 3.5, 4.0, 5.0),
     _summed,
-    lambda cell: Watch(every=10, closest=0.5),
+    lambda cell: FailureCriteria(every=10, closest=0.5),
     ("rho/sum", "continuity"),
     tags=("quick",),
     quick_lines=(3.0, 4.0),
@@ -109,16 +109,16 @@ def _detecting(name: str, x_nc: FloatArray, style: str, limit: float, splash: in
     )
 
 
-def _threshold(cell: Cell) -> Start:
+def _threshold(cell: MapCell) -> Start:
     limit = float(round(cell.x * ALL)) if cell.layer == "coordination" else 2 * cell.x
     return _detecting("detection", _layer("detection", LAYERS, cell.y), cell.layer, limit, 0)
 
 
-def _known(cell: Cell) -> Watch:
+def _expected_classes(cell: MapCell) -> FailureCriteria:
     """The outermost rows are surface, those that the cutoff keeps from it bulk; the others may be either."""
     row_n = np.arange(LAYERS * WIDTH) // WIDTH
     outer_n, deep_n = np.isin(row_n, (0, LAYERS - 1)), (row_n >= DEEP) & (row_n < LAYERS - DEEP)
-    return Watch(every=1, surface={int(k) + 1: int(outer_n[k]) for k in np.flatnonzero(outer_n | deep_n)})
+    return FailureCriteria(every=1, surface={int(k) + 1: int(outer_n[k]) for k in np.flatnonzero(outer_n | deep_n)})
 
 
 DETECTION = StabilityMap(
@@ -131,7 +131,7 @@ DETECTION = StabilityMap(
     Axis("disorder / spacing", 0.0, 0.45, 0.02),
     (0.05, 0.15, 0.25, 0.35, 0.45),
     _threshold,
-    _known,
+    _expected_classes,
     ("coordination", "divergence"),
     coarse=21,  # both neighbours of the stable band have one kind: it must not fall between two places
     theory=(
@@ -143,14 +143,14 @@ DETECTION = StabilityMap(
 )
 
 
-def _flying(cell: Cell) -> Start:
+def _flying(cell: MapCell) -> Start:
     x_nc = np.vstack([rows(0, LAYERS, WIDTH), [[WIDTH / 2, LAYERS + cell.y]]])
     return _detecting("splash", x_nc, "coordination", float(round(0.8 * ALL)), round(cell.x * ALL))
 
 
-def _one_flies(cell: Cell) -> Watch:
-    known = dict(_known(cell).surface)
-    return Watch(every=1, surface={**known, LAYERS * WIDTH + 1: 2})
+def _one_flies(cell: MapCell) -> FailureCriteria:
+    expected = dict(_expected_classes(cell).surface)
+    return FailureCriteria(every=1, surface={**expected, LAYERS * WIDTH + 1: 2})
 
 
 SPLASH = StabilityMap(

@@ -28,7 +28,7 @@ from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, under
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 WIDTH, HEIGHT = 10, 10  # particles along x and rows; the height is even, as every second row is shifted
 EDGE = math.sqrt(2 / math.sqrt(3))  # of triangles that have a particle per unit of area
@@ -67,16 +67,16 @@ def _fluid(name: str, background: float, density: float, cut: float, shift: bool
     )
 
 
-def _compressed(cell: Cell) -> Start:
+def _compressed(cell: MapCell) -> Start:
     return _fluid("tension", cell.x, cell.y, 3.0, cell.layer == "shift")
 
 
-def _wide(cell: Cell) -> Start:
+def _wide(cell: MapCell) -> Start:
     return _fluid("pairing", cell.x, 1.0, cell.y, shift=False)
 
 
-def _watch(cell: Cell) -> Watch:
-    return Watch(every=20, closest=CLOSEST)
+def _watch(cell: MapCell) -> FailureCriteria:
+    return FailureCriteria(every=20, closest=CLOSEST)
 
 
 # --- theory

@@ -32,7 +32,7 @@ from eos_ref.model.parameters import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, StabilityMap, Theory
 
 EDGE = 10  # spacings
 STEPS, EVERY = 200, 20  # of a run, and between two looks
@@ -83,10 +83,10 @@ def noise(shape: tuple[int, ...]) -> FloatArray:
     return np.asarray(v_nc - v_nc.mean(axis=0))
 
 
-def watch(mach: float) -> Watch:
+def watch(mach: float) -> FailureCriteria:
     """Growth of the kinetic energy beyond ten times that of the start; looked for every twenty steps."""
     v_nc = noise((EDGE**2, 2)) * mach * SPEED
-    return Watch(every=EVERY, growth=TENFOLD, energy=0.5 * float(np.sum(np.square(v_nc))))
+    return FailureCriteria(every=EVERY, growth=TENFOLD, energy=0.5 * float(np.sum(np.square(v_nc))))
 
 
 # --- theory

@@ -16,7 +16,7 @@ import numpy as np
 
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap
 
 WIDTH, ROWS = 8, 6  # of the block of fluid, periodic along the wall
 NU = 0.1  # kinematic viscosity; sound grows with the time step unless dt < 2 nu/c^2
@@ -25,7 +25,7 @@ STORED, RECONSTRUCT = "stored", "interface/reconstruct"
 SPEED = Axis("speed of impact / c", 0.05, 3.0, 0.04, log=True)
 
 
-def _impact(cell: Cell, layers: int = 3, artificial_visc: float = 0.0, sound: float = 1.0) -> Start:
+def _impact(cell: MapCell, layers: int = 3, artificial_visc: float = 0.0, sound: float = 1.0) -> Start:
     x_nc = rows(-layers, ROWS, WIDTH)
     fluid_n = x_nc[:, 1] > 0
     kind = fluid(viscosity=NU)
@@ -51,9 +51,9 @@ def _impact(cell: Cell, layers: int = 3, artificial_visc: float = 0.0, sound: fl
     )
 
 
-def _into(cell: Cell) -> Watch:
+def _into(cell: MapCell) -> FailureCriteria:
     """Fluid must not pass the centres of the first row."""
-    return Watch(every=10, behind=(1, -0.5))
+    return FailureCriteria(every=10, behind=(1, -0.5))
 
 
 THICKNESS = StabilityMap(
@@ -64,7 +64,7 @@ THICKNESS = StabilityMap(
     Axis("rows of the wall", 1.0, 4.0, 1.0),
     (1.0, 2.0, 3.0),
     lambda cell: _impact(cell, layers=math.floor(cell.y)),
-    lambda cell: Watch(every=10, behind=(1, -float(cell.y))),
+    lambda cell: FailureCriteria(every=10, behind=(1, -float(cell.y))),
     (STORED, RECONSTRUCT),
     tags=("quick",),
     quick_lines=(2.0,),

@@ -15,7 +15,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.stability.model import Axis, Cell, StabilityMap, Theory, Watch
+from lammps_cases.studies.stability.model import Axis, FailureCriteria, MapCell, StabilityMap, Theory
 
 LAYERS = 3  # rows of a wall
 FLOOR = -0.5  # centres of the first row
@@ -24,7 +24,7 @@ MORRIS = Theory("Morris, Fox & Zhu", lambda _: 1.0)
 DAMPED: Mapping[str, float] = {"artificial_visc": 0.1, "rho_damp": 0.1}
 
 
-def _every(cell: Cell) -> int:
+def _every(cell: MapCell) -> int:
     """Steps between two looks where x is the time step: beyond the limit particles are far away a few steps later."""
     return max(1, round(10 / cell.x))
 
@@ -75,7 +75,7 @@ WIDTH, TALL = 8, 12
 COMPRESSION = 0.05  # g H/c^2
 
 
-def _column(cell: Cell) -> Start:
+def _column(cell: MapCell) -> Start:
     return _scene(
         "column",
         rows(0, TALL, WIDTH),
@@ -88,9 +88,11 @@ def _column(cell: Cell) -> Start:
     )
 
 
-def _falls_by_its_weight(cell: Cell) -> Watch:
+def _falls_by_its_weight(cell: MapCell) -> FailureCriteria:
     """The wave that the sudden weight sets off moves the fluid at g H/c; twice its energy has come from elsewhere."""
-    return Watch(every=_every(cell), growth=2.0, energy=0.5 * WIDTH * TALL * COMPRESSION**2, behind=(1, FLOOR))
+    return FailureCriteria(
+        every=_every(cell), growth=2.0, energy=0.5 * WIDTH * TALL * COMPRESSION**2, behind=(1, FLOOR)
+    )
 
 
 COLUMN = StabilityMap(
@@ -117,7 +119,7 @@ RIM = 6  # by which the walls are higher than the dam
 NU = 0.02
 
 
-def _dam(cell: Cell) -> Start:
+def _dam(cell: MapCell) -> Start:
     tank_nc = rows(-LAYERS, DAM + RIM, SPAN + 2 * LAYERS) - (LAYERS, 0)
     x_n, y_n = tank_nc.T
     solid_n = (y_n < 0) | (x_n < 0) | (x_n > SPAN)
@@ -136,9 +138,9 @@ def _dam(cell: Cell) -> Start:
     )
 
 
-def _falls_from_the_dam(cell: Cell) -> Watch:
+def _falls_from_the_dam(cell: MapCell) -> FailureCriteria:
     """Potential energy over the floor, m g H/2, with a fifth more for the compression."""
-    return Watch(every=10, growth=1.2, energy=DAM**2 * cell.x**2 / 4, behind=(1, FLOOR))
+    return FailureCriteria(every=10, growth=1.2, energy=DAM**2 * cell.x**2 / 4, behind=(1, FLOOR))
 
 
 DAM_BREAK = StabilityMap(
@@ -169,7 +171,7 @@ def _disc() -> FloatArray:
     return np.asarray(disc_nc + np.array([0.0, GAP - disc_nc[:, 1].min()]))
 
 
-def _drop(cell: Cell) -> Start:
+def _drop(cell: MapCell) -> Start:
     return _scene(
         "falling-drop",
         _disc(),
@@ -184,10 +186,12 @@ def _drop(cell: Cell) -> Start:
     )
 
 
-def _falls_as_a_drop(cell: Cell) -> Watch:
+def _falls_as_a_drop(cell: MapCell) -> FailureCriteria:
     r"""Kinetic energy at first, and what is gained on the way down, at most :math:`g` times gap and diameter."""
     first = 0.5 * len(_disc()) * cell.y**2
-    return Watch(every=_every(cell), growth=1.0, energy=first * (1 + (GAP + ACROSS) / ACROSS), behind=(1, FLOOR))
+    return FailureCriteria(
+        every=_every(cell), growth=1.0, energy=first * (1 + (GAP + ACROSS) / ACROSS), behind=(1, FLOOR)
+    )
 
 
 DROP = StabilityMap(

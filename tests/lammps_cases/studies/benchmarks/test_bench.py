@@ -11,7 +11,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.studies.benchmarks import bench_model, bench_peers, speed_history
 from lammps_cases.studies.benchmarks.bench import Ratio, against, laws_against_copy
-from lammps_cases.studies.benchmarks.measure import Interval
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.slow
@@ -20,8 +20,8 @@ Run = Callable[..., Outcome]
 
 
 def ratio(scene: str, low: float, high: float) -> Ratio:
-    middle = Interval((low + high) / 2, low, high)
-    return Ratio(scene, "LAMMPS", middle, Interval(1.0, 1.0, 1.0), middle)
+    middle = ConfidenceInterval((low + high) / 2, low, high)
+    return Ratio(scene, "LAMMPS", middle, ConfidenceInterval(1.0, 1.0, 1.0), middle)
 
 
 def test_a_history_keeps_every_measurement_in_order(tmp_path: Path) -> None:

@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import quantile_test
 
-from lammps_cases.studies.benchmarks.measure import CONFIDENCE, Interval, Timing, in_turns, interval, machine, verdict
+from lammps_cases.studies.benchmarks.measure import (
+    CONFIDENCE,
+    ConfidenceInterval,
+    Timing,
+    in_turns,
+    interval,
+    machine,
+    verdict,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -90,7 +98,7 @@ def test_quick_calls_are_repeated_until_they_last() -> None:
     [(0.8, 0.9, "faster"), (1.1, 1.2, "slower"), (0.9, 1.1, "cannot tell"), (1.0, 1.2, "cannot tell")],
 )
 def test_verdict(low: float, high: float, answer: str) -> None:
-    assert verdict(Interval((low + high) / 2, low, high)) == answer
+    assert verdict(ConfidenceInterval((low + high) / 2, low, high)) == answer
 
 
 def test_the_machine_is_named() -> None:

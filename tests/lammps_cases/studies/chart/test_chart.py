@@ -13,9 +13,9 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.records.documents import SCHEMAS
-from lammps_cases.studies.benchmarks.measure import Interval, Timing
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
 from lammps_cases.studies.chart import collect, draw, page, record
-from lammps_cases.studies.chart.points import Map, Panel, Point, compared, frontier, point
+from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows.converge import Convergence
 from lammps_cases.studies.flows.flow import Options
@@ -140,7 +140,7 @@ def test_the_frontier_that_is_drawn_is_that_of_the_points() -> None:
 def test_many_methods_are_all_in_the_legend_and_lammps_keeps_their_shapes() -> None:
     names = [f"kernel {k}" for k in range(24)]
     points = [
-        Point("q", "r", prefix + name, 10.0 ** -(k % 9), Interval(k + 1.0, k + 0.9, k + 1.1))
+        MethodPoint("q", "r", prefix + name, 10.0 ** -(k % 9), ConfidenceInterval(k + 1.0, k + 0.9, k + 1.1))
         for k, name in enumerate(names)
         for prefix in ("", "LAMMPS ")
     ]

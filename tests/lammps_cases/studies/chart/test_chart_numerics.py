@@ -99,7 +99,7 @@ def test_corrected_gradients_are_more_accurate_where_particles_are_disordered() 
     with ExitStack() as stack:
         runs = kernels.gradient_runs((3.0,), 0.3, 32, Instances(None, stack))
     true_n = kernels.gradient(prepared("quintic", 3.0, 0.3, 32).atoms.x_nc)
-    off = {name.split(",")[0]: relative(run.found_n - true_n, true_n) for name, run in runs.items()}
+    off = {name.split(",")[0]: relative(run.value_n - true_n, true_n) for name, run in runs.items()}
     assert off["RK2"] < off["RK1"] < off["quintic"] == off["RK0"]
 
 

@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lammps_cases.studies.benchmarks.measure import Timing
-from lammps_cases.studies.chart.points import DIGITS, Point, compared, frontier, point
+from lammps_cases.studies.chart.points import DIGITS, MethodPoint, compared, frontier, point
 
 pytestmark = pytest.mark.slow
 
 ROUNDS = 11
 
 
-def _points(methods: dict[str, tuple[float, float]]) -> tuple[Point, ...]:
+def _points(methods: dict[str, tuple[float, float]]) -> tuple[MethodPoint, ...]:
     """Points of (error, seconds), whose times do not scatter."""
     timings = {name: Timing((seconds,) * ROUNDS, 1, seconds) for name, (_, seconds) in methods.items()}
     given = [point("q", "r", name, error, timings[name], 1.0) for name, (error, _) in methods.items()]

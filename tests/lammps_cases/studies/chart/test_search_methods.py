@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from eos_ref.model.parameters import Box
-from lammps_cases.studies.chart.search_methods import METHODS, Found, SearchMethod, keys, truth, wrong
+from lammps_cases.studies.chart.search_methods import METHODS, PairList, SearchMethod, keys, truth, wrong
 from lammps_cases.studies.chart.searches import CUT, at_the_cutoff
 
 pytestmark = pytest.mark.slow
@@ -105,10 +105,10 @@ def test_what_is_missed_invented_or_found_twice_is_counted() -> None:
     x_nc, box = at_the_cutoff(32.0, 100)
     true = truth(x_nc, box, CUT)
     assert wrong(true, true) == 0
-    assert wrong(Found(*(part[1:] for part in true)), true) == 1
-    assert wrong(Found(*(np.concatenate([part, part[:1]]) for part in true)), true) == 1
+    assert wrong(PairList(*(part[1:] for part in true)), true) == 1
+    assert wrong(PairList(*(np.concatenate([part, part[:1]]) for part in true)), true) == 1
     moved_pc = true.image_pc.copy()
     moved_pc[0, 0] += 1
-    assert wrong(Found(true.i_p, true.j_p, moved_pc), true) == 2
-    turned = Found(true.j_p, true.i_p, -true.image_pc)
+    assert wrong(PairList(true.i_p, true.j_p, moved_pc), true) == 2
+    turned = PairList(true.j_p, true.i_p, -true.image_pc)
     assert wrong(turned, true) == 0

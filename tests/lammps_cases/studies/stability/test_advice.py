@@ -20,8 +20,18 @@ from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
 from lammps_cases.studies.stability.advice import advice, judge
-from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Point, Tension, measured, numbers, read, save
-from lammps_cases.studies.stability.model import Axis, Boundary, Cell, StabilityMap, Watch
+from lammps_cases.studies.stability.limits import (
+    Curve,
+    LimitPoint,
+    Limits,
+    Numbers,
+    Tension,
+    measured,
+    numbers,
+    read,
+    save,
+)
+from lammps_cases.studies.stability.model import Axis, Boundary, FailureCriteria, MapCell, StabilityMap
 from tests.support.outcome import Outcome
 
 NU, CS, MASS = 0.4, 3.0, 1.5  # the scene's; h = cut/3 = 0.9
@@ -48,9 +58,11 @@ RATIO = NU / (CS * 0.9)  # below 1/2: sound limits the step
 LIMITS = Limits(
     "1",
     (
-        Curve("step", "", "lammps", "energy growth", (Point(RATIO / 10, 2.0, 2.1), Point(RATIO * 10, 0.5, 0.6))),
-        Curve("step", "", "reference", "energy growth", (Point(RATIO, 0.01, 0.02),)),
-        Curve("other", "shift", "reference", "clumping", (Point(RATIO, 1.5, 1.6),)),
+        Curve(
+            "step", "", "lammps", "energy growth", (LimitPoint(RATIO / 10, 2.0, 2.1), LimitPoint(RATIO * 10, 0.5, 0.6))
+        ),
+        Curve("step", "", "reference", "energy growth", (LimitPoint(RATIO, 0.01, 0.02),)),
+        Curve("other", "shift", "reference", "clumping", (LimitPoint(RATIO, 1.5, 1.6),)),
     ),
 )
 LIMIT = 1.0 * 0.9 / (4 * CS)  # 1 is halfway, in logarithms, between 2 and 0.5
@@ -171,7 +183,7 @@ def test_numbers_are_those_of_the_fastest_and_the_most_viscous() -> None:
 def step_map(make: Any) -> StabilityMap:
     axis = Axis("dt", 0.01, 1.0, 0.05, log=True)
     return StabilityMap(
-        "step", "t", "a", axis, Axis("nu", 0.1, 10.0, 0.1, log=True), (0.1, 1.0), make, lambda _: Watch()
+        "step", "t", "a", axis, Axis("nu", 0.1, 10.0, 0.1, log=True), (0.1, 1.0), make, lambda _: FailureCriteria()
     )
 
 
@@ -232,7 +244,7 @@ def test_tension_over_the_measured_one(fraction: float, warns: bool) -> None:
 
 
 def test_tensions_are_the_boundaries_of_clumping_along_a_pressure() -> None:
-    def make(cell: Cell) -> Start:
+    def make(cell: MapCell) -> Start:
         law = [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": MASS * CS**2 * cell.x}]
         return square(1e-3, pressure=law)
 

@@ -17,9 +17,18 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, record
 from lammps_cases.studies.stability.atlas import Survey
-from lammps_cases.studies.stability.lines import Line, agreement, boundaries, places, sequence, wanted
+from lammps_cases.studies.stability.lines import MapLine, agreement, boundaries, places, sequence, wanted
 from lammps_cases.studies.stability.maps import maps
-from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.studies.stability.model import (
+    ENGINES,
+    Axis,
+    CellOutcome,
+    Engine,
+    FailureCriteria,
+    Kind,
+    MapCell,
+    StabilityMap,
+)
 from lammps_cases.studies.stability.probe import Examined, follow
 from lammps_cases.studies.stability.record import Atlas
 from lammps_cases.studies.stability.runs import open_run
@@ -33,7 +42,7 @@ LOG = Axis("x", 0.01, 100.0, 0.1, log=True)
 
 def plain(axis: Axis = LINEAR, coarse: int = 4, **more: object) -> StabilityMap:
     made = StabilityMap(
-        "m", "", "", axis, LINEAR, (0.0, 1.0), lambda cell: resting(1), lambda cell: Watch(), coarse=coarse
+        "m", "", "", axis, LINEAR, (0.0, 1.0), lambda cell: resting(1), lambda cell: FailureCriteria(), coarse=coarse
     )
     return replace(made, **more)  # type: ignore[arg-type]
 
@@ -60,7 +69,7 @@ def test_places_are_even_and_hold_the_ends(axis: Axis) -> None:
 def test_a_boundary_is_found_to_the_width(axis: Axis, edge: float) -> None:
     of = plain(axis)
     known = bisected(of, lambda x: "stable" if x < edge else "overflow")
-    [found] = boundaries(Line("m", "", 0.0, "lammps"), known)
+    [found] = boundaries(MapLine("m", "", 0.0, "lammps"), known)
     assert found.low < edge <= found.high
     assert (found.below, found.above) == ("stable", "overflow")
     gap = np.log10(found.high / found.low) if axis.log else found.high - found.low
@@ -74,7 +83,7 @@ def test_several_boundaries_are_kept_in_order() -> None:
 
     known = bisected(plain(), kind)
     assert sequence(known) == ("stable", "overflow", "stable", "clumping")
-    found = boundaries(Line("m", "", 0.0, "lammps"), known)
+    found = boundaries(MapLine("m", "", 0.0, "lammps"), known)
     assert all(b.low < edge <= b.high for b, edge in zip(found, (0.3, 0.5, 0.9), strict=True))
 
 
@@ -118,7 +127,7 @@ class Threads:
     def __init__(self, fault: float = 1.0, delays: int = 0) -> None:
         self.random, self.factor, self.asked = np.random.default_rng(delays), fault, 0
 
-    def ask(self, of: StabilityMap, cell: Cell, side: Engine) -> Later:
+    def ask(self, of: StabilityMap, cell: MapCell, side: Engine) -> Later:
         self.asked += 1
         later = Later(Future())
         faulty = viscous(self.factor if side == "lammps" else 1.0)
@@ -134,13 +143,13 @@ class Threads:
     def settle(self, asked: Later) -> Examined:
         return asked.future.result()
 
-    def key(self, of: StabilityMap, cell: Cell, side: Engine) -> str:
+    def key(self, of: StabilityMap, cell: MapCell, side: Engine) -> str:
         return f"{cell} {side}"
 
 
 def surveyed(source: Threads, out: Path) -> Atlas:
     of = viscous(1.0)
-    lines = [Line(of.id, "", y, side) for y in of.lines for side in ENGINES]
+    lines = [MapLine(of.id, "", y, side) for y in of.lines for side in ENGINES]
     out.mkdir(exist_ok=True)
     found = Survey({of.id: of}, lines, source, out, SILENT).run(2)  # type: ignore[arg-type]
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
@@ -235,9 +244,9 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 
 def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:
-    ran = record.Ran(Cell("m", 0.1, 1.0), "lammps", Outcome("overflow", 3, 5, float("inf")))
-    record.cells(tmp_path).append(record.Kept("k", ran))
-    assert record.cells(tmp_path).entries() == [record.Kept("k", ran)]
+    ran = record.Ran(MapCell("m", 0.1, 1.0), "lammps", CellOutcome("overflow", 3, 5, float("inf")))
+    record.cells(tmp_path).append(record.CellEntry("k", ran))
+    assert record.cells(tmp_path).entries() == [record.CellEntry("k", ran)]
 
 
 # --- the maps
@@ -251,4 +260,4 @@ def test_maps_are_well_made() -> None:
         for y, layer in itertools.product((min(of.lines), max(of.lines)), of.layers):
             assert of.y.low <= y <= of.y.high
             for x in (of.x.low, of.x.high):
-                assert len(of.start(Cell(of.id, x, y, layer)).atoms) > 0
+                assert len(of.start(MapCell(of.id, x, y, layer)).atoms) > 0

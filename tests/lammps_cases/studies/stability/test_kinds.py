@@ -10,8 +10,8 @@ import pytest
 
 from eos_ref.eos import laws
 from lammps_cases.studies.stability import kinds
-from lammps_cases.studies.stability.kinds import Found, Look
-from lammps_cases.studies.stability.model import KINDS, Watch
+from lammps_cases.studies.stability.kinds import Observation, ParticleFailure
+from lammps_cases.studies.stability.model import KINDS, FailureCriteria
 from tests.support.stability_scenes import brute_moments, channel
 
 START = channel()
@@ -21,15 +21,15 @@ N = len(OF.id_n)
 X = START.atoms.x_nc[:, :2]
 V = np.full((N, 2), 0.1)
 ENERGY = kinds.kinetic_energy(OF.mass_n, V)
-WATCH = Watch(
+WATCH = FailureCriteria(
     growth=4.0, closest=0.5, hyperbolic=True, pressure=True, behind=(1, 1.7), surface={10: 0, 60: 1}, condition=1e12
 )
-LOOK = Look(7, X, V, np.ones(N), np.full(N, 0.5), None, np.where(OF.id_n == 60, 1.0, 0.0))
+LOOK = Observation(7, X, V, np.ones(N), np.full(N, 0.5), None, np.where(OF.id_n == 60, 1.0, 0.0))
 K = 40  # a fluid particle far from all faces
 WALL = int(np.flatnonzero(OF.solid_n)[0])
 
 
-def put(**rows: tuple[int, object]) -> Look:
+def put(**rows: tuple[int, object]) -> Observation:
     """The sound look with one row of some arrays replaced."""
     changed = {}
     for name, (k, value) in rows.items():
@@ -38,7 +38,7 @@ def put(**rows: tuple[int, object]) -> Look:
     return replace(LOOK, **changed)
 
 
-def seen(look: Look, watch: Watch = WATCH, energy: float | None = ENERGY) -> Found | None:
+def seen(look: Observation, watch: FailureCriteria = WATCH, energy: float | None = ENERGY) -> ParticleFailure | None:
     return kinds.first(OF, watch, look, energy)
 
 
@@ -47,29 +47,29 @@ def test_sound_particles_have_no_failure() -> None:
     assert seen(LOOK) is None
 
 
-PLANTED: dict[str, Callable[[], tuple[Look, Found]]] = {
-    "lost": lambda: (put(x_nc=(K, (3.0, 13.25))), Found("lost particles", K + 1, 0.25)),
-    "nan density": lambda: (put(rho_n=(K, np.nan)), Found("non-finite", K + 1, np.nan)),
-    "nan pressure": lambda: (put(pressure_n=(K, np.nan)), Found("non-finite", K + 1, np.nan)),
-    "infinite velocity": lambda: (put(v_nc=(K, (0.0, np.inf))), Found("non-finite", K + 1, np.nan)),
-    "nan position": lambda: (put(x_nc=(K, (np.nan, 1.0))), Found("non-finite", K + 1, np.nan)),
-    "infinite pressure": lambda: (put(pressure_n=(K, np.inf)), Found("overflow", K + 1, np.inf)),
-    "infinite density": lambda: (put(rho_n=(K, -np.inf)), Found("overflow", K + 1, -np.inf)),
-    "negative density": lambda: (put(rho_n=(K, -0.25)), Found("negative density", K + 1, -0.25)),
-    "vanishing density": lambda: (put(rho_n=(K, 0.01)), Found("vanishing density", K + 1, 0.01)),
-    "penetration": lambda: (put(x_nc=(K, (3.0, 1.65))), Found("wall penetration", K + 1, 1.65)),
+PLANTED: dict[str, Callable[[], tuple[Observation, ParticleFailure]]] = {
+    "lost": lambda: (put(x_nc=(K, (3.0, 13.25))), ParticleFailure("lost particles", K + 1, 0.25)),
+    "nan density": lambda: (put(rho_n=(K, np.nan)), ParticleFailure("non-finite", K + 1, np.nan)),
+    "nan pressure": lambda: (put(pressure_n=(K, np.nan)), ParticleFailure("non-finite", K + 1, np.nan)),
+    "infinite velocity": lambda: (put(v_nc=(K, (0.0, np.inf))), ParticleFailure("non-finite", K + 1, np.nan)),
+    "nan position": lambda: (put(x_nc=(K, (np.nan, 1.0))), ParticleFailure("non-finite", K + 1, np.nan)),
+    "infinite pressure": lambda: (put(pressure_n=(K, np.inf)), ParticleFailure("overflow", K + 1, np.inf)),
+    "infinite density": lambda: (put(rho_n=(K, -np.inf)), ParticleFailure("overflow", K + 1, -np.inf)),
+    "negative density": lambda: (put(rho_n=(K, -0.25)), ParticleFailure("negative density", K + 1, -0.25)),
+    "vanishing density": lambda: (put(rho_n=(K, 0.01)), ParticleFailure("vanishing density", K + 1, 0.01)),
+    "penetration": lambda: (put(x_nc=(K, (3.0, 1.65))), ParticleFailure("wall penetration", K + 1, 1.65)),
     "energy": lambda: (
         put(v_nc=(K, (3.0, 4.0))),
-        Found("energy growth", K + 1, (12.5 + 0.01 * (N - 1)) / (0.01 * N)),
+        ParticleFailure("energy growth", K + 1, (12.5 + 0.01 * (N - 1)) / (0.01 * N)),
     ),
-    "overlap": lambda: (put(x_nc=(K, X[K + 1] - (0.001, 0.0))), Found("overlap", K + 1, 0.001)),
-    "clumping": lambda: (put(x_nc=(K, X[K + 1] - (0.375, 0.0))), Found("clumping", K + 1, 0.375)),
-    "pressure": lambda: (put(pressure_n=(K, -0.125)), Found("negative pressure", K + 1, -0.125)),
+    "overlap": lambda: (put(x_nc=(K, X[K + 1] - (0.001, 0.0))), ParticleFailure("overlap", K + 1, 0.001)),
+    "clumping": lambda: (put(x_nc=(K, X[K + 1] - (0.375, 0.0))), ParticleFailure("clumping", K + 1, 0.375)),
+    "pressure": lambda: (put(pressure_n=(K, -0.125)), ParticleFailure("negative pressure", K + 1, -0.125)),
     "hyperbolic": lambda: (
         put(rho_n=(K, 1.75)),
-        Found("loss of hyperbolicity", K + 1, float(laws.cubic_stiffness(1.75, 1.0, 1.0, -1.0))),
+        ParticleFailure("loss of hyperbolicity", K + 1, float(laws.cubic_stiffness(1.75, 1.0, 1.0, -1.0))),
     ),
-    "surface": lambda: (put(surface_n=(9, 2.0)), Found("misclassified surface", 10, 2.0)),
+    "surface": lambda: (put(surface_n=(9, 2.0)), ParticleFailure("misclassified surface", 10, 2.0)),
 }
 
 
@@ -84,7 +84,7 @@ def test_each_kind_is_seen(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["penetration", "energy", "overlap", "clumping", "pressure", "hyperbolic", "surface"])
 def test_nothing_is_seen_that_is_not_watched(name: str) -> None:
-    assert seen(PLANTED[name]()[0], Watch()) is None
+    assert seen(PLANTED[name]()[0], FailureCriteria()) is None
 
 
 def test_growth_waits_for_an_energy() -> None:
@@ -99,20 +99,22 @@ def test_solids_may_lie_behind_a_wall_and_close_together() -> None:
 def test_clumping_is_seen_through_a_periodic_face() -> None:
     first = int(FLUID[np.argmin(np.where(np.abs(X[FLUID, 1] - 4.5) < 0.3, X[FLUID, 0], np.inf))])
     look = put(x_nc=(first + 3, (X[first, 0] - 0.25 + 8.0, X[first, 1])))
-    assert seen(look) == Found("clumping", first + 1, pytest.approx(0.25))
+    assert seen(look) == ParticleFailure("clumping", first + 1, pytest.approx(0.25))
 
 
 def test_penetration_is_seen_in_any_image() -> None:
     of = replace(OF, box=replace(OF.box, periodic=(True, True)))
     look = put(x_nc=(K, (3.0, 1.65 - 14.0)))
-    assert kinds.wall_penetration(of, WATCH, look, None) == Found("wall penetration", K + 1, pytest.approx(1.65))
+    assert kinds.wall_penetration(of, WATCH, look, None) == ParticleFailure(
+        "wall penetration", K + 1, pytest.approx(1.65)
+    )
 
 
 def test_the_worst_comes_first() -> None:
     look = replace(put(rho_n=(K, -1.0)), pressure_n=put(pressure_n=(K + 2, np.nan)).pressure_n)
     found = seen(look)
     assert found is not None and (found.kind, found.atom) == ("non-finite", K + 3)
-    assert seen(put(rho_n=(K, -1.0))) == Found("negative density", K + 1, -1.0)
+    assert seen(put(rho_n=(K, -1.0))) == ParticleFailure("negative density", K + 1, -1.0)
 
 
 def test_detectors_stand_in_the_order_of_the_kinds() -> None:
@@ -124,10 +126,10 @@ def test_the_extreme_particle_is_named() -> None:
     look = put(rho_n=(K, -1.0))
     look.rho_n[K + 5] = -2.0
     look.rho_n[K + 6] = -2.0
-    assert seen(look) == Found("negative density", K + 6, -2.0)
+    assert seen(look) == ParticleFailure("negative density", K + 6, -2.0)
     look = put(x_nc=(K, (3.0, 13.25)))
     look.x_nc[K + 5, 1] = 14.0
-    assert seen(look) == Found("lost particles", K + 6, 1.0)
+    assert seen(look) == ParticleFailure("lost particles", K + 6, 1.0)
 
 
 # --- moment matrices
@@ -138,11 +140,13 @@ def test_condition_is_that_of_an_own_sum_and_an_own_norm() -> None:
     conditions = [np.linalg.cond(brute_moments(X, ends, 3.0, k)) for k in range(N)]
     worst = int(np.argmax(conditions))
     watch = replace(WATCH, condition=conditions[worst] * 0.999)
-    assert seen(LOOK, watch) == Found("ill-conditioned matrix", worst + 1, pytest.approx(conditions[worst], rel=1e-9))
+    assert seen(LOOK, watch) == ParticleFailure(
+        "ill-conditioned matrix", worst + 1, pytest.approx(conditions[worst], rel=1e-9)
+    )
     assert seen(LOOK, replace(WATCH, condition=conditions[worst] * 1.001)) is None
 
 
-def collinear() -> Look:
+def collinear() -> Observation:
     """One fluid particle with five neighbours, all on a line: no second derivative across it."""
     x_nc = X.copy()
     x_nc[FLUID[-6:]] = [(1.0 + 0.75 * k, 12.0) for k in range(6)]
@@ -171,6 +175,6 @@ def test_matrices_below_zmin_are_not_used() -> None:
 def test_a_law_alone_is_not_blamed_for_the_density_it_is_given() -> None:
     alone = replace(OF, moves=False)
     look = put(rho_n=(K, -0.25))
-    assert kinds.first(alone, Watch(), look, None) is None
-    stiff = kinds.first(alone, Watch(hyperbolic=True), look, None)
+    assert kinds.first(alone, FailureCriteria(), look, None) is None
+    stiff = kinds.first(alone, FailureCriteria(hyperbolic=True), look, None)
     assert stiff is not None and stiff.kind == "loss of hyperbolicity"

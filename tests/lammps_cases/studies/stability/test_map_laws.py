@@ -13,15 +13,15 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.engine.workers import Workers
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.maps import laws
-from lammps_cases.studies.stability.model import Cell, Kind, Outcome, StabilityMap, Watch
+from lammps_cases.studies.stability.model import CellOutcome, FailureCriteria, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import open_run
 
 pytestmark = pytest.mark.slow
 
 
-def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> Outcome:
+def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> CellOutcome:
     """A cell on the reference, in this process."""
-    cell = Cell(of.id, x, y, layer)
+    cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
     return probe.follow(open_run(start, watch, "reference", Instance(None)), kinds.subject(start), watch, 0).outcome
 
@@ -100,13 +100,15 @@ def test_the_reference_has_the_limit_of_a_vanishing_exponent() -> None:
 
 def test_lost_digits_are_seen() -> None:
     """A pressure wrong in its ninth digit passes, one wrong in its seventh does not; the value is the digits left."""
-    cell = Cell("", 0.5, 1.3)
+    cell = MapCell("", 0.5, 1.3)
     start = laws.LIMIT.start(cell)
-    run = open_run(start, Watch(), "reference", Instance(None))
+    run = open_run(start, FailureCriteria(), "reference", Instance(None))
     run.begin()
     of, look = kinds.subject(start), run.look()
     for error, wanted in ((1e-9, None), (1e-7, "lost digits")):
-        found = kinds.first(of, Watch(digits=8), replace(look, pressure_n=look.pressure_n * (1 + error)), None)
+        found = kinds.first(
+            of, FailureCriteria(digits=8), replace(look, pressure_n=look.pressure_n * (1 + error)), None
+        )
         assert (found and found.kind) == wanted
         if found:
             assert found.value == pytest.approx(7, abs=0.01)
@@ -118,7 +120,7 @@ def test_maps_are_complete() -> None:
         assert of.x.low < of.x.high
         assert {t.layer for t in of.theory} <= {None, *of.layers}
         for layer in of.layers:
-            start = of.start(Cell(of.id, of.x.high, of.lines[0], layer))
+            start = of.start(MapCell(of.id, of.x.high, of.lines[0], layer))
             assert start.steps == (0,) and not start.case.scene.interacts
             assert np.isfinite(start.atoms.rho_n).all()
 
@@ -136,4 +138,4 @@ def test_maps_are_complete() -> None:
 )
 def test_lammps(of: StabilityMap, x: float, y: float, wanted: Kind) -> None:
     with Workers(None, 1) as workers:
-        assert probe.examine(of, Cell(of.id, x, y), "lammps", workers).outcome.kind == wanted
+        assert probe.examine(of, MapCell(of.id, x, y), "lammps", workers).outcome.kind == wanted

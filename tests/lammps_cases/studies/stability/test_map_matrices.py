@@ -13,7 +13,7 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.maps import matrices
-from lammps_cases.studies.stability.model import Cell, Kind, StabilityMap
+from lammps_cases.studies.stability.model import Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import open_run
 
 pytestmark = pytest.mark.slow
@@ -22,7 +22,7 @@ FAILED = ("failed matrix", "ill-conditioned matrix")
 
 
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
-    cell = Cell(of.id, x, y, layer)
+    cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
     run = open_run(start, watch, "reference", Instance(None))
     return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
@@ -71,8 +71,11 @@ def test_surface(layer: str, order: int) -> None:
     limit = next(t for t in matrices.SURFACE.theory if t.layer == layer).x_of_y(0.0)
     assert kind(matrices.SURFACE, limit - 0.01, 0.0, layer) in FAILED
     assert kind(matrices.SURFACE, limit + 0.1, 0.0, layer) == "stable"
-    start = matrices.SURFACE.start(Cell("matrices-surface", limit + 0.2, 0.1, layer))
-    of, run = kinds.subject(start), open_run(start, matrices._watch(Cell("", 0, 0, layer)), "reference", Instance(None))
+    start = matrices.SURFACE.start(MapCell("matrices-surface", limit + 0.2, 0.1, layer))
+    of, run = (
+        kinds.subject(start),
+        open_run(start, matrices._watch(MapCell("", 0, 0, layer)), "reference", Instance(None)),
+    )
     run.begin()
     m_nbb, definite_n, _ = kinds.moment_matrices(of, run.look())
     assert definite_n.all()
@@ -92,7 +95,10 @@ def test_row(cut: float) -> None:
 def test_layers_that_ask_for_the_matrix_do_not_move() -> None:
     for of in matrices.MAPS:
         for layer in of.layers:
-            start, watch = of.start(Cell(of.id, of.x.high, of.lines[0], layer)), of.watch(Cell(of.id, 1, 1, layer))
+            start, watch = (
+                of.start(MapCell(of.id, of.x.high, of.lines[0], layer)),
+                of.watch(MapCell(of.id, 1, 1, layer)),
+            )
             moves = layer.endswith("run")
             assert (start.steps == (0,)) != moves
             assert (watch.condition is None) == moves

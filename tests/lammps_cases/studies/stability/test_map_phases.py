@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.studies.stability.maps import phases
-from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.model import ENGINES, Engine, MapCell
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
@@ -44,7 +44,7 @@ def test_large_ratios_fail(layer: str) -> None:
 
 def test_tension_of_summed_densities() -> None:
     """In the heavy fluid at the interface it is what the theory's line says, for a ratio without end."""
-    cell = Cell(MAP.id, 1000.0, 1.0, "rho/sum")
+    cell = MapCell(MAP.id, 1000.0, 1.0, "rho/sum")
     start = MAP.start(cell)
     run = open_run(start, MAP.watch(cell), "reference", living())
     run.begin()

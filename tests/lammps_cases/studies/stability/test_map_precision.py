@@ -12,14 +12,14 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability import kinds, probe, single
 from lammps_cases.studies.stability.maps import precision
-from lammps_cases.studies.stability.model import ENGINES, Cell, Kind, StabilityMap
+from lammps_cases.studies.stability.model import ENGINES, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import ReferenceRun, open_run
 
 pytestmark = pytest.mark.slow
 
 
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
-    cell = Cell(of.id, x, y, layer)
+    cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
     run = open_run(start, watch, "reference", Instance(None))
     return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
@@ -27,7 +27,7 @@ def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
 
 def test_all_of_it_is_float32() -> None:
     """After some steps no array of the state or the fields is longer; else the layer would be float64 in disguise."""
-    cell = Cell("", 1.0, 0.03, "float32")
+    cell = MapCell("", 1.0, 0.03, "float32")
     start = precision.STEP.start(cell)
     run = open_run(start, precision.STEP.watch(cell), "reference", Instance(None))
     assert isinstance(run, ReferenceRun)
@@ -42,7 +42,7 @@ def test_all_of_it_is_float32() -> None:
 
 def test_it_is_the_same_model() -> None:
     """Forces of both types agree to a few float32 roundings of their terms."""
-    start = precision.STEP.start(Cell("", 1.0, 0.3, "float64"))
+    start = precision.STEP.start(MapCell("", 1.0, 0.3, "float64"))
     scene, atoms = start.case.scene, start.atoms
     model, box, state = (
         reference_side.model(scene, atoms, ""),
@@ -80,5 +80,5 @@ def test_compression() -> None:
     """Float32 makes noise of a wave that float64 carries, and has none below a rounding of the density."""
     assert kind(precision.COMPRESSION, 3e-7, 1.0, "float64") == "stable"
     assert kind(precision.COMPRESSION, 3e-7, 1.0, "float32") == "energy growth"
-    start = precision.COMPRESSION.start(Cell("", 2.0**-26, 1.0, "float32"))
+    start = precision.COMPRESSION.start(MapCell("", 2.0**-26, 1.0, "float32"))
     assert start.atoms.rho_n is not None and set(start.atoms.rho_n.tolist()) == {1.0}

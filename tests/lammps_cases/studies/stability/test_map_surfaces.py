@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.studies.stability.maps import surfaces
-from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.model import ENGINES, Engine, MapCell
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
@@ -24,7 +24,7 @@ def test_summed_densities_make_a_surface_clump(side: Engine) -> None:
 
 
 def test_clumping_is_at_the_surface_and_under_tension() -> None:
-    cell = Cell(surfaces.SUMMED.id, 20.0, 4.0, "rho/sum")
+    cell = MapCell(surfaces.SUMMED.id, 20.0, 4.0, "rho/sum")
     start = surfaces.SUMMED.start(cell)
     run = open_run(start, surfaces.SUMMED.watch(cell), "reference", living())
     run.begin()
@@ -73,7 +73,7 @@ def test_share_of_the_circle() -> None:
 
 def test_expected_classes_are_of_the_geometry() -> None:
     """Rows that the cutoff keeps from the surface are bulk, the outermost ones surface, and nothing else is judged."""
-    cell = Cell(surfaces.DETECTION.id, 0.8, 0.05, "coordination")
+    cell = MapCell(surfaces.DETECTION.id, 0.8, 0.05, "coordination")
     known = surfaces.DETECTION.watch(cell).surface
     y_n = surfaces.DETECTION.start(cell).atoms.x_nc[:, 1]
     for atom, kind in known.items():

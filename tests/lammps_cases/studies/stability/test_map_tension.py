@@ -9,7 +9,7 @@ import pytest
 
 from eos_ref.kernels.quintic import QUINTIC
 from lammps_cases.studies.stability.maps import tension
-from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, Watch
+from lammps_cases.studies.stability.model import ENGINES, Engine, FailureCriteria, MapCell
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
@@ -39,7 +39,7 @@ def test_shift_bears_more_tension() -> None:
 
 
 def test_shift_raises_the_density_until_the_tension_is_gone() -> None:
-    cell = Cell("tension", -0.2, 1.0, "shift")
+    cell = MapCell("tension", -0.2, 1.0, "shift")
     start = tension.TENSION.start(cell)
     run = open_run(start, tension.TENSION.watch(cell), "reference", living())
     run.begin()
@@ -68,13 +68,13 @@ def test_growth_of_a_wave(side: Engine) -> None:
     x_nc, edges = tension.triangles(tension.WIDTH, tension.HEIGHT)
     k_c, e_c = fastest(background)
     wave_n = np.cos((x_nc - x_nc[0]) @ k_c)
-    start = tension.TENSION.start(Cell("tension", background, 1.0, ""))
+    start = tension.TENSION.start(MapCell("tension", background, 1.0, ""))
     flat_nc = np.hstack([np.mod(x_nc + size * wave_n[:, None] * e_c, edges), np.zeros((len(x_nc), 1))])
     start = replace(start, atoms=replace(start.atoms, x_nc=flat_nc), timestep=dt)
     scene = start.case.scene
     assert scene.evolve is not None
     timed = scene.model_copy(update={"evolve": scene.evolve.model_copy(update={"timestep": dt})})
-    run = open_run(replace(start, case=replace(start.case, scene=timed)), Watch(), side, living())
+    run = open_run(replace(start, case=replace(start.case, scene=timed)), FailureCriteria(), side, living())
     run.begin()
     sizes = []
     for steps in (500, 500):

@@ -10,7 +10,7 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability.maps import walls
-from lammps_cases.studies.stability.model import ENGINES, Cell, Engine, StabilityMap
+from lammps_cases.studies.stability.model import ENGINES, Engine, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
@@ -28,7 +28,7 @@ def test_speed(of: StabilityMap, layer: str, side: Engine) -> None:
     assert outcome(of, 0.1, y, layer, side).kind == "stable"
     fast = outcome(of, 2.0, y, layer, side)
     assert fast.kind == THROUGH
-    face = of.watch(Cell(of.id, 2.0, y, layer)).behind
+    face = of.watch(MapCell(of.id, 2.0, y, layer)).behind
     assert face is not None and fast.value is not None
     assert fast.value < face[1]
 
@@ -43,7 +43,7 @@ def test_stiffness_counts_with_reconstruction_only() -> None:
     assert outcome(walls.STIFFNESS, 0.5, 2.0, walls.RECONSTRUCT).kind == "stable"
     ends = []
     for sound in (0.5, 1.0):  # the same time step
-        cell = Cell(walls.STIFFNESS.id, 0.2, sound, walls.STORED)
+        cell = MapCell(walls.STIFFNESS.id, 0.2, sound, walls.STORED)
         run = open_run(walls.STIFFNESS.start(cell), walls.STIFFNESS.watch(cell), "reference", living())
         run.begin()
         run.advance(50)
@@ -68,7 +68,7 @@ def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
     x, y, layer = 0.74, 2.0, walls.RECONSTRUCT
     assert outcome(walls.STIFFNESS, x, y, layer).kind == THROUGH
     assert outcome(walls.STIFFNESS, x, y, layer, "lammps").kind == "stable"
-    start = walls.STIFFNESS.start(Cell(walls.STIFFNESS.id, x, y, layer))
+    start = walls.STIFFNESS.start(MapCell(walls.STIFFNESS.id, x, y, layer))
     scene, atoms = start.case.scene, start.atoms
     like_lammps = type("LikeLammps", (ForcePerVolume, ArrayEvaluator), {})
     model, box, state = (
@@ -86,7 +86,7 @@ def test_missing_volume_explains_that_lammps_holds_faster_fluid() -> None:
 
 def test_the_face_lies_behind_the_solids() -> None:
     for layers in (1.0, 2.0, 3.0):
-        cell = Cell(walls.THICKNESS.id, 0.2, layers, walls.STORED)
+        cell = MapCell(walls.THICKNESS.id, 0.2, layers, walls.STORED)
         start, watch = walls.THICKNESS.start(cell), walls.THICKNESS.watch(cell)
         solid_n = start.atoms.type_n == 2
         assert solid_n.sum() == layers * walls.WIDTH

@@ -7,7 +7,7 @@ import pytest
 
 from lammps_cases.studies.stability.kinds import kinetic_energy
 from lammps_cases.studies.stability.maps import whole
-from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.model import ENGINES, Engine, MapCell
 from lammps_cases.studies.stability.runs import open_run
 from tests.support.stability_cells import living, outcome
 
@@ -25,7 +25,7 @@ def test_column(side: Engine) -> None:
 
 def test_column_swings_about_its_weight() -> None:
     """Sound goes down and up twice in one period of the lowest mode; the mean pressure at the bottom is g H."""
-    cell = Cell(whole.COLUMN.id, 1.0, 0.2, "")
+    cell = MapCell(whole.COLUMN.id, 1.0, 0.2, "")
     start = whole.COLUMN.start(cell)
     run = open_run(start, whole.COLUMN.watch(cell), "reference", living())
     run.begin()
@@ -51,7 +51,7 @@ def test_dam_break(side: Engine) -> None:
 
 
 def test_dam_runs_to_the_other_wall() -> None:
-    cell = Cell(whole.DAM_BREAK.id, 0.3, 0.3, "")
+    cell = MapCell(whole.DAM_BREAK.id, 0.3, 0.3, "")
     start = whole.DAM_BREAK.start(cell)
     run = open_run(start, whole.DAM_BREAK.watch(cell), "reference", living())
     run.begin()
@@ -72,7 +72,7 @@ def test_falling_drop(side: Engine) -> None:
 def test_time_step_alone_changes_along_x() -> None:
     """So that the map gives limits of the time step."""
     for of in (whole.COLUMN, whole.DROP):
-        a, b = (of.start(Cell(of.id, x, 0.2, "")) for x in (0.5, 2.0))
+        a, b = (of.start(MapCell(of.id, x, 0.2, "")) for x in (0.5, 2.0))
         assert 3.5 < b.timestep / a.timestep < 4.5
         assert np.array_equal(a.atoms.x_nc, b.atoms.x_nc)
         assert a.case.scene.types == b.case.scene.types

@@ -16,7 +16,7 @@ from lammps_cases.findings.entry import MapDifference
 from lammps_cases.studies.stability import expected, names, page
 from lammps_cases.studies.stability.expected import ExpectedDifference
 from lammps_cases.studies.stability.inputs import InputRow
-from lammps_cases.studies.stability.model import Cell
+from lammps_cases.studies.stability.model import MapCell
 from tests.support.made_atlas import MAP, TEXT, made_atlas
 
 pytestmark = pytest.mark.slow
@@ -100,7 +100,7 @@ def test_inputs_can_be_filtered_by_what_lammps_does(folder: Path) -> None:
 
 def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
     text = (folder / "report.html").read_text()
-    cell = Cell("made", 1.6, 0.1, "plain")
+    cell = MapCell("made", 1.6, 0.1, "plain")
     row = text.partition(f'<tr id="{names.anchor(cell)}"')[2].partition("</tr>")[0]
     assert row.count("data:image/png;base64,") == 2
     assert "particles of LAMMPS after step 6, colour: density 1 to 1.05; ringed: 12" in row
@@ -131,14 +131,14 @@ def test_a_map_that_is_gone_is_still_shown(tmp_path: Path) -> None:
 @pytest.mark.parametrize("layer", ["", "plain", "with shift", "a:b", "with <shift>", "RK1, zmin 0"])
 def test_a_name_reads_back_as_its_cell(layer: str) -> None:
     for x, y in ((0.1, 1e-300), (-2.5, 1 / 3), (1e22, 0.0)):
-        cell = Cell("made", x, y, layer)
+        cell = MapCell("made", x, y, layer)
         assert names.parse(names.name(cell)) == cell
         assert re.fullmatch(r"[A-Za-z0-9_.+-]+", names.anchor(cell))
 
 
 def test_names_that_differ_have_other_addresses() -> None:
     layers = ("", "a b", "a_b", "a:b", "a-b", "a_20_b", "a_", "a__")
-    cells = [Cell("made", x, y, layer) for layer in layers for x in (1.0, -1.0) for y in (1.0, 2.0)]
+    cells = [MapCell("made", x, y, layer) for layer in layers for x in (1.0, -1.0) for y in (1.0, 2.0)]
     assert len({names.anchor(cell) for cell in cells}) == len(cells)
 
 

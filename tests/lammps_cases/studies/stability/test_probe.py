@@ -20,7 +20,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import timestep
-from lammps_cases.studies.stability.model import ENGINES, Axis, Cell, Engine, StabilityMap, Watch
+from lammps_cases.studies.stability.model import ENGINES, Axis, Engine, FailureCriteria, MapCell, StabilityMap
 from lammps_cases.studies.stability.probe import Examined, examine, follow
 from lammps_cases.studies.stability.runs import ReferenceRun, Stopped, open_run, saying
 from tests.support.stability_scenes import channel, resting, unstable
@@ -35,14 +35,14 @@ def living() -> Instance:
     return Instance(None)
 
 
-def followed(start: Start, watch: Watch, side: Engine, living: Instance, **options: Any) -> Examined:
+def followed(start: Start, watch: FailureCriteria, side: Engine, living: Instance, **options: Any) -> Examined:
     return follow(open_run(start, watch, side, living), kinds.subject(start), watch, start.steps[-1], **options)
 
 
 # --- the first step
 
 
-def by_hand(start: Start, watch: Watch) -> tuple[int, kinds.Found, Simulation]:
+def by_hand(start: Start, watch: FailureCriteria) -> tuple[int, kinds.ParticleFailure, Simulation]:
     """Step, failure, and simulation one step before, by plain stepping."""
     scene, atoms = start.case.scene, start.atoms
     made = [
@@ -58,7 +58,7 @@ def by_hand(start: Start, watch: Watch) -> tuple[int, kinds.Found, Simulation]:
     for step in range(1, 1000):
         made[0].run(1, start.timestep)
         s = made[0].state
-        look = kinds.Look(step, s.x_nc, s.v_nc, s.rho_n, made[0].output("pressure"))
+        look = kinds.Observation(step, s.x_nc, s.v_nc, s.rho_n, made[0].output("pressure"))
         found = kinds.first(kinds.subject(start), watch, look, watch.energy)
         if found is not None:
             return step, found, made[1]
@@ -99,7 +99,7 @@ def test_engines_fail_alike(living: Instance) -> None:
 @pytest.mark.parametrize("side", ENGINES)
 def test_energy_of_the_first_look_is_the_scale_where_none_is_given(side: Engine, living: Instance) -> None:
     start = unstable(1e-6)
-    watch = Watch(every=20, growth=10.0)
+    watch = FailureCriteria(every=20, growth=10.0)
     run = open_run(start, watch, side, living)
     run.begin()
     of = kinds.subject(start)
@@ -124,9 +124,9 @@ def test_sound_runs_are_stable(side: Engine, living: Instance) -> None:
 @pytest.mark.parametrize("side", ENGINES)
 def test_surfaces_are_those_of_the_engine(side: Engine, living: Instance) -> None:
     start = channel()
-    look = followed(start, Watch(surface={60: 0, 66: 1}), side, living)
+    look = followed(start, FailureCriteria(surface={60: 0, 66: 1}), side, living)
     assert look.outcome.kind == "stable"
-    wrong = followed(start, Watch(surface={60: 0, 66: 0}), side, living).outcome
+    wrong = followed(start, FailureCriteria(surface={60: 0, 66: 0}), side, living).outcome
     assert (wrong.kind, wrong.step, wrong.atom, wrong.value) == ("misclassified surface", 0, 66, 1.0)
 
 
@@ -136,9 +136,9 @@ def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Instanc
     v_nc = np.zeros(start.atoms.x_nc.shape)
     v_nc[-1, 1] = 10.0
     start = replace(start, atoms=replace(start.atoms, v_nc=v_nc))
-    outcome = followed(start, Watch(every=7), side, living).outcome
+    outcome = followed(start, FailureCriteria(every=7), side, living).outcome
     assert (outcome.kind, outcome.atom) == ("lost particles", len(start.atoms))
-    run = open_run(start, Watch(), side, living)
+    run = open_run(start, FailureCriteria(), side, living)
     run.begin()
     assert outcome.step is not None
     run.advance(outcome.step - 1)
@@ -152,7 +152,7 @@ def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(livin
     """The reference stops in the middle of a step; what it has by then is looked at."""
     start = unstable(0.3)
     huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))  # type: ignore[operator]
-    outcome = followed(huge, Watch(), "reference", living).outcome
+    outcome = followed(huge, FailureCriteria(), "reference", living).outcome
     assert outcome.kind in ("non-finite", "lost particles", "negative density")
     assert outcome.step == 1
 
@@ -165,19 +165,21 @@ def test_refusals_are_errors_with_their_text(living: Instance) -> None:
     start = channel(3)
     law = start.case.scene.pressure[0].model_copy(update={"style": "tait/general", "A3": None, "gamma": 0.0})
     start = replace(start, case=replace(start.case, scene=start.case.scene.model_copy(update={"pressure": (law,)})))
-    outcome = followed(start, Watch(), "reference", living).outcome
+    outcome = followed(start, FailureCriteria(), "reference", living).outcome
     assert (outcome.kind, outcome.step) == ("error", 0)
     assert "gamma of tait/general" in outcome.message
-    assert followed(start, Watch(), "lammps", living).outcome.kind != "error"
+    assert followed(start, FailureCriteria(), "lammps", living).outcome.kind != "error"
 
 
 def test_lammps_errors_keep_their_text(living: Instance) -> None:
     start = channel(3)
     scene = start.case.scene.model_copy(update={"violate": "unknown-pressure-style"})
-    outcome = followed(replace(start, case=replace(start.case, scene=scene)), Watch(), "lammps", living).outcome
+    outcome = followed(
+        replace(start, case=replace(start.case, scene=scene)), FailureCriteria(), "lammps", living
+    ).outcome
     assert (outcome.kind, outcome.step) == ("error", 0)
     assert "Illegal fix command" in outcome.message or "ubic" in outcome.message
-    assert followed(channel(), Watch(), "lammps", living).outcome.kind == "stable"  # the instance serves on
+    assert followed(channel(), FailureCriteria(), "lammps", living).outcome.kind == "stable"  # the instance serves on
 
 
 def test_mistakes_of_this_project_are_not_blamed_on_an_engine(
@@ -188,10 +190,10 @@ def test_mistakes_of_this_project_are_not_blamed_on_an_engine(
 
     monkeypatch.setattr(session, "read", mistaken)
     with pytest.raises(TypeError, match="a mistake"):
-        followed(resting(5), Watch(), "lammps", living)
+        followed(resting(5), FailureCriteria(), "lammps", living)
     monkeypatch.setattr(ReferenceRun, "look", mistaken)
     with pytest.raises(TypeError, match="a mistake"):
-        followed(resting(5), Watch(), "reference", living)
+        followed(resting(5), FailureCriteria(), "reference", living)
 
 
 @pytest.mark.parametrize(
@@ -255,9 +257,11 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workers]:
 
 
 def ended(mass: float, workers: Workers, limit: float = 20.0, side: Engine = "lammps") -> Examined:
-    start: Callable[[Cell], Start] = lambda cell: resting(60, mass)  # noqa: E731
-    of = StabilityMap("rest", "", "", Axis("x", 0, 1, 1), Axis("y", 0, 1, 1), (0.0,), start, lambda cell: Watch())
-    return examine(of, Cell("rest", 0.0, 0.0), side, workers, limit)
+    start: Callable[[MapCell], Start] = lambda cell: resting(60, mass)  # noqa: E731
+    of = StabilityMap(
+        "rest", "", "", Axis("x", 0, 1, 1), Axis("y", 0, 1, 1), (0.0,), start, lambda cell: FailureCriteria()
+    )
+    return examine(of, MapCell("rest", 0.0, 0.0), side, workers, limit)
 
 
 def test_a_worker_that_dies_is_a_crash_at_its_step(faulty: Workers) -> None:

@@ -17,7 +17,7 @@ from lammps_cases.studies.stability.maps.timestep import (
     viscous_limit,
     watch,
 )
-from lammps_cases.studies.stability.model import ENGINES, Cell, Engine
+from lammps_cases.studies.stability.model import ENGINES, Engine, MapCell
 from lammps_cases.studies.stability.probe import follow
 from lammps_cases.studies.stability.runs import open_run
 
@@ -88,4 +88,4 @@ def test_criteria_meet_where_viscosity_and_sound_limit_alike() -> None:
 def test_steps_are_as_many_as_said() -> None:
     for of in timestep.MAPS:
         for y in of.lines:
-            assert of.start(Cell(of.id, 1.0, y)).steps == (timestep.STEPS,)
+            assert of.start(MapCell(of.id, 1.0, y)).steps == (timestep.STEPS,)

@@ -39,7 +39,7 @@ class Ratio:
 def against(
     scene: str, peer: str, ours: Call, theirs: Call, repeats: int, per: float = 1.0, at_least: float = 0.02
 ) -> Ratio:
-    """Ours against a peer, in turns; ``per`` is the number of particles (times steps) of a call."""
+    """Time ours against a peer, in turns; ``per`` is the number of particles (times steps) of a call."""
     took = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
     scale = 1e9 / per
     ours_ns, peer_ns = took["ours"].seconds.scaled(scale), took["peer"].seconds.scaled(scale)
@@ -47,7 +47,7 @@ def against(
 
 
 def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
-    """Every law on n densities into a given array, against copying the same arrays."""
+    """Time every law on n densities into a given array, against copying the same arrays."""
     from eos_ref.eos import compiled
 
     random = np.random.default_rng(1)
@@ -70,7 +70,7 @@ def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
 
 
 def table_against_copy(n: int, repeats: int) -> Ratio:
-    """Four laws on particles of interleaved types, against copying density and type."""
+    """Time four laws on particles of interleaved types, against copying density and type."""
     random = np.random.default_rng(2)
     table = EOSTable((*list(LAWS.values())[:3], EOS("linear", 0.9, 2.0, background=0.1)))
     rho_n, type_n = random.uniform(0.6, 1.8, n), random.integers(1, 5, n)
@@ -85,7 +85,7 @@ def table_against_copy(n: int, repeats: int) -> Ratio:
 
 
 def bytes_per_particle(n: int = 1_000_000) -> float:
-    """Peak memory of pressure and bound of n particles of four types, per particle, inputs included."""
+    """Return the peak memory of pressure and bound of n particles of four types, per particle, inputs included."""
     random = np.random.default_rng(3)
     table = EOSTable(tuple(list(LAWS.values())[:4]))
     tracemalloc.start()
@@ -98,7 +98,7 @@ def bytes_per_particle(n: int = 1_000_000) -> float:
 
 
 def lammps_alone(file: str) -> None:
-    """The peer of a whole run: one process, one LAMMPS, the same commands and arrays, nothing else."""
+    """Run the peer of a whole run: one process, one LAMMPS, the same commands and arrays, nothing else."""
     from lammps_cases.engine import session
 
     lmp = session.open_lammps()

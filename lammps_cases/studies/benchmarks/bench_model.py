@@ -37,7 +37,7 @@ STEPS = {2: 10, 3: 4}
 
 
 def scene(option: str, dimension: int, edge: int) -> Case:
-    """A fluid of unit volumes, so that LAMMPS' forces are those of the reference, cutoff of 3 spacings."""
+    """Return a fluid of unit volumes, so that LAMMPS' forces are those of the reference, cutoff of 3 spacings."""
     data = {
         "dimension": dimension,
         "types": [{"mass": 1.0, "rho0": 1.0, "cs": 10.0}],
@@ -59,7 +59,7 @@ def scene(option: str, dimension: int, edge: int) -> Case:
 
 
 def simulation(case: Case, stages: Literal["compiled", "plain"] = "compiled") -> Simulation:
-    """The reference, ready to step."""
+    """Return the reference, ready to step."""
     evaluator: Any = ArrayEvaluator
     if stages == "compiled":
         from eos_ref.compiled.evaluator import CompiledEvaluator as evaluator
@@ -77,7 +77,7 @@ def _dt(case: Case) -> float:
 
 
 def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> Iterator[Ratio]:
-    """Time per particle and step of the reference and of LAMMPS, for every option."""
+    """Yield the time per particle and step of the reference and of LAMMPS, for every option."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     lmp = session.open_lammps()
     for dimension in dimensions:
@@ -105,7 +105,7 @@ def _commands(lmp: Any, text: str) -> Callable[[], None]:
 
 
 def growth(edges: tuple[int, ...] = (100, 316, 1000), steps: int = 4) -> Iterator[Ratio]:
-    """Time per particle and step of a large scene against one of 10 000 particles."""
+    """Yield the time per particle and step of a large scene against one of 10 000 particles."""
     small = scene("quintic", 2, edges[0])
     first = simulation(small)
     for edge in edges[1:]:
@@ -125,7 +125,7 @@ def growth(edges: tuple[int, ...] = (100, 316, 1000), steps: int = 4) -> Iterato
 
 
 def full_model_for_pressure(edge: int = 300) -> Ratio:
-    """What a scene that compares pressures alone costs, against all that the model could evaluate for it."""
+    """Time a scene that compares pressures alone, against all that the model could evaluate for it."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     case = scene("RK1", 2, edge)
@@ -141,14 +141,14 @@ def full_model_for_pressure(edge: int = 300) -> Ratio:
 
 
 def bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
-    """Peak memory that a million particles add to a process that has everything loaded, per particle."""
+    """Return the peak memory that a million particles add to a process that has everything loaded, per particle."""
     code = f"from lammps_cases.studies.benchmarks.bench_model import grown; print(grown({option!r}, {edge}))"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     return float(done.stdout.split()[-1]) / edge**2
 
 
 def grown(option: str, edge: int) -> float:
-    """Peak resident bytes of a simulation of ``edge`` squared particles, beyond those of a small one."""
+    """Return the peak resident bytes of a simulation of ``edge`` squared particles, beyond those of a small one."""
     _lattice_simulation(option, 40)
     # A new process inherits the peak of the one that started it: count from here (Linux).
     Path("/proc/self/clear_refs").write_text("5")
@@ -158,7 +158,7 @@ def grown(option: str, edge: int) -> float:
 
 
 def _peak() -> int:
-    """Peak resident memory of this process (kB)."""
+    """Return the peak resident memory of this process (kB)."""
     lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
 

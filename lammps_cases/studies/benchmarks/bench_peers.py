@@ -32,7 +32,7 @@ WARM = 3
 
 
 def taylor_green(repeats: int, pysph: str | None) -> Iterator[Ratio]:
-    """Time per particle and step of ours against every other code.
+    """Yield the time per particle and step of ours against every other code.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _threads() -> tuple[int, ...]:
 
 
 def _stepping(start: Start, threads: int) -> Callable[[], float]:
-    """Seconds of one step of ours."""
+    """Return a function that times one step of ours (seconds)."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
     from eos_ref.evaluation.time_step import Simulation
 
@@ -89,7 +89,7 @@ def _stepping(start: Start, threads: int) -> Callable[[], float]:
 
 
 def _lammps(start: Start, count: int) -> list[float]:
-    """Seconds of one step of LAMMPS on some ranks, after a few to warm up."""
+    """Return the seconds of one step of LAMMPS on some ranks, after a few to warm up."""
     lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
     runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
     answer = ranks.solve(None, replace(lammps_job, runs=runs, ranks=count))

@@ -34,7 +34,7 @@ class ConfidenceInterval:
     high: float
 
     def scaled(self, factor: float) -> ConfidenceInterval:
-        """The interval times a positive number."""
+        """Return the interval times a positive number."""
         return ConfidenceInterval(self.median * factor, self.low * factor, self.high * factor)
 
 
@@ -59,12 +59,12 @@ class Timing:
         return interval(self.seconds_r)
 
     def against(self, other: Timing) -> ConfidenceInterval:
-        """Ratio of this time to another one of the same rounds."""
+        """Return the ratio of this time to another one of the same rounds."""
         return interval(tuple(a / b for a, b in zip(self.seconds_r, other.seconds_r, strict=True)))
 
 
 def interval(values: tuple[float, ...]) -> ConfidenceInterval:
-    r"""Median and its distribution-free confidence interval.
+    r"""Return the median and its distribution-free confidence interval.
 
     The k-th smallest and k-th largest of n independent values enclose the median with probability
     :math:`1 - 2^{1-n}\sum_{i<k}\binom ni`; the largest k that still gives 95 % is taken. Fewer than six values cannot
@@ -111,7 +111,7 @@ def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 
 
 
 def _calibrated(call: Call, at_least: float) -> int:
-    """How many calls last long enough; found by doubling, which also warms up."""
+    """Return how many calls last long enough, by doubling, which also warms up."""
     repeats = 1
     while (seconds := _seconds(call, repeats)) < at_least / 2 and repeats < 2**20:
         repeats = max(2 * repeats, min(int(repeats * at_least / max(seconds, 1e-9)) // 2, 64 * repeats))
@@ -126,14 +126,14 @@ def _seconds(call: Call, repeats: int) -> float:
 
 
 def verdict(ratio: ConfidenceInterval) -> Answer:
-    """What a ratio of two times says of the first: an interval that holds 1 says nothing."""
+    """Compare two times by their ratio: an interval that holds 1 decides nothing."""
     if ratio.high < 1:
         return "faster"
     return "slower" if ratio.low > 1 else "cannot tell"
 
 
 def machine() -> dict[str, str | float | int]:
-    """The machine that measures, and how busy it is."""
+    """Describe the machine that measures, and its load."""
     return {
         "processor": cpuinfo().get("model name") or platform.processor() or platform.machine(),
         "cores": os.cpu_count() or 1,

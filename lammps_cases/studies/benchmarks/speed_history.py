@@ -43,7 +43,7 @@ def append(path: Path, label: str, ratios: Sequence[Ratio]) -> SpeedEntry:
 
 
 def read(path: Path) -> list[SpeedEntry]:
-    """All entries of a history.
+    """Return all entries of a history.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def read(path: Path) -> list[SpeedEntry]:
 
 
 def pick(entries: Sequence[SpeedEntry], which: str, path: Path) -> SpeedEntry:
-    """An entry by its number, 1 the first and -1 the last, or by its label (the last of that name).
+    """Return an entry by its number, 1 the first and -1 the last, or by its label (the last of that name).
 
     Raises
     ------

@@ -41,7 +41,7 @@ def _two_digits(value: float) -> float:
 
 
 def _started(law: EOS, method: str) -> float:
-    """Seconds that the first evaluation of ten states takes in a fresh process beyond the second."""
+    """Return the seconds that the first evaluation of ten states takes in a fresh process beyond the second."""
     return _in_fresh_process(
         "import numpy as np\n"
         "from eos_ref import EOS\n"
@@ -58,7 +58,7 @@ def _started(law: EOS, method: str) -> float:
 
 
 def _in_fresh_process(code: str, rounds: int = 3) -> float:
-    """Least seconds of a first ``call()`` beyond a second one; the first process may compile, which is for good."""
+    """Return the least seconds of a first ``call()`` beyond a second one; the first process may compile for good."""
     timing = (
         "import time\nt = [time.perf_counter()]\nfor _ in range(2):\n    call()\n    t.append(time.perf_counter())\n"
     )

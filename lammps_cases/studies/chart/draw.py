@@ -21,7 +21,7 @@ _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
 
 
 def panel_figure(panel: Panel) -> Figure:
-    """Correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow."""
+    """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow."""
     with matplotlib.rc_context(STYLE):
         regimes = panel.regimes
         columns = min(len(regimes), 3)
@@ -42,7 +42,7 @@ def panel_figure(panel: Panel) -> Figure:
 
 
 def _marks(points: Sequence[MethodPoint]) -> dict[str, tuple[str, str]]:
-    """Colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
+    """Choose the colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
     methods = sorted({p.method for p in points if p.engine != LAMMPS})
     marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(methods)}
     theirs = sorted({p.method for p in points if p.engine == LAMMPS})
@@ -94,7 +94,7 @@ def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
 
 
 def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
-    """Error against resolution and against wall time, with the fitted order of each engine."""
+    """Draw the error against resolution and against wall time, with the fitted order of each engine."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(6.2, 2.7), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True)
@@ -129,7 +129,7 @@ def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
 
 
 def map_figure(data: Map) -> Figure:
-    """A map of errors, as digits."""
+    """Draw a map of errors, as digits."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.3, 3.0), layout="constrained")
         axis = figure.subplots()

@@ -34,13 +34,13 @@ class EngineLaw:
         self.lmp, self.law = lmp, law
 
     def pressure(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> FloatArray:
-        """Pressures (n,) that LAMMPS puts out for densities and energies."""
+        """Return pressures (n,) that LAMMPS puts out for densities and energies."""
         scene, atoms = self._scene(len(rho_n), rho_n, e_n)
         answer = session.run(self.lmp, job(scene, atoms, plan(scene)))
         return np.asarray(answer.arrays["q.pressure"][: len(rho_n)])
 
     def timed(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> tuple[Callable[[], None], Callable[[], None]]:
-        """Two calls to be timed: the output of all pressures, and that of as many numbers that need no law.
+        """Return two calls to be timed: the output of all pressures, and that of as many numbers that need no law.
 
         A new count of steps makes LAMMPS evaluate an output anew; the difference of the two is the law alone.
         """

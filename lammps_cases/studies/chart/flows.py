@@ -26,14 +26,14 @@ SHOWN = ("taylor-green", "sound-wave-tait-water")
 
 
 def flows(quick: bool) -> Iterator[Convergence]:
-    """Every flow at its resolutions, on the reference and on LAMMPS."""
+    """Solve every flow at its resolutions, on the reference and on LAMMPS."""
     for flow in FLOWS.values():
         chosen = (flow.quick or flow.resolutions)[:3] if quick else flow.resolutions
         yield from converge(flow, resolutions=chosen)
 
 
 def panels(quick: bool, lmp: Any) -> Iterator[Panel]:
-    """Error of the headline against time per particle and step, for kernels and cutoffs."""
+    """Yield the error of the headline against time per particle and step, for kernels and cutoffs."""
     for name in SHOWN[:1] if quick else SHOWN:
         yield _panel(FLOWS[name], STYLES[:2] if quick else STYLES, CUTS[1:2] if quick else CUTS, quick, lmp)
 

@@ -41,7 +41,7 @@ _EVALUATION = (
 
 
 def field(x_nc: FloatArray) -> FloatArray:
-    """Velocities (n, 2)."""
+    """Return the velocities (n, 2)."""
     x, y = K * x_nc[:, 0], K * x_nc[:, 1]
     return np.stack([np.sin(x) * np.cos(y), np.cos(x) * np.sin(y)], axis=1)
 
@@ -73,7 +73,7 @@ def _timed(runs: Mapping[str, TimedMethod], quick: bool) -> dict[str, measure.Ti
 def _points(
     quantity: str, regime: str, runs: Mapping[str, TimedMethod], true_n: FloatArray, scale_n: FloatArray, quick: bool
 ) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
-    """Points whose errors are root mean squares, and the same with the worst errors."""
+    """Return the points whose errors are root mean squares, and the same with the worst errors."""
     timings = _timed(runs, quick)
     reasons = {name: run.reason for name, run in runs.items()}
 
@@ -94,7 +94,7 @@ def _regime(disorder: float) -> str:
 def gradient_runs(
     cuts: Sequence[float], disorder: float, edge: int, lammps: Instances | None
 ) -> dict[str, TimedMethod]:
-    """Every kernel and cutoff on the same particles; `TimedMethod.value_n` is the gradient (n, 2, 2)."""
+    """Evaluate every kernel and cutoff on the same particles; `TimedMethod.value_n` is the gradient (n, 2, 2)."""
     runs: dict[str, TimedMethod] = {}
     for kernel in KERNELS:
         for cut in cuts:
@@ -182,7 +182,7 @@ def _densities(quick: bool, lmp: Any | None) -> Panel:
 
 
 def deformed(kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool) -> LatticeSetup:
-    """Particles that fly freely, each with the diverging velocity (sin kx, sin ky) of where it was at first."""
+    """Return particles that fly freely, each with the diverging velocity (sin kx, sin ky) of where it was at first."""
     evolve = {"steps": STEPS, "timestep": 1.0 / STEPS, "compare_at": [STEPS]}
     cold = [{"mass": 1.0, "rho0": 1.0, "cs": COLD, "viscosity": 0.0}]
     setup = prepared(kernel, cut, disorder, edge, rho_sum, types=cold, evolve=evolve, compare=["rho", "x"])
@@ -236,7 +236,7 @@ def _deformation(quick: bool, lmp: Any | None) -> Panel:
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Gradients, summed densities, and densities of a deformed fluid; with ``lmp`` LAMMPS' too.
+    """Yield gradients, summed densities, and densities of a deformed fluid; with ``lmp`` LAMMPS' too.
 
     More instances of LAMMPS are opened, one per method of a regime, and closed again.
     """
@@ -246,7 +246,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
 
 
 def maps(quick: bool) -> Iterator[Map]:
-    """Error of the gradient over cutoff and disorder, one map per kernel; of the reference."""
+    """Yield the error of the gradient over cutoff and disorder, one map per kernel; of the reference."""
     cuts = np.arange(2.0, 4.01, 0.5 if quick else 0.125)
     disorders = np.arange(0.0, 0.31, 0.15 if quick else 0.05)
     for kernel in KERNELS:

@@ -35,13 +35,13 @@ OUTPUT = "LAMMPS"
 
 
 def name(law: EOS) -> str:
-    """A law with what tells it apart."""
+    """Return the name of a law with its parameters."""
     parameter = "" if law.parameter is None else f" {law.parameter:g}"
     return f"{law.style}{parameter}" + (" + background" if law.background else "")
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """One panel per law."""
+    """Yield one panel per law."""
     for law in LAWS[1:4] if quick else LAWS:
         yield _panel(law, REGIMES[1::2] if quick else REGIMES, QUICK_STATES if quick else STATES, lmp)
 
@@ -80,7 +80,7 @@ def _inside(regime: Regime, law: EOS) -> Callable[[FloatArray], Any]:
 def timings(
     law: EOS, methods: Sequence[LawMethod], regimes: Sequence[Regime], n: int, lmp: Any | None
 ) -> tuple[dict[str, Timing], float]:
-    """Times of all methods in turns, and the seconds that copying the states takes."""
+    """Return the times of all methods in turns, and the seconds that copying the states takes."""
     each = [regime.densities(law, math.ceil(n / len(regimes))) for regime in regimes]
     rho_n = np.random.default_rng(1).permutation(np.concatenate(each)[:n])
     e_n = np.full(n, ENERGY) if law.needs_energy else None
@@ -124,7 +124,7 @@ def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Cros
 
 
 def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing | None:
-    r"""Where two methods' worst errors, in narrow windows of :math:`|\rho/\rho_0-1|`, cross; by bisection."""
+    r"""Return where two methods' worst errors, in narrow windows of :math:`|\rho/\rho_0-1|`, cross; by bisection."""
     e = ENERGY if law.needs_energy else None
 
     def lead(log_d: float) -> bool:
@@ -146,8 +146,7 @@ def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing |
 
 
 def bisected(holds: Callable[[float], bool], low: float, high: float, width: float) -> tuple[float, float] | None:
-    """The interval, no wider than asked, in which a condition that fails at ``low`` begins to hold; None if it is the
-    same at both ends."""
+    """Bisect to the given width where a condition changes; None if it is the same at both ends."""
     if holds(low) == holds(high):
         return None
     at_high = holds(high)
@@ -161,7 +160,7 @@ def bisected(holds: Callable[[float], bool], low: float, high: float, width: flo
 
 
 def maps(quick: bool) -> Iterator[Map]:
-    """Worst errors over distance from rho0 and gamma, for the forms of Tait's law."""
+    """Yield the worst errors over distance from rho0 and gamma, for the forms of Tait's law."""
     gammas = np.linspace(1.5, 7.5, 5 if quick else 13)
     distances = np.geomspace(1e-10, 3.0, 9 if quick else 22)
     for method in (m for m in methods_of(EOS("tait/general", parameter=1.5)) if m.name in ("textbook", "numpy")):

@@ -99,13 +99,13 @@ def _speedup(runs: list[Convergence]) -> float:
 
 
 def rows(panel: Panel, regime: str) -> list[tuple[MethodPoint, bool]]:
-    """Points of a regime from the fastest on, and whether each is on the frontier."""
+    """Return the points of a regime from the fastest on, and whether each is on the frontier."""
     best = frontier(panel.of(regime))
     return [(p, p in best) for p in sorted(panel.of(regime), key=lambda p: p.ns.median)]
 
 
 def sentence(panel: Panel, regime: str) -> str:
-    """The frontier in words."""
+    """Return the frontier in words."""
     best = frontier(panel.of(regime))
     if not best:
         return "no method is better than all others"

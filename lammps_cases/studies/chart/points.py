@@ -94,7 +94,7 @@ class Panel:
         return list(dict.fromkeys(point.regime for point in self.points))
 
     def of(self, regime: str) -> list[MethodPoint]:
-        """Points of one regime."""
+        """Return the points of one regime."""
         return [point for point in self.points if point.regime == regime]
 
 
@@ -115,7 +115,7 @@ class Map:
 def point(
     quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = ""
 ) -> MethodPoint:
-    """A point from a timing of a call that treats ``per`` particles (or particles and steps)."""
+    """Return a point from a timing of a call that treats ``per`` particles (or particles and steps)."""
     late = max(timing.first - timing.seconds.high, 0.0)
     ns = timing.seconds.scaled(1e9 / per)
     return MethodPoint(quantity, regime, method, error, ns, late, reason)
@@ -139,7 +139,7 @@ def measured(
 def compared(
     points: Sequence[MethodPoint], timings: Mapping[str, Timing], same: float = ONE_BIT
 ) -> tuple[MethodPoint, ...]:
-    """The points of one regime with what their timings, of the same rounds, say about each other.
+    """Compare the points of one regime by their errors and by their timings, which are of the same rounds.
 
     A method is dominated by another one that is measurably faster and no less accurate, or more accurate and not
     measurably slower. Times are compared round by round (`Timing.against`).
@@ -168,5 +168,5 @@ def compared(
 
 
 def frontier(points: Iterable[MethodPoint]) -> list[MethodPoint]:
-    """The points that no other dominates, from the fastest to the most accurate."""
+    """Return the points that no other dominates, from the fastest to the most accurate."""
     return sorted((p for p in points if not p.dominated_by), key=lambda p: (p.ns.median, p.error))

@@ -33,7 +33,7 @@ class LatticeSetup:
     atoms: Atoms
 
     def simulation(self, fields: Sequence[str]) -> Simulation:
-        """The compiled reference, evaluated once."""
+        """Return the compiled reference, evaluated once."""
         from eos_ref.compiled.evaluator import CompiledEvaluator
 
         scene, where = self.case.scene, self.case.where
@@ -51,7 +51,7 @@ class LatticeSetup:
 def prepared(
     kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool = False, **more: Any
 ) -> LatticeSetup:
-    """Unit masses on a disordered square lattice of unit spacing, at rest; ``more`` are keys of a scene."""
+    """Return unit masses on a disordered square lattice of unit spacing, at rest; ``more`` are keys of a scene."""
     data = {
         "dimension": 2,
         "types": [{"mass": 1.0, "rho0": 1.0, "cs": 1.0, "viscosity": 0.0}],
@@ -71,17 +71,17 @@ def prepared(
 
 
 def moving(setup: LatticeSetup, v_nc: FloatArray) -> LatticeSetup:
-    """The same particles with velocities (n, 2)."""
+    """Return the same particles with velocities (n, 2)."""
     return replace(setup, atoms=replace(setup.atoms, v_nc=np.hstack([v_nc, np.zeros((len(v_nc), 1))])))
 
 
 def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
-    """Largest error over the root of the mean square of what it is relative to."""
+    """Return the largest error over the root of the mean square of what it is relative to."""
     return float(np.max(np.abs(error_n)) / np.sqrt(np.mean(np.square(scale_n))))
 
 
 def still_step(lmp: Any) -> Callable[[], object]:
-    """A call that takes a step of LAMMPS in which nothing moves."""
+    """Return a call that takes a step of LAMMPS in which nothing moves."""
     lmp.command(f"timestep {STILL!r}")
     return partial(lmp.command, "run 1 pre no post no")
 
@@ -96,7 +96,7 @@ class Instances:
         return self._lmp is not None
 
     def one_more(self) -> Any:
-        """A new instance, closed with the stack."""
+        """Return a new instance, closed with the stack."""
         instance = session.open_lammps()
         self._stack.callback(instance.close)
         return instance

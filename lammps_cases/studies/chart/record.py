@@ -59,7 +59,7 @@ def write(chart: Chart, folder: Path) -> None:
 
 
 def read(folder: Path) -> Chart:
-    """The chart of a folder.
+    """Return the chart of a folder.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read(folder: Path) -> Chart:
 
 
 def points_document(chart: Chart) -> dict[str, list[dict[str, Any]]]:
-    """What ``--json`` prints."""
+    """Return what ``--json`` prints."""
     header, *rows = _point_rows(chart)
     finite = [
         [None if isinstance(value, float) and not abs(value) < float("inf") else value for value in r] for r in rows

@@ -48,7 +48,7 @@ class SearchMethod:
 
 
 def truth(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """All pairs closer than the cutoff, of the doubles given and in exact arithmetic; n squared of them are looked at.
+    """Return all pairs closer than the cutoff, of the doubles given and in exact arithmetic, among all n squared.
 
     Doubles decide but where the distance may be the cutoff; of those, fractions.
     """
@@ -81,7 +81,7 @@ def _exactly_close(x_nc: FloatArray, box: Box, cut: float, i: int, j: int, image
 
 
 def keys(pairs: PairList) -> set[tuple[int, ...]]:
-    """Every pair as a tuple that does not depend on which particle came first."""
+    """Return every pair as a tuple that does not depend on which particle came first."""
     unordered = set()
     for i, j, image in zip(pairs.i_p.tolist(), pairs.j_p.tolist(), pairs.image_pc.tolist(), strict=True):
         unordered.add(max((j, i, *(-a for a in image)), (i, j, *image)))
@@ -89,7 +89,7 @@ def keys(pairs: PairList) -> set[tuple[int, ...]]:
 
 
 def wrong(pairs: PairList, true: PairList) -> int:
-    """How many pairs are missed, invented or found twice."""
+    """Count the pairs that are missed, invented or listed twice."""
     ours = keys(pairs)
     return len(ours ^ keys(true)) + len(pairs.i_p) - len(ours)
 
@@ -153,7 +153,7 @@ def _walk(
 
 
 def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> PairList:
-    """Cells no smaller than the cutoff, each met with half of those around it; in the precision of the positions.
+    """Search cells no smaller than the cutoff, each with half of those around it, in the precision of the positions.
 
     A periodic edge shorter than the cutoff is one cell, which meets several images of itself.
     """
@@ -183,7 +183,7 @@ def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> PairL
 
 
 def brute_force(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """One cell: every particle meets every other one, and all images within reach."""
+    """Search one cell: every particle meets every other one, and all images within reach."""
     return cell_list(x_nc, box, cut, most_cells=1)
 
 
@@ -232,7 +232,7 @@ def _tree(x_nc: FloatArray, box: Box, cut: float) -> PairList:
 
 
 def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """Copies of the particles near periodic faces, as LAMMPS has them; any box, any number of images."""
+    """Search copies of the particles near periodic faces, as LAMMPS has them; any box, any number of images."""
     from scipy.spatial import cKDTree
 
     n, d = x_nc.shape

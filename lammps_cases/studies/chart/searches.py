@@ -33,7 +33,7 @@ REBUILDS, LEAST_STEPS, MOST_STEPS = 5, 60, 1500
 
 
 def _lattice(edge: int, name: str) -> tuple[FloatArray, Box]:
-    """Square lattice of unit spacing, disordered by a tenth, and its periodic box."""
+    """Return the square lattice of unit spacing, disordered by a tenth, and its periodic box."""
     random = np.random.default_rng(seed(f"{name}/{edge}"))
     x_nc = rows(0, edge, edge)
     return x_nc + random.uniform(-0.1, 0.1, x_nc.shape), Box((0.0, 0.0), (float(edge),) * 2, (True, True))
@@ -43,7 +43,7 @@ def _lattice(edge: int, name: str) -> tuple[FloatArray, Box]:
 
 
 def at_the_cutoff(edge: float, n: int, number: int = 0) -> tuple[FloatArray, Box]:
-    """Half the particles at random places, each with a partner at the cutoff times 1 +/- 10^-k, k from 6 to 17."""
+    """Place half the particles at random, each with a partner at the cutoff times 1 +/- 10^-k, k from 6 to 17."""
     random = np.random.default_rng(seed(f"at the cutoff/{edge}/{number}"))
     x_nc, angle_n = random.uniform(0, edge, (n // 2, 2)), random.uniform(0, 2 * np.pi, n // 2)
     off_n = random.choice([-1.0, 1.0], n // 2) * 10.0 ** random.uniform(-17, -6, n // 2)
@@ -58,7 +58,7 @@ def _calls(edge: int, methods: Sequence[SearchMethod]) -> dict[str, Callable[[],
 
 
 def _crossings(edges: Sequence[int], quick: bool) -> tuple[Crossing, ...]:
-    """Where two methods change places between two sizes of a scene."""
+    """Return where two methods change places between two sizes of a scene."""
     timings = {edge: measure.in_turns(_calls(edge, METHODS), measure.ROUNDS, 0.003) for edge in edges}
     crossings = []
     for k, one in enumerate(METHODS):
@@ -120,7 +120,7 @@ def _searches(quick: bool) -> Panel:
 
 
 def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
-    """A vortex flow of a disordered fluid, stepping with a list of a skin (in cutoffs); and its time step."""
+    """Return a vortex flow of a disordered fluid, stepping with a list of a skin (in cutoffs); and its time step."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     x_nc, box = _lattice(edge, "rebuild")
@@ -137,7 +137,7 @@ def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
 
 
 def _ran(mach: float, skin: float, edge: int, most: int) -> tuple[Simulation, float, FloatArray]:
-    """A fluid that has run, rebuilds per step, and densities after `LEAST_STEPS`."""
+    """Return a fluid that has run, its rebuilds per step, and densities after `LEAST_STEPS`."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     sim, dt = fluid(mach, skin, edge)
@@ -196,6 +196,6 @@ def _rebuilds(quick: bool) -> Panel:
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Searches, and lists with a skin; LAMMPS builds its lists within its steps, where they cannot be timed alone."""
+    """Time searches and lists with a skin; LAMMPS builds its lists within its steps and cannot be timed alone."""
     yield _searches(quick)
     yield _rebuilds(quick)

@@ -76,7 +76,7 @@ def rows(pairs: Half, term_p: FloatArray) -> tuple[Any, FloatArray]:
 
 
 def exact(pairs: Half, term_p: FloatArray) -> FloatArray:
-    """Exactly rounded sums (n,)."""
+    """Return the exactly rounded sums (n,)."""
     start_n, term_q = rows(pairs, term_p)
     return _exact_rows(start_n, term_q)
 
@@ -87,7 +87,7 @@ def _exact_rows(start_n: Any, term_q: FloatArray) -> FloatArray:
 
 
 def error(sum_n: FloatArray, exact_n: FloatArray, absolute_n: FloatArray) -> float:
-    """Worst error of sums, relative to the (exact) sums of absolute terms.
+    """Return the worst error of sums, relative to the (exact) sums of absolute terms.
 
     The exact sums are rounded once: an error below 2**-52 may be theirs.
     """

@@ -46,7 +46,7 @@ def scene(dimension: int, cut: float, edge: int) -> tuple[Half, dict[str, FloatA
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """One panel per sum; LAMMPS has no part in it, as the terms are given."""
+    """Yield one panel per sum; LAMMPS has no part in it, as the terms are given."""
     scenes = {regime: scene(d, cut, (QUICK_EDGE if quick else EDGE)[d]) for regime, (d, cut) in REGIMES.items()}
     for quantity, title in TITLES.items():
         points: list[MethodPoint] = []

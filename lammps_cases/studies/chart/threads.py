@@ -25,7 +25,7 @@ EDGES, QUICK_EDGES = (32, 100, 200), (32, 100)  # particles along an edge
 
 
 def panels(quick: bool) -> Iterator[Panel]:
-    """One law, and the whole model where the reference has threads."""
+    """Time one law, and the whole model where the reference has threads."""
     yield _law_threads(quick)
     yield from _model_threads(quick)
 
@@ -65,7 +65,7 @@ def _law_threads(quick: bool) -> Panel:
 
 
 def _second_pays(low: int, high: int, rounds: tuple[int, float]) -> Crossing:
-    """Number of states from which on two threads are faster."""
+    """Return the number of states from which two threads are faster."""
     while high > 1.2 * low:
         middle = round(math.sqrt(low * high))
         calls = _law_calls(middle)

@@ -53,7 +53,7 @@ def _velocity(shot: Snapshot) -> FloatArray:
 
 
 def waves() -> tuple[Wave, ...]:
-    """One flow whose limit is viscosity's, one in which sound and viscosity meet."""
+    """Return one flow whose limit is viscosity's, one in which sound and viscosity meet."""
     return Wave(FLOWS["shear-wave"], _velocity), Wave(FLOWS["sound-wave-linear"], _density)
 
 
@@ -109,7 +109,7 @@ def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances
 
 
 def order(solved: Sequence[Solved]) -> Fit:
-    """Order of the temporal error in the step, from the differences between each step and the next shorter one."""
+    """Return the order of the temporal error in the step, from the differences between successive steps."""
     changes = [relative(one.field_n - other.field_n, other.field_n) for one, other in pairwise(solved)]
     return fit([s.start.steps[-1] for s in solved[:-1]], changes)
 
@@ -158,7 +158,7 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
 
 
 def _whole(timing: Timing, factor: float) -> Timing:
-    """The time of a whole run, from that of some of its steps."""
+    """Return the time of a whole run, from that of some of its steps."""
     return Timing(tuple(s * factor for s in timing.seconds_r), timing.calls, timing.first)
 
 
@@ -181,7 +181,7 @@ def stability(flow: Flow, n: int, lmp: Any | None) -> ConfidenceInterval:
 
 
 def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
-    """Whether energy grows tenfold, or the run fails, within some steps."""
+    """Return whether energy grows tenfold, or the run fails, within some steps."""
     start = _noisy(_start(flow, n, fraction))
     run = stepping(start, lmp)
     first = _energy(start, run.snapshot())
@@ -199,7 +199,7 @@ def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
 
 
 def _energy(start: Start, shot: Snapshot) -> float:
-    """Kinetic energy and that of compression, per unit mass and as for small waves."""
+    """Return the kinetic energy and that of compression, per unit mass and as for small waves."""
     cs = start.case.scene.types[0].cs or 1.0
     return float(np.sum(shot.v_nc**2) + cs**2 * np.sum(np.square(shot.rho_n / shot.rho_n.mean() - 1)))
 
@@ -225,7 +225,7 @@ def _limits(flow: Flow, n: int, lmp: Any | None) -> Iterator[Crossing]:
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Time steps of two waves, each against the closed solution and a short step; threads."""
+    """Yield time steps of two waves, each against the closed solution and a short step; threads."""
     for wave in waves()[: 1 if quick else None]:
         yield from _wave_panels(wave, quick, lmp)
     yield from threads.panels(quick)

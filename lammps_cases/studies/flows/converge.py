@@ -106,7 +106,7 @@ class Fit:
 
 
 def fit(resolutions: Sequence[int], errors: Sequence[float]) -> Fit:
-    """Order of the errors that are finite and not 0; NaN for fewer than two, no standard error for fewer than three."""
+    """Fit the order of finite errors other than 0; NaN for fewer than two, no standard error for fewer than three."""
     x, y = np.log(np.array(resolutions, float)), np.array(errors, float)
     good = np.isfinite(y) & (y > 0)
     x, y = x[good], np.log(y[good])
@@ -134,7 +134,7 @@ class Convergence:
     messages: Mapping[int, str]
 
     def fit(self, measure: str) -> Fit:
-        """Order of a measure."""
+        """Return the order of a measure."""
         return fit(self.resolutions, self.errors[measure])
 
 

@@ -37,7 +37,7 @@ class Options:
     extra: Mapping[str, float | str] = field(default_factory=dict)
 
     def number(self, name: str, default: float) -> float:
-        """A further option that is a number.
+        """Return a further option that is a number.
 
         Raises
         ------
@@ -49,7 +49,7 @@ class Options:
         return float(value)
 
     def word(self, name: str, default: str) -> str:
-        """A further option that is a word."""
+        """Return a further option that is a word."""
         return str(self.extra.get(name, default))
 
 

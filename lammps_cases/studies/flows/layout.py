@@ -17,7 +17,7 @@ from lammps_cases.studies.flows.flow import Options, Start
 
 
 def rows(first: int, last: int, width: int) -> FloatArray:
-    """Square lattice of unit spacing, ``width`` columns from x = 0 on; row k lies at y = k + 1/2."""
+    """Return the square lattice of unit spacing, ``width`` columns from x = 0 on; row k lies at y = k + 1/2."""
     x_nn, y_nn = np.meshgrid(np.arange(width) + 0.5, np.arange(first, last) + 0.5)
     return np.stack([x_nn.ravel(), y_nn.ravel()], axis=1)
 
@@ -33,7 +33,7 @@ def under(background: float) -> list[dict[str, Any]]:
 
 
 def time_step(options: Options, speed: float, nu: float = 0.0) -> float:
-    r"""Longest stable step, :math:`f\min(h/4(c+U),\,h^2/8\nu)`; h = cut/3 at spacing 1, f the fraction of the options.
+    r"""Return the longest stable step, :math:`f\min(h/4(c+U),\,h^2/8\nu)`; h = cut/3, f the fraction of the options.
 
     Source: Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997).
 
@@ -64,7 +64,7 @@ def start(
     e_n: FloatArray | None = None,
     periodic: tuple[bool, bool] = (True, True),
 ) -> Start:
-    """The start of a flow in the plane, particles at unit spacing more or less.
+    """Return the start of a flow in the plane, particles at unit spacing more or less.
 
     Parameters
     ----------
@@ -121,5 +121,5 @@ def start(
 
 
 def relative(error_n: FloatArray, scale_n: FloatArray) -> float:
-    """Root mean square of an error over that of its scale."""
+    """Return the root mean square of an error over that of its scale."""
     return float(np.sqrt(np.mean(np.square(error_n)) / np.mean(np.square(scale_n))))

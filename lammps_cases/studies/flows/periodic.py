@@ -35,7 +35,7 @@ SECOND = "2: kernel smoothing, (k h)^2; the time step falls with the square of t
 
 
 def grown(n: int, options: Options) -> Options:
-    """Options with the cutoff at a resolution; see option ``growth``."""
+    """Return the options with the cutoff at a resolution; see option ``growth``."""
     return replace(options, cut=options.cut * (n / FIRST) ** options.number("growth", 0.0))
 
 
@@ -45,17 +45,17 @@ def wave_number(n: int) -> float:
 
 
 def strip(n: int, width: int = STRIP) -> FloatArray:
-    """Square lattice, n spacings along x."""
+    """Return the square lattice, n spacings along x."""
     return rows(0, width, n)
 
 
 def amplitude(x_n: FloatArray, f_n: FloatArray, k: float, phase: float = 0.0) -> float:
-    """Amplitude of sin(k x + phase) in values at positions that are spread evenly."""
+    """Return the amplitude of sin(k x + phase) in values at positions that are spread evenly."""
     return 2 * float(np.mean(f_n * np.sin(k * x_n + phase)))
 
 
 def decay(size_t: Sequence[float], snapshots: Sequence[Snapshot]) -> float:
-    """Rate at which a size falls from the first snapshot to the last."""
+    """Return the rate at which a size falls from the first snapshot to the last."""
     return float(np.log(size_t[0] / size_t[-1])) / (snapshots[-1].time - snapshots[0].time)
 
 
@@ -65,7 +65,7 @@ MOVED = 1e-4  # spacings that a particle moves while the wave decays: the lattic
 
 
 def _shear(n: int) -> tuple[float, float, float]:
-    """Wave number, viscosity, amplitude."""
+    """Return the wave number, viscosity, amplitude."""
     k, nu = wave_number(n), DIFFUSION * n
     return k, nu, MOVED * nu * k**2
 
@@ -110,7 +110,7 @@ HOT = 0.1  # amplitude over mean of the temperature; the equation is linear
 
 
 def _heat(n: int, options: Options) -> tuple[float, float, float, float]:
-    """Wave number, diffusivity, density (and mass), specific heat."""
+    """Return the wave number, diffusivity, density (and mass), specific heat."""
     return wave_number(n), DIFFUSION * n, options.number("rho0", 1.0), options.number("cv", 1.0)
 
 
@@ -165,7 +165,7 @@ GAS_ENERGY = 2.5  # per mass, so that (gamma - 1) e = 1
 
 
 def _sound(n: int, options: Options) -> tuple[float, float, float, EOS]:
-    """Wave number, speed of sound by the law itself, viscosity, the law."""
+    """Return the wave number, speed of sound by the law itself, viscosity, the law."""
     name = options.word("law", "linear")
     if name not in _LAWS:
         raise InputError("option law", f"must be one of {', '.join(LAWS)}", name)
@@ -232,7 +232,7 @@ REYNOLDS = 1.0  # of the wavelength: particles move by a hundredth of it, and sh
 
 
 def _vortex(n: int, options: Options) -> tuple[float, float, float, float]:
-    """Wave number, viscosity, highest speed, speed of sound.
+    """Return the wave number, viscosity, highest speed, speed of sound.
 
     Sound takes a spacing at twice the speed of diffusion, so that both limit the time step alike. The Mach number is
     then Re/2N: the fluid becomes incompressible as the resolution grows.

@@ -25,7 +25,7 @@ SPREAD = 1.5  # widest spacing that the dense gas expands to: the cutoff is in u
 
 
 def problem(options: Options) -> Riemann:
-    """The two gases, the dense one on the left.
+    """Return the two gases, the dense one on the left.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def problem(options: Options) -> Riemann:
 
 
 def without_volume(gases: Riemann, x_n: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
-    r"""Density and velocity of gases at rest if forces lack the volume, as LAMMPS' do.
+    r"""Return the density and velocity of gases at rest if forces lack the volume, as LAMMPS' do.
 
     The acceleration is then :math:`-\partial_xP/m` in place of :math:`-\partial_xP/\rho`, m the first density of each
     gas.
@@ -97,14 +97,13 @@ def _tube(n: int, options: Options) -> Start:
 
 
 def folded(n: int, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
-    """Distance from the nearest diaphragm and velocity, both positive towards the thin gas: two mirror images in "
-    "one."""
+    """Return the distances from the nearest diaphragm and velocities, both positive towards the thin gas."""
     away_n = snapshot.x_nc[:, 0] % n - n / 2
     return np.abs(away_n) - n / 4, np.sign(away_n) * snapshot.v_nc[:, 0]
 
 
 def _tube_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
-    """Mean absolute errors per particle, over the speed of the contact and the first difference of densities.
+    """Return mean absolute errors over the speed of the contact and the first difference of densities.
 
     The same from the solution that forces without volumes have.
     """

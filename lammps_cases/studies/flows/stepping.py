@@ -98,7 +98,7 @@ class LammpsFlow:
 
 
 def _snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
-    """Copies of two-dimensional or three-dimensional arrays by the reference's names."""
+    """Return copies of two-dimensional or three-dimensional arrays by the reference's names."""
     d, energy_n = start.case.scene.dimension, fields.get("energy")
     return Snapshot(
         step * start.timestep,
@@ -112,6 +112,6 @@ def _snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:
 
 
 def _heat_capacity(start: Start) -> FloatArray:
-    """Mass times specific heat."""
+    """Return the mass times specific heat."""
     specific: FloatArray = np.array([t.specific_heat for t in start.case.scene.types])[start.atoms.type_n - 1]
     return specific * start.atoms.mass_n

@@ -22,14 +22,14 @@ SPEED = 1.0  # on the surface, at first
 
 
 def _disc(n: int) -> FloatArray:
-    """Sites of a square lattice in a circle of n spacings across, around 0."""
+    """Return the sites of a square lattice in a circle of n spacings across, around 0."""
     half = n // 2 + 1
     x_nc = rows(-half, half, 2 * half) - np.array([half, 0])
     return np.asarray(x_nc[(x_nc**2).sum(axis=1) < n**2 / 4])
 
 
 def _radius(x_nc: FloatArray) -> float:
-    """Radius of the circle that has the area of particles of volume 1."""
+    """Return the radius of the circle that has the area of particles of volume 1."""
     return float(np.sqrt(len(x_nc) / np.pi))
 
 
@@ -63,7 +63,7 @@ def _drop(n: int, options: Options) -> Start:
 
 
 def _drop_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
-    """Error of displacements, of velocities, and of the second moments that give the semi-axes."""
+    """Return the error of displacements, of velocities, and of the second moments that give the semi-axes."""
     x_nc, last = _disc(n), snapshots[-1]
     radius = _radius(x_nc)
     ellipse = stretched(radius, SPEED / radius, last.time)
@@ -100,7 +100,7 @@ SPREAD = 0.02  # kinematic viscosity over c n
 
 
 def _fluids(n: int) -> tuple[FloatArray, BoolArray]:
-    """Positions in a box of n spacings, and whether they belong to the drop in its middle, half as wide."""
+    """Return positions in a box of n spacings, and whether they belong to the drop in its middle, half as wide."""
     x_nc = rows(0, n, n)
     inside_n = ((x_nc - n / 2) ** 2).sum(axis=1) < (n / 4) ** 2
     return x_nc, inside_n
@@ -125,7 +125,7 @@ def _interface(n: int, options: Options) -> Start:
 
 
 def _interface_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
-    """Speed over that of sound; jump of the pressure, and its scatter, over the background."""
+    """Return the speed over that of sound; jump of the pressure, and its scatter, over the background."""
     inside_n, last, p = _fluids(n)[1], snapshots[-1], options.number("background", 0.05)
     jump = np.mean(last.pressure_n[inside_n]) - np.mean(last.pressure_n[~inside_n])
     return {

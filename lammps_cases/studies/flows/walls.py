@@ -44,11 +44,11 @@ class Drive:
     reconstruct: bool
 
     def speed(self, n: int, options: Options) -> float:
-        """Unit of speed."""
+        """Return the unit of speed."""
         return options.number("reynolds", 0.1) * NU / n
 
     def gravity(self, n: int, options: Options) -> float:
-        """Acceleration along the plates."""
+        """Return the acceleration along the plates."""
         return 8 * NU * self.pull * self.speed(n, options) / n**2
 
 
@@ -83,7 +83,7 @@ def _channel(n: int, options: Options, drive: Drive) -> Start:
 
 
 def _channel_errors(n: int, options: Options, snapshots: Sequence[Snapshot], drive: Drive) -> dict[str, float]:
-    """Errors of the velocity over all fluid particles: at all times, at the last one."""
+    """Return the errors of the velocity over all fluid particles: at all times, at the last one."""
     fluid_n = _channel(n, options, drive).atoms.type_n == 1
     speed, gravity = drive.speed(n, options), drive.gravity(n, options)
     velocities, exact = [], []
@@ -188,8 +188,7 @@ def _tank(n: int, options: Options) -> Start:
 
 
 def _tank_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
-    """Pressure against that of the place; speed over c times the compression, the speed of a wave from a false "
-    "start."""
+    """Return the errors of the pressure, and of the speed over that of a wave from a false start."""
     tank, last = _column(n, options), snapshots[-1]
     fluid_n = _tank(n, options).atoms.type_n == 1
     exact_n = weight_of_column(tank.law, tank.height - last.x_nc[fluid_n, 1], tank.gravity)

@@ -145,7 +145,7 @@ def perturbed_case(kind: Kind, ready: PreparedCase) -> PerturbedCase:
 
 
 def prepared_anew(case: Case) -> PreparedCase:
-    """A case with another seed; it keeps its name, by which the ledger knows it."""
+    """Return a case with another seed; it keeps its name, by which the ledger knows it."""
     return replace(prepare(replace(case, name=f"{case.name}/another seed")), case=case)
 
 
@@ -161,7 +161,7 @@ def _permuted(job: Job, p_n: Rows, id_n: Rows) -> Job:
 
 
 def _with_settings(kind: Kind, ready: PreparedCase) -> PreparedCase:
-    """A case with other settings of LAMMPS, in the original and the twin alike."""
+    """Return a case with other settings of LAMMPS, in the original and the twin alike."""
 
     def other(scene: Scene) -> Scene:
         settings: dict[Kind, dict[str, Any]] = {
@@ -224,7 +224,7 @@ class _Pool:
     progress: Progress
 
     def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:
-        """The record of every case, some cases prepared ahead."""
+        """Yield the record of every case, some cases prepared ahead."""
 
         def submitted() -> Iterator[tuple[str, PerturbedCase, Future[CaseRecord]]]:
             for case in cases:
@@ -276,7 +276,7 @@ def _run(
 
 
 def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
-    """How a case ended, with the bits of every field."""
+    """Return how a case ended, with the bits of every field."""
     return record.verdict, [(field.field, field.digest) for field in record.fields]
 
 
@@ -288,7 +288,7 @@ def _alarm(kind: Kind, case: Case, record: CaseRecord, pool: _Pool | None) -> Al
 
 
 def _explanation(kind: Kind, scene: Scene, record: CaseRecord) -> tuple[str, str]:
-    """The finding that makes LAMMPS differ in this kind of words alone, and why; empty: none."""
+    """Return the finding that makes LAMMPS differ in this kind of words alone, and why; empty: none."""
     for entry in LEDGER if record.verdict == "differs" else ():
         for expected in entry.expected_in_alarms:
             if kind in expected.kinds and expected.applies(scene):

@@ -32,7 +32,7 @@ SECTIONS: tuple[Section, ...] = get_args(Section)
 def select(
     faults: dict[str, Fault], names: Sequence[str], family: str | None = None, sample: int | None = None
 ) -> list[Fault]:
-    """Faults by name or wild-card pattern and by family; a sample is the same each time.
+    """Return faults by name or wild-card pattern and by family; a sample is the same each time.
 
     Raises
     ------

@@ -99,7 +99,7 @@ def _parsed(text: str, where: str) -> list[ast.stmt]:
 
 
 def _expressions(inside: ast.stmt, old: ast.expr, new: ast.expr) -> list[Callable[[], None]]:
-    """What replaces an expression, for each place that has it."""
+    """Return the replacements of an expression, one for each place that has it."""
     changes: list[Callable[[], None]] = []
     for node in ast.walk(inside):
         for name, child in ast.iter_fields(node):
@@ -111,7 +111,7 @@ def _expressions(inside: ast.stmt, old: ast.expr, new: ast.expr) -> list[Callabl
 
 
 def _statements(inside: ast.stmt, old: list[ast.stmt], new: list[ast.stmt]) -> list[Callable[[], None]]:
-    """What replaces a run of statements, for each place that has it."""
+    """Return the replacements of a run of statements, one for each place that has it."""
     bodies = [
         body
         for node in ast.walk(inside)

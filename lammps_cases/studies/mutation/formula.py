@@ -72,7 +72,7 @@ _KINDS: dict[str, Kind] = {
 
 @cache
 def faults() -> dict[str, SourceFault | LintFault]:
-    """All faults of this family by their id, in order."""
+    """Return all faults of this family by their id, in order."""
     planted: list[SourceFault | LintFault] = []
     for table, names in (("law", law_mistakes.MUTANTS), ("stage", model_mistakes.MUTANTS)):
         for name in names:
@@ -87,7 +87,7 @@ def faults() -> dict[str, SourceFault | LintFault]:
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
-    """The stages that make a mistake of the lint's."""
+    """Return the stages that make a mistake of the lint's."""
     in_lint = isinstance(fault, LintFault) and fault.table == "stage"
     return model_mistakes.MUTANTS[fault.name].stages if in_lint else None  # type: ignore[attr-defined]
 

@@ -51,7 +51,7 @@ def jobs(fault: InputFault, ready: PreparedCase) -> list[Job] | None:
 
 
 def _job(changed: Scene, atoms: Atoms, scene: Scene) -> Job:
-    """The job of a changed scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
+    """Return the job of a changed scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
     try:
         items = plan(changed)
     except InputError:
@@ -73,7 +73,7 @@ def _same(one: Job, other: Job) -> bool:
 
 
 def replaced_text(old: str, new: str) -> JobChange:
-    """Text of commands replaced, wherever it stands."""
+    """Replace text of commands, wherever it stands."""
 
     def change(of: Job) -> Job:
         def lines(text: tuple[str, ...]) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def replaced_text(old: str, new: str) -> JobChange:
 
 
 def without(*beginnings: str) -> JobChange:
-    """Commands left out that begin with some words."""
+    """Leave out commands that begin with some words."""
 
     def change(of: Job) -> Job:
         keep = tuple(line for line in of.commands if not line.startswith(beginnings))

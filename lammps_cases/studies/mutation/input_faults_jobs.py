@@ -22,7 +22,7 @@ def _commands(change: Callable[[str], str]) -> JobChange:
 
 
 def _last(begins: str) -> JobChange:
-    """Commands that begin so, moved behind all others."""
+    """Move commands that begin so behind all others."""
 
     def change_job(of: Job) -> Job:
         moved = tuple(line for line in of.commands if line.startswith(begins))
@@ -32,7 +32,7 @@ def _last(begins: str) -> JobChange:
 
 
 def _neighbours(*settings: str) -> JobChange:
-    """Other settings of neighbour lists."""
+    """Set other settings of neighbour lists."""
     words = {line.split()[0]: line for line in settings}
 
     def change_job(of: Job) -> Job:
@@ -56,7 +56,7 @@ def _pair_cut(factor: float) -> JobChange:
 
 
 def _box(change: Callable[[float], float]) -> JobChange:
-    """The upper end of the box along x elsewhere."""
+    """Move the upper end of the box along x."""
 
     def of(line: str) -> str:
         if not line.startswith("region box"):
@@ -68,7 +68,7 @@ def _box(change: Callable[[float], float]) -> JobChange:
 
 
 def _array(name: str, change: Callable[[Any], Any]) -> JobChange:
-    """Positions (x), velocities (v), types, or a value per atom (rho, esph) as LAMMPS is given them."""
+    """Change positions (x), velocities (v), types, or a value per atom (rho, esph) that LAMMPS is given."""
 
     def change_job(of: Job) -> Job:
         if name in ("x", "v", "type"):
@@ -83,7 +83,7 @@ def _array(name: str, change: Callable[[Any], Any]) -> JobChange:
 
 
 def _one(by: float) -> Callable[[Any], Any]:
-    """One atom's value off by a relative amount, of a vector its largest component."""
+    """Change one atom's value by a relative amount, of a vector its largest component."""
 
     def change(array_n: Any) -> Any:
         row = array_n[len(array_n) // 2]
@@ -144,7 +144,7 @@ def _exclude_pairs(of: Job) -> Job:
 
 
 def _first_run_again(of: Job) -> Job:
-    """Every run set up anew, where it should be continued."""
+    """Set every run up anew, where it should be continued."""
     return replace(of, runs=tuple(replace(run, command=run.command.replace(" pre no", "")) for run in of.runs))
 
 

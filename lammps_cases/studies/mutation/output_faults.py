@@ -50,7 +50,7 @@ def _same(one: Arrays, other: Arrays) -> bool:
 
 
 def _each(name: str, change: Callable[[Any], Any]) -> ArraysChange:
-    """One array, changed at every step."""
+    """Change one array at every step."""
 
     def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
         return [s | {name: change(s[name].copy())} if name in s else s for s in snapshots]
@@ -59,7 +59,7 @@ def _each(name: str, change: Callable[[Any], Any]) -> ArraysChange:
 
 
 def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> ArraysChange:
-    """All arrays, changed at every step."""
+    """Change all arrays at every step."""
 
     def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
         return [{k: v if k in keep else change(v.copy()) for k, v in s.items()} for s in snapshots]
@@ -68,7 +68,7 @@ def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> ArraysChan
 
 
 def _stale(name: str) -> ArraysChange:
-    """Values of the reading before."""
+    """Replace an array by that of the reading before."""
 
     def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
         before = (snapshots[0], *snapshots[:-1])
@@ -87,7 +87,7 @@ def _single(array_n: Any) -> Any:
 
 
 def _one_off(array_n: Any) -> Any:
-    """The largest component of the middle atom off by 1e-9; of all atoms' largest, if that one is 0."""
+    """Change the largest component of the middle atom by 1e-9, or of all atoms if that one is 0."""
     flat_n = array_n.reshape(len(array_n), -1)
     row = len(flat_n) // 2
     if not flat_n[row].any():
@@ -134,7 +134,7 @@ def _atm(pressure_n: Any) -> Any:
 
 
 def _trace_only(array_n: Any) -> Any:
-    """A tensor without its parts beside the diagonal."""
+    """Keep the diagonal of a tensor."""
     return array_n * np.eye(array_n.shape[1])
 
 
@@ -176,7 +176,7 @@ def _per_field() -> Iterator[OutputFault]:
 
 @cache
 def faults() -> dict[str, OutputFault]:
-    """All faults of this family by their id, in order."""
+    """Return all faults of this family by their id, in order."""
     every = (
         *_per_field(),
         _fault(

@@ -102,7 +102,7 @@ def _busiest(faults: Sequence[FaultRecord]) -> list[tuple[str, int, bool]]:
 
 
 def _drawing(resolution: Sequence[Resolution]) -> Markup:
-    """Smallest visible changes along a logarithmic axis, a row per parameter."""
+    """Draw the smallest visible changes along a logarithmic axis, a row per parameter."""
     marks = {}
     with matplotlib.rc_context(THEMED):
         figure = Figure(figsize=(12.0, 0.21 * (len(resolution) + 3)), layout="constrained")

@@ -151,11 +151,11 @@ class RepeatedCase:
         return [snapshot(self.ready.case.scene, arrays) for arrays in answer.snapshots]
 
     def detects(self, job: Job) -> bool:
-        """Whether the ordinary verdict is no longer as expected."""
+        """Return whether the ordinary verdict is no longer as expected."""
         return not self._judged(outcome(self.site, job)).as_expected
 
     def moved(self, job: Job) -> dict[str, float]:
-        """How far LAMMPS' fields are from what fits them unaltered, in units of their bounds; empty: no numbers."""
+        """Return how far LAMMPS' fields are from what fits them unaltered, over their bounds; empty: no numbers."""
         answer = outcome(self.site, job)
         if isinstance(answer, Failure) or len(answer.arrays["id"]) != len(self.ready.atoms):
             return {}
@@ -171,7 +171,7 @@ class RepeatedCase:
 
 
 def _ratio(of: Problem, name: str, lammps: Any, fitting: Any, bound: Any) -> float:
-    """The largest ratio of difference to bound, where there is a bound."""
+    """Return the largest ratio of difference to bound, where there is a bound."""
     fitting_n, lammps_n = np.asarray(fitting, float), np.asarray(lammps, float)
     if name == "x":
         lammps_n = particle_model.nearest_image(of, lammps_n, fitting_n)

@@ -124,20 +124,20 @@ _DOCUMENT = Document("power", Power)
 
 
 def arguments() -> dict[tuple[str, str], str]:
-    """Reasons why faults go unseen, by id and what they change."""
+    """Return the reasons why faults go unseen, by id and what they change."""
     entries = TypeAdapter(list[Argument]).validate_python(read_yaml(ARGUED, "arguments"))
     return {(argument.id, argument.what): argument.reason for argument in entries}
 
 
 def fault_record(planted: PlantedFault, quick: set[str]) -> FaultRecord:
-    """The record of a fault that was planted."""
+    """Return the record of a fault that was planted."""
     fault, names = planted.fault, tuple(seen.case for seen in planted.caught_by)
     caught = bool(quick & set(names))
     return FaultRecord(fault.id, fault.family, fault.kind, fault.what, names, caught, planted.caught_by)
 
 
 def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
-    """Records of faults, with the reasons why those that no case sees go unseen."""
+    """Return the records of faults, with the reasons why those that no case sees go unseen."""
     reasons = arguments()
 
     def reason(fault: FaultRecord) -> str:
@@ -147,7 +147,7 @@ def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
 
 
 def controls(measured: Sequence[Control]) -> tuple[ControlRecord, ...]:
-    """The control of every family: of `told` and `read` LAMMPS' own answers, of the others what the reference plays."""
+    """Return the control of every family: of `told` and `read` LAMMPS' own answers, of the others the reference's."""
 
     def of(family: Family) -> ControlRecord:
         by_lammps = family in ("told", "read")
@@ -164,7 +164,7 @@ def write(power: Power, folder: Path) -> None:
 
 
 def document(power: Power) -> dict[str, Any]:
-    """What ``--json`` prints."""
+    """Return what ``--json`` prints."""
     whole = _DOCUMENT.plain(power)
     rates = {"faults": len(power.faults), "caught": power.caught, "caught_by_quick": power.quick}
     parts = {name: whole[name] for name in ("faults", "resolution", "alarms", "controls")}
@@ -183,7 +183,7 @@ class PlantedEntry:
 
 
 def sources() -> str:
-    """SHA-256 of everything that decides what is planted and what is seen: sources and cases."""
+    """Return the SHA-256 of all that decides which faults are planted and detected: sources and cases."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[3]
     for package in ("eos_ref", "lammps_cases"):
@@ -199,5 +199,5 @@ def planted(folder: Path) -> Journal[PlantedEntry]:
 
 
 def kept(folder: Path, key: str) -> dict[str, FaultRecord]:
-    """Faults done under a key, by id."""
+    """Return the faults done under a key, by id."""
     return {one.record.id: one.record for one in planted(folder).entries() if one.key == key}

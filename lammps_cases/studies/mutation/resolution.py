@@ -100,7 +100,7 @@ def probes(site: str | None, judge: CaseJudge, ready: PreparedCase, parameters: 
 
 
 def _estimate(case: RepeatedCase, number: Number) -> float:
-    """Where a case will turn red; a field without rounding leaves its bound of 0 at once or not: tried at one ulp."""
+    """Estimate where a case turns red; a field without rounding leaves its bound of 0 at once or not (one ulp)."""
 
     def largest(change: float, but: float = math.nan) -> float:
         ratios = case.moved(number.job_with(number.value + change))
@@ -175,7 +175,7 @@ def _bisected(case: RepeatedCase, number: Number, sign: int, probe: Sensitivity)
 
 
 def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float] | None:
-    """A change that is seen and a smaller one that is not, from a first guess; None: none is seen."""
+    """Return a change that is seen and a smaller one that is not, from a first guess; None: none is seen."""
     size = start
     if not sees(size):
         while size < LARGEST:
@@ -208,7 +208,7 @@ def measure(
     store: Store | None = None,
     progress: Progress = SILENT,
 ) -> list[Resolution]:
-    """The resolution of all parameters that some cases have, or of those named, sorted by name.
+    """Return the resolution of all parameters that some cases have, or of those named, sorted by name.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def _parameters(tried: dict[str, list[Sensitivity]]) -> list[str]:
 
 
 def _of(parameter: str, tried: dict[str, list[Sensitivity]]) -> dict[str, Sensitivity]:
-    """The most promising number of a parameter in every case that has it."""
+    """Return the most promising number of a parameter in every case that has it."""
     best = {}
     for name, places in tried.items():
         of = [probe for probe in places if probe.parameter == parameter]
@@ -258,7 +258,7 @@ def _of(parameter: str, tried: dict[str, list[Sensitivity]]) -> dict[str, Sensit
 def _chosen(
     tried: dict[str, list[Sensitivity]], quick: set[str], ready: dict[str, PreparedCase]
 ) -> dict[str, list[Sensitivity]]:
-    """The most promising cases of every parameter, smaller ones first among equals."""
+    """Return the most promising cases of every parameter, smaller ones first among equals."""
     chosen: dict[str, list[Sensitivity]] = {}
     for parameter in _parameters(tried):
         of = {name: probe for name, probe in _of(parameter, tried).items() if math.isfinite(probe.estimate)}

@@ -44,7 +44,7 @@ DECIDES = ("T_freeze", "cmin", "wmin", "surface limit", "splash", "zmin", "gd0")
 
 
 def numbers(ready: PreparedCase) -> list[Number]:
-    """All numbers of a case but zeros, of which no change is relative; none where LAMMPS is not to answer once."""
+    """Return all numbers of a case but zeros, which have no relative change; none for refusals and twins."""
     scene = ready.case.scene
     if scene.expect or scene.twin:
         return []
@@ -55,13 +55,13 @@ def numbers(ready: PreparedCase) -> list[Number]:
 
 
 def _scene(ready: PreparedCase, alter: Callable[[float], Scene]) -> Put:
-    """Jobs of another scene, with the particles of the given one."""
+    """Return the jobs of another scene, with the particles of the given one."""
     items = plan(ready.case.scene)
     return lambda value: job(alter(value), ready.atoms, items)
 
 
 def _atoms(ready: PreparedCase, alter: Callable[[float], Atoms]) -> Put:
-    """Jobs of other particles, in the given scene."""
+    """Return the jobs of other particles, in the given scene."""
     items = plan(ready.case.scene)
     return lambda value: job(ready.case.scene, alter(value), items)
 
@@ -122,7 +122,7 @@ def _law(ready: PreparedCase, k: int, name: str) -> Put:
 
 
 def _part(ready: PreparedCase, part: str, change: Callable[[float], dict[str, Any]]) -> Put:
-    """A number of the scene's part ``rheo``, ``pair`` or ``evolve``."""
+    """Return a number of the scene's part ``rheo``, ``pair`` or ``evolve``."""
     scene = ready.case.scene
     return _scene(
         ready, lambda value: scene.model_copy(update={part: getattr(scene, part).model_copy(update=change(value))})

@@ -64,7 +64,7 @@ def in_order(cases: Sequence[Case]) -> list[Case]:
 
 
 def _cost(case: Case) -> int:
-    """Particles times evaluations, as far as the scene says."""
+    """Return the particles times evaluations, as far as the scene says."""
     cells = getattr(case.scene.positions, "cells", (10, 10))
     n = 1
     for count in cells:
@@ -163,7 +163,7 @@ class MutationPool:
                 ready.extend((waiting.pop(future), self._workers.outcome(future)) for future in done)
 
     def _groups(self, names: Sequence[str]) -> list[list[str]]:
-        """Names in groups, quick ones by themselves."""
+        """Return the names in groups, quick ones by themselves."""
         quick = [name for name in names if name in self.quick]
         others = [name for name in names if name not in self.quick]
         return [part[k : k + TOGETHER] for part in (quick, others) for k in range(0, len(part), TOGETHER)]

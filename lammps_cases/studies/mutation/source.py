@@ -55,7 +55,7 @@ NAMES_IN_IDS = {"ArrayEvaluator": "Plain", "Evaluator": "Stages", "Simulation.st
 
 
 def _replaced() -> Iterator[str]:
-    """Functions that a finding of the newest engine replaces, in the class of the reference that has them."""
+    """Yield the functions that a finding of the newest engine replaces, in the class of the reference that has them."""
     for entry in LEDGER:
         variant = entry.model_variant
         if variant and variant.stages and entry.listed(NEWEST):
@@ -152,7 +152,7 @@ class SourceFault(Fault):
 
 @cache
 def faults() -> dict[str, SourceFault]:
-    """The faults planted, by id: of every module those whose ids have the lowest hashes."""
+    """Return the faults planted, by id: of every module those whose ids have the lowest hashes."""
     planted: dict[str, SourceFault] = {}
     for module, count in MODULES.items():
         tree = ast.parse(text_of(module))
@@ -203,7 +203,7 @@ def _check_names(module: str, tree: ast.Module) -> None:
 
 
 def names(module: str, tree: ast.Module) -> dict[str, int]:
-    """Everything that can be changed in a module: id, and place in the order of the source."""
+    """Return everything that can be changed in a module: id, and place in the order of the source."""
     by_id: dict[str, int] = {}
     count: dict[str, int] = {}
     for place, (where, how, _, _) in enumerate(_changes(module, tree)):
@@ -231,7 +231,7 @@ def _in_ids(module: str, function: str) -> str:
 
 
 def _line(statement: ast.stmt) -> str:
-    """The first line of a statement."""
+    """Return the first line of a statement."""
     return ast.unparse(statement).splitlines()[0]
 
 
@@ -239,7 +239,7 @@ Change = tuple[str, str, ast.stmt, Callable[[], None]]  # function, operator, st
 
 
 def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
-    """Everything that can be changed, in the order of the source; the last entry makes the change in the tree."""
+    """Yield everything that can be changed, in the order of the source; the last entry makes the change in the tree."""
     left_out = excluded_assignments(module, tree)
     for name, function in _functions(module, tree):
         droppable = function.name not in ("__init__", "move")  # what is missing there ends every run at once
@@ -251,13 +251,13 @@ def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
 
 
 def _of_type(test: ast.expr) -> bool:
-    """Whether a test asks for another number type, which only bounds and extended precision use."""
+    """Return whether a test asks for another number type, which only bounds and extended precision use."""
     called = {getattr(part.func, "id", "") for part in ast.walk(test) if isinstance(part, ast.Call)}
     return bool(called & {"isinstance", "hasattr", "getattr", "_is_ball"})
 
 
 def _functions(module: str, tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """Functions and methods that faults are planted in, with their qualified names."""
+    """Yield the functions and methods that faults are planted in, with their qualified names."""
     left_out, only = excluded(module), ONLY.get(module)
     for node in tree.body:
         inner = [(f"{node.name}.", part) for part in node.body] if isinstance(node, ast.ClassDef) else [("", node)]
@@ -274,7 +274,7 @@ def _is_abstract(function: ast.FunctionDef) -> bool:
 
 
 def _statements(function: ast.FunctionDef) -> Iterator[tuple[list[ast.stmt], int]]:
-    """Statements with the list that holds them, of all depths, but for texts and checks of input."""
+    """Yield the statements with the list that holds them, of all depths, but for texts and checks of input."""
 
     def within(body: list[ast.stmt]) -> Iterator[tuple[list[ast.stmt], int]]:
         for at, statement in enumerate(body):
@@ -306,7 +306,7 @@ def _of_statement(body: list[ast.stmt], at: int, droppable: bool) -> Iterator[tu
 
 
 def _droppable(statement: ast.stmt) -> bool:
-    """Whether what follows can do without: an attribute, item or sum changed, a call for its effect."""
+    """Return whether what follows can do without: an attribute, item or sum changed, a call for its effect."""
     if isinstance(statement, ast.Assign):
         return all(isinstance(target, ast.Attribute | ast.Subscript) for target in statement.targets)
     return isinstance(statement, ast.AugAssign) or (
@@ -315,7 +315,7 @@ def _droppable(statement: ast.stmt) -> bool:
 
 
 def _expressions(statement: ast.stmt) -> Iterator[ast.AST]:
-    """Parts of a statement itself, without the statements in it, types, texts and tests of types."""
+    """Yield the parts of a statement itself, without the statements in it, types, texts and tests of types."""
     ahead: list[ast.AST] = [statement]
     while ahead:
         node = ahead.pop(0)
@@ -332,7 +332,7 @@ def _expressions(statement: ast.stmt) -> Iterator[ast.AST]:
 
 
 def _stands_in(node: ast.AST) -> bool:
-    """Whether a number in this place is one for what has none: ``x or 0.0``, ``0.0 if x is None else x``."""
+    """Return whether a number in this place is one for what has none: ``x or 0.0``, ``0.0 if x is None else x``."""
     return isinstance(node, ast.BoolOp) or (
         isinstance(node, ast.IfExp) and isinstance(node.test, ast.Compare) and isinstance(node.test.ops[0], ast.Is)
     )
@@ -361,7 +361,7 @@ def _of_expression(node: ast.AST) -> Iterator[tuple[str, Callable[[], None]]]:
 
 
 def _called(node: ast.Call) -> str:
-    """The name of the function that is called."""
+    """Return the name of the function that is called."""
     return str(getattr(node.func, "id", "") or getattr(node.func, "attr", ""))
 
 

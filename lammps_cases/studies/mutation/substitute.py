@@ -128,7 +128,7 @@ def answer_cases(
 
 
 def _within(limit: float, name: str, answer: Callable[[str], Substitution]) -> Substitution:
-    """A case answered within some seconds of the processor, or how it failed."""
+    """Answer a case within some seconds of the processor, or return how it failed."""
     signal.setitimer(signal.ITIMER_VIRTUAL, limit)
     try:
         with np.errstate(all="ignore"):
@@ -178,7 +178,7 @@ def answer_side(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
 
 
 def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer) -> Answer:
-    """Pressures of LAMMPS' own densities."""
+    """Return the pressures of LAMMPS' own densities."""
     from lammps_cases.comparison.compare import EosState
 
     got = answer.arrays
@@ -198,7 +198,7 @@ def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
 
 
 def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
-    """Fields of the particle model at the steps that LAMMPS was read at."""
+    """Return the fields of the particle model at the steps that LAMMPS was read at."""
     from lammps_cases.comparison.trajectory import visit, wanted
     from lammps_cases.verdict.model_cases import problem_of, snapshot
 

@@ -30,7 +30,7 @@ class Advice:
 
 
 def advice(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[str]:
-    """Lines on how far a state lies from the nearest limits; warnings first, and marked.
+    """Describe how far a state lies from the nearest limits: warnings first, and marked.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def judge(model: Model, box: Box, state: State, timestep: float | None, limits: 
 
 
 def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
-    """The time step over measured limits, those of theory, and the growth of sound."""
+    """Compare the time step with measured limits, those of theory, and the growth of sound."""
     measured = _nearest(limits, step)
     theory = _theory(step)
     if measured is not None:
@@ -79,7 +79,7 @@ def _theory(step: Numbers) -> str:
 
 
 def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
-    """The curve that the time step is nearest to: fraction of its stable end, and what it is."""
+    """Return the curve that the time step is nearest to: fraction of its stable end, and what it is."""
     places: dict[tuple[str, str], Curve] = {}
     for curve in limits.curves:  # a deck runs on LAMMPS: its limit goes before the reference's
         if curve.engine == "lammps" or (curve.map, curve.layer) not in places:
@@ -98,7 +98,7 @@ def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
 
 
 def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
-    """Pressure lags half a step behind: a wave gains c^2 dt/2 k^2 and loses nu k^2 per time."""
+    """Compare what a wave gains and loses: c^2 dt/2 k^2, as pressure lags by half a step, and nu k^2 per time."""
     limit = 2 * step.nu / step.c**2 if step.c > 0 else math.inf
     if step.dt <= limit:
         return
@@ -111,7 +111,7 @@ def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
 
 
 def tension(model: Model, state: State, limits: Limits) -> Iterable[Advice]:
-    """The strongest tension over that at which particles clump."""
+    """Compare the strongest tension with that at which particles clump."""
     pressure_n = pressures(model, state)
     measured = {t.map + t.layer: t for t in limits.tensions if t.shift == (model.fix.shift is not None) and t.high < 0}
     measured |= {t.map + t.layer: t for t in measured.values() if t.engine == "lammps"}
@@ -129,7 +129,7 @@ def tension(model: Model, state: State, limits: Limits) -> Iterable[Advice]:
 
 
 def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
-    """Distance of the densities of the fluid from where a law stops growing."""
+    """Compare the densities of the fluid with those at which a law stops growing."""
     rho_n = np.asarray(state.rho_n, float)
     for t, law in enumerate(model.eos, 1):
         own_n = rho_n[(state.type_n == t) & ~state.solid_n]

@@ -114,7 +114,7 @@ class CellSource:
         return probe.settle(pending, self.workers, self.limit)
 
     def key(self, of: StabilityMap, cell: MapCell, side: Engine) -> str:
-        """Hash of all that a cell's end depends on: start, watch, sources, engine, and the time it may take."""
+        """Hash all that a cell's end depends on: start, watch, sources, engine, and the time it may take."""
         start, watch = of.start(cell), of.watch(cell)
         a = start.atoms
         arrays = (a.id_n, a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.mass_n, a.low_c, a.high_c)
@@ -125,13 +125,13 @@ class CellSource:
 
 
 def asdict_text(cell: MapCell) -> str:
-    """A cell as text."""
+    """Return a cell as text."""
     return repr(sorted(asdict(cell).items()))
 
 
 @functools.cache
 def sources() -> str:
-    """SHA-256 of the code between a start and its end; of the reference, its libraries and the processor with it."""
+    """Hash the code that decides how a cell ends, with the reference, its libraries and the processor."""
     digest = hashlib.sha256(prediction_keys.context().encode())
     package = Path(__file__).parents[2]
     for path in [*(package / name for name in SOURCES), *sorted((package / "scene").glob("*.py"))]:
@@ -163,7 +163,7 @@ class Survey:
         self.results: dict[MapLine, dict[float, CellRun]] = {}
 
     def run(self, at_once: int) -> dict[MapLine, dict[float, CellRun]]:
-        """Cells of all lines, ``at_once`` of them open at a time; the result does not depend on who comes first."""
+        """Run the cells of all lines, ``at_once`` lines at a time; the result does not depend on which ends first."""
         waiting, opened = list(reversed(self.lines)), list[_Open]()
         while waiting or opened:
             while waiting and len(opened) < at_once:
@@ -219,7 +219,7 @@ class Survey:
 def map_record(
     of: StabilityMap, quick: bool, results: dict[MapLine, dict[float, CellRun]], engines: Sequence[Engine]
 ) -> MapRecord:
-    """What came of a map, in the order of its layers and lines."""
+    """Return the results of a map, in the order of its layers and lines."""
     cells: list[CellRun] = []
     edges, agreements = list[Boundary](), list[Agreement]()
     for layer in of.layers:

@@ -22,7 +22,7 @@ _SET = {"rho": "rheo/rho", "esph": "sph/e"}
 
 
 def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
-    """The deck that runs what the engine runs for a start, bit for bit, with thermo output and a dump.
+    """Return the deck that runs what the engine runs for a start, bit for bit, with thermo output and a dump.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _check(deck_job: Job) -> None:
 
 
 def _atoms(deck_job: Job) -> Iterable[str]:
-    """Atoms in the order of their ids, and what each is given; what all share is said once."""
+    """Yield atoms in the order of their ids, and what each is given; what all share is said once."""
     for t, (x, y, z) in zip(deck_job.type_n.tolist(), deck_job.x_nc.tolist(), strict=True):
         # With remap an atom on the upper face of a periodic box is not left out.
         yield f"create_atoms {t} single {x!r} {y!r} {z!r} remap yes"
@@ -93,7 +93,7 @@ def _minus_zero(values_n: FloatArray) -> bool:
 
 
 def _output(deck_job: Job, every: int) -> Iterable[str]:
-    """Thermo output and a dump: positions, velocities, density, what compute q of the job gives."""
+    """Yield thermo output and a dump: positions, velocities, density, what compute q of the job gives."""
     yield f"thermo {every}"
     yield "thermo_style custom step atoms ke"
     columns = ["id", "type", "x", "y", "z", "vx", "vy", "vz"]

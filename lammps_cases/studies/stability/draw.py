@@ -114,13 +114,13 @@ def _scale(axis: Any, drawn: MapRecord) -> None:
 
 
 def _heights(drawn: MapRecord) -> Axis:
-    """The vertical axis as far as lines were run; all of it for a single line."""
+    """Return the vertical axis as far as lines were run; all of it for a single line."""
     low, high = min(drawn.lines), max(drawn.lines)
     return drawn.y if low == high else replace(drawn.y, low=low, high=high)
 
 
 def _margins(axis: Axis) -> tuple[float, float]:
-    """Limits of an axis, with room for the marks at its ends."""
+    """Return the limits of an axis, with room for the marks at its ends."""
     if axis.low == axis.high:
         return axis.low - 1, axis.high + 1
     if axis.log:
@@ -171,7 +171,7 @@ def _middle(axis: Axis, boundary: Boundary) -> float:
 
 
 def chains(drawn: MapRecord, boundaries: Sequence[Boundary]) -> list[list[Boundary]]:
-    """Boundaries between the same kinds, from line to line; a line without one ends the chain."""
+    """Return the boundaries between the same kinds, from line to line; a line without one ends the chain."""
     heights = sorted({b.y for b in boundaries} | set(drawn.lines))
     by_kinds: dict[tuple[Kind, Kind, int], dict[float, Boundary]] = defaultdict(dict)
     for y in heights:
@@ -210,7 +210,7 @@ def _draw_difference(
 
 
 def places(ran: Iterable[CellRun]) -> Places:
-    """Kinds by place and engine."""
+    """Return the kinds by place and engine."""
     by_place: Places = defaultdict(dict)
     for r in ran:
         by_place[r.cell.x, r.cell.y][r.engine] = r.outcome.kind
@@ -227,7 +227,7 @@ def _draw_theory(axis: Any, drawn: MapRecord, here: Sequence[Theory], theory: Se
 
 
 def _styles(theory: Sequence[Theory]) -> dict[str, dict[str, Any]]:
-    """How lines are drawn: those of one name, of several layers, alike."""
+    """Return the style of every line: those of one name, of several layers, alike."""
     named = dict.fromkeys(line.name for line in theory)
     return dict(zip(named, itertools.cycle(_LINES), strict=False))
 
@@ -270,7 +270,7 @@ def thumbnail(
     high_c: Sequence[float],
     by_type: bool = False,
 ) -> bytes:
-    """Particles as a small PNG, those that fail in a ring.
+    """Draw particles as a small PNG, those that fail in a ring.
 
     Parameters
     ----------

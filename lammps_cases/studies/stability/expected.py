@@ -19,7 +19,7 @@ class ExpectedDifference:
 
 
 def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
-    """What explains that the engines differ on a line, or in a cell; None: nothing."""
+    """Return the reason why the engines differ on a line, or in a cell; None: none is known."""
     for entry in LEDGER:
         for where in entry.expected_in_maps:
             if where.map == line.map and where.layer in (None, line.layer):
@@ -29,5 +29,5 @@ def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
 
 
 def unexplained(lines: list[Agreement]) -> list[Agreement]:
-    """The lines that differ for no expected reason."""
+    """Return the lines that differ for no expected reason."""
     return [line for line in lines if expected_difference(line) is None]

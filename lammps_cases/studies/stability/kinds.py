@@ -76,7 +76,7 @@ class Subject:
 
 
 def subject(start: Start) -> Subject:
-    """What is looked at in the run of a start."""
+    """Return the particles and laws to observe in a run."""
     scene, atoms = start.case.scene, start.atoms
     of_type = atoms.type_n - 1
     eos: EOSTable | None = None
@@ -101,13 +101,13 @@ def subject(start: Start) -> Subject:
 
 
 def kinetic_energy(mass_n: FloatArray, v_nc: FloatArray) -> float:
-    """Sum of m v^2/2."""
+    """Return the sum of m v^2/2."""
     with np.errstate(all="ignore"):
         return float(0.5 * np.sum(mass_n[:, None] * np.square(v_nc)))
 
 
 def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    """The worst failure of a look, in the order of `KINDS`; None if the particles are sound.
+    """Return the worst failure of a look, in the order of `KINDS`; None if the particles are sound.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float 
 
 
 def _worst(of: Subject, kind: Kind, bad_n: BoolArray, size_n: Any, highest: bool = False) -> ParticleFailure | None:
-    """The particle among the bad ones whose number is lowest (or highest), the first of equals."""
+    """Return the particle among the bad ones whose number is lowest (or highest), the first of equals."""
     if not bad_n.any():
         return None
     at = np.flatnonzero(bad_n)
@@ -132,7 +132,7 @@ def _worst(of: Subject, kind: Kind, bad_n: BoolArray, size_n: Any, highest: bool
 
 
 def lost(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    """A particle beyond a face of the box that is not periodic; the value is how far."""
+    """Detect a particle beyond a face of the box that is not periodic; the value is how far."""
     low_c, high_c = np.array(of.box.low_c), np.array(of.box.high_c)
     beyond_nc = np.where(of.box.periodic, 0.0, np.maximum(low_c - look.x_nc, look.x_nc - high_c))
     far_n = beyond_nc.max(axis=1)
@@ -141,7 +141,7 @@ def lost(of: Subject, watch: FailureCriteria, look: Observation, energy: float |
 
 
 def non_finite(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    """A density or pressure that is NaN; a position or velocity that is no finite number. The value is NaN."""
+    """Detect a density or pressure that is NaN; a position or velocity that is no finite number. The value is NaN."""
     bad_n: BoolArray = np.isnan(look.rho_n) | np.isnan(look.pressure_n)
     if of.moves:
         # An infinite position or velocity makes NaN in the next sum over pairs.
@@ -150,7 +150,7 @@ def non_finite(of: Subject, watch: FailureCriteria, look: Observation, energy: f
 
 
 def overflow(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    """An infinite density or pressure."""
+    """Detect an infinite density or pressure."""
     worst_n = np.where(np.isinf(look.rho_n), look.rho_n, look.pressure_n)
     return _worst(of, "overflow", np.isinf(worst_n), worst_n)
 
@@ -158,21 +158,21 @@ def overflow(of: Subject, watch: FailureCriteria, look: Observation, energy: flo
 def negative_density(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """A negative density; those that a law alone is given are no failure."""
+    """Detect a negative density; those that a law alone is given are no failure."""
     return _worst(of, "negative density", look.rho_n < 0, look.rho_n) if of.moves else None
 
 
 def vanishing_density(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """A density of at most a hundredth of rho0."""
+    """Detect a density of at most a hundredth of rho0."""
     return _worst(of, "vanishing density", look.rho_n <= VANISHING * of.rho0_n, look.rho_n) if of.moves else None
 
 
 def wall_penetration(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """A fluid particle below the face of a wall; the value is its coordinate."""
+    """Detect a fluid particle below the face of a wall; the value is its coordinate."""
     if watch.behind is None:
         return None
     axis, face = watch.behind
@@ -181,7 +181,7 @@ def wall_penetration(
 
 
 def wrapped(box: Box, x_nc: FloatArray) -> FloatArray:
-    """Positions moved into the box along its periodic axes."""
+    """Return the positions moved into the box along its periodic axes."""
     low_c, edge_c = np.array(box.low_c), np.array(box.edge_c)
     with np.errstate(all="ignore"):
         return np.where(box.periodic, x_nc - np.floor((x_nc - low_c) / edge_c) * edge_c, x_nc)
@@ -190,7 +190,7 @@ def wrapped(box: Box, x_nc: FloatArray) -> FloatArray:
 def energy_growth(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """Kinetic energy beyond what the scene can supply; the atom with most of it, the value a ratio."""
+    """Detect kinetic energy beyond what the scene can supply; the atom with most of it, the value a ratio."""
     if watch.growth is None or energy is None:
         return None
     now = kinetic_energy(of.mass_n, look.v_nc)
@@ -201,7 +201,7 @@ def energy_growth(
 
 
 def too_close(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    """Two particles, not both solid, much nearer than they began; the value is their distance over the spacing."""
+    """Detect two particles, not both solid, much nearer than they began; the value is distance over spacing."""
     if watch.closest is None:
         return None
     i, j, shift_pc = directed_pairs(look.x_nc, of.box, max(watch.closest, ON_TOP) * of.spacing)
@@ -218,7 +218,7 @@ def too_close(of: Subject, watch: FailureCriteria, look: Observation, energy: fl
 def negative_pressure(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """A negative pressure of the fluid, where a map watches for it."""
+    """Detect a negative pressure of the fluid, where a map watches for it."""
     bad_n = (look.pressure_n < 0) & ~of.solid_n
     return _worst(of, "negative pressure", bad_n, look.pressure_n) if watch.pressure else None
 
@@ -226,7 +226,7 @@ def negative_pressure(
 def loss_of_hyperbolicity(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """A fluid particle at a density at which dP/drho is not positive; the value is dP/drho."""
+    """Detect a fluid particle at a density at which dP/drho is not positive; the value is dP/drho."""
     if not watch.hyperbolic or of.eos is None:
         return None
     if of.eos.needs_energy and look.energy_n is None:
@@ -240,7 +240,7 @@ def loss_of_hyperbolicity(
 
 
 def bad_matrix(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    r"""A moment matrix without a Cholesky factor, or a badly conditioned one.
+    r"""Detect a moment matrix without a Cholesky factor, or a badly conditioned one.
 
     The matrices are those of `eos_ref.evaluation.array_evaluator.ArrayEvaluator.moments` for the positions and
     densities of the look, whichever engine made them. Particles with fewer than zmin neighbours use none. Values: the
@@ -277,7 +277,7 @@ def moment_matrices(of: Subject, look: Observation) -> tuple[FloatArray, BoolArr
 def misclassified_surface(
     of: Subject, watch: FailureCriteria, look: Observation, energy: float | None
 ) -> ParticleFailure | None:
-    """A particle of another class than expected; the value is the class found. The first by id."""
+    """Detect a particle of another class than expected; the value is the class found. The first by id."""
     if not watch.surface or look.surface_n is None:
         return None
     expected_n = np.array([watch.surface.get(k, -1) for k in of.id_n.tolist()])
@@ -288,7 +288,7 @@ def misclassified_surface(
 
 
 def lost_digits(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:
-    """A pressure with fewer correct digits than asked for, by the law in ball arithmetic; the value is how many."""
+    """Detect a pressure with too few correct digits, by the law in ball arithmetic; the value is their number."""
     if watch.digits is None or of.eos is None:
         return None
     from eos_ref.eos import rigorous

@@ -57,7 +57,7 @@ class Numbers:
 
 
 def numbers(model: Model, state: State, dt: float) -> Numbers:
-    """The numbers of a state; particles at which the law has no speed of sound do not count."""
+    """Return the numbers of a state; particles at which the law has no speed of sound do not count."""
     types = state.type_n - 1
     rho_n = np.asarray(state.rho_n, float)
     e_n = None if state.energy_n is None else np.asarray(state.energy_n, float) / model.mass[types]
@@ -98,7 +98,7 @@ class Curve:
     points: tuple[LimitPoint, ...]
 
     def at(self, ratio: float) -> LimitPoint:
-        """The limit at a ratio, interpolated in logarithms; beyond the ratios measured that of the nearest one."""
+        """Interpolate the limit at a ratio, in logarithms; beyond the ratios measured it is that of the nearest one."""
         logs = np.log([p.ratio for p in self.points])
         place = math.log(min(max(ratio, self.points[0].ratio), self.points[-1].ratio))
 
@@ -110,7 +110,7 @@ class Curve:
         )
 
     def covers(self, ratio: float) -> bool:
-        """Whether a ratio lies within those measured."""
+        """Return whether a ratio lies within those measured."""
         return self.points[0].ratio <= ratio <= self.points[-1].ratio
 
 
@@ -143,7 +143,7 @@ _DOCUMENT = Document("stability-limits", Limits)
 
 
 def measured(boundaries: Iterable[Boundary], maps: Mapping[str, StabilityMap], engine: str) -> Limits:
-    """The limits in an atlas: boundaries of stable runs along an axis of the time step alone, or of the pressure."""
+    """Extract the limits of an atlas: boundaries of stable runs along an axis of time step alone, or of pressure."""
     boundaries = [b for b in boundaries if b.map in maps]
     return Limits(engine, _curves(boundaries, maps), _tensions(boundaries, maps))
 
@@ -197,7 +197,7 @@ def _pressure(start: Start) -> float:
 
 
 def pressures(model: Model, state: State) -> FloatArray:
-    """Pressure over rho0 c^2 of all fluid particles but those of an ideal gas, which has no rho0."""
+    """Return the pressure over rho0 c^2 of all fluid particles but those of an ideal gas, which has no rho0."""
     rho_n = np.asarray(state.rho_n, float)
     parts = [np.zeros(0)]
     for t, law in enumerate(model.eos, 1):
@@ -213,7 +213,7 @@ def _numbers(start: Start) -> Numbers:
 
 
 def _same(a: Start, b: Start) -> bool:
-    """Whether two starts have the same materials, methods and particles."""
+    """Return whether two starts have the same materials, methods and particles."""
     if a.case.scene.types != b.case.scene.types or a.case.scene.rheo != b.case.scene.rheo:
         return False
     pairs = [(getattr(a.atoms, name), getattr(b.atoms, name)) for name in ("x_nc", "v_nc", "rho_n", "energy_n")]

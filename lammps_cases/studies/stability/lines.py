@@ -38,12 +38,12 @@ class Agreement:
 
 
 def coordinate(axis: Axis, x: float) -> float:
-    """Where a value lies on an axis, in the units of its width."""
+    """Return the coordinate of a value on an axis, in the units of its width."""
     return math.log10(x) if axis.log else x
 
 
 def places(axis: Axis, coarse: int) -> list[float]:
-    """The coarse places, evenly along the axis; the ends are exact."""
+    """Return the coarse places, evenly along the axis; the ends are exact."""
     if coarse < 2 or axis.low == axis.high:
         return [axis.low]
     low, high = coordinate(axis, axis.low), coordinate(axis, axis.high)
@@ -52,7 +52,7 @@ def places(axis: Axis, coarse: int) -> list[float]:
 
 
 def middle(axis: Axis, low: float, high: float) -> float:
-    """The place halfway on the axis."""
+    """Return the place halfway on the axis."""
     return math.sqrt(low) * math.sqrt(high) if axis.log else (low + high) / 2
 
 
@@ -69,7 +69,7 @@ def wanted(of: StabilityMap, kinds: Mapping[float, Kind]) -> list[float]:
 
 
 def boundaries(line: MapLine, kinds: Mapping[float, Kind]) -> tuple[Boundary, ...]:
-    """Every change of kind along a line, from low to high."""
+    """Return every change of kind along a line, from low to high."""
     return tuple(
         Boundary(line.map, line.layer, line.y, line.engine, a, b, kinds[a], kinds[b])
         for a, b in itertools.pairwise(sorted(kinds))
@@ -78,14 +78,14 @@ def boundaries(line: MapLine, kinds: Mapping[float, Kind]) -> tuple[Boundary, ..
 
 
 def sequence(kinds: Mapping[float, Kind]) -> tuple[Kind, ...]:
-    """The kinds along a line, each stretch of one kind once."""
+    """Return the kinds along a line, each stretch of one kind once."""
     return tuple(kind for kind, _ in itertools.groupby(kinds[x] for x in sorted(kinds)))
 
 
 def agreement(
     of: StabilityMap, layer: str, y: float, reference: Mapping[float, Kind], lammps: Mapping[float, Kind]
 ) -> Agreement:
-    """The verdict on a line that both engines have run."""
+    """Return the verdict on a line that both engines have run."""
     sides: tuple[tuple[Engine, Mapping[float, Kind]], ...] = (("reference", reference), ("lammps", lammps))
     ours, theirs = (boundaries(MapLine(of.id, layer, y, engine), of_engine) for engine, of_engine in sides)
     kinds = sequence(reference), sequence(lammps)
@@ -94,12 +94,12 @@ def agreement(
 
 
 def _meet(axis: Axis, a: Boundary, b: Boundary) -> bool:
-    """Whether two intervals overlap, or lie no further apart than the axis resolves."""
+    """Return whether two intervals overlap, or lie no further apart than the axis resolves."""
     gap = coordinate(axis, max(a.low, b.low)) - coordinate(axis, min(a.high, b.high))
     # Neighbouring intervals of bisection share an end to rounding.
     return gap <= axis.width
 
 
 def lines_of(of: StabilityMap, quick: bool) -> Sequence[float]:
-    """Values of y that are run."""
+    """Return the values of y that are run."""
     return tuple(dict.fromkeys(of.quick_lines or (of.lines[0], of.lines[-1]))) if quick else of.lines

@@ -166,5 +166,5 @@ class StabilityMap:
     engines_differ: str = ""
 
     def engines(self, layer: str) -> tuple[Engine, ...]:
-        """The engines that a layer can be run on."""
+        """Return the engines that a layer can be run on."""
         return ("reference",) if layer in self.reference_only else ENGINES

@@ -136,7 +136,7 @@ def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:
 
 
 def informative_cells(record: MapRecord) -> set[MapCell]:
-    """The cells that show a map: where a failure begins, and where the engines end differently."""
+    """Return the cells that show a map: where a failure begins, and where the engines end differently."""
     cells = {
         MapCell(b.map, b.high if KINDS.index(b.above) > KINDS.index(b.below) else b.low, b.y, b.layer)
         for b in record.boundaries
@@ -176,7 +176,7 @@ def _difference(line: Agreement, record: MapRecord) -> EngineDifference:
 
 
 def along(ends: Sequence[Kind], boundaries: Sequence[Boundary], record: MapRecord) -> str:
-    """The kinds along a line, in words."""
+    """Return the kinds along a line, in words."""
     text = str(ends[0]) if ends else "nothing"
     for b in boundaries:
         text += f", {b.above} from {record.x.name} = {b.low:.4g} to {b.high:.4g} on"
@@ -184,7 +184,7 @@ def along(ends: Sequence[Kind], boundaries: Sequence[Boundary], record: MapRecor
 
 
 def rows(record: MapRecord, folder: Path, decks: Mapping[MapCell, str], shown: Container[MapCell]) -> list[CellView]:
-    """Cells by layer, height and place; with pictures of the particles for those to be shown."""
+    """Return the cells by layer, height and place; with pictures of the particles for those to be shown."""
     outcomes: dict[MapCell, dict[Engine, CellOutcome]] = {}
     for r in record.cells:
         outcomes.setdefault(r.cell, {})[r.engine] = r.outcome
@@ -206,7 +206,7 @@ def rows(record: MapRecord, folder: Path, decks: Mapping[MapCell, str], shown: C
 
 
 def shot(state: Mapping[str, Any], who: str) -> Shot:
-    """The particles before a failure, coloured by density, or by type where all have the same density."""
+    """Return the particles before a failure, coloured by density, or by type where all have the same density."""
     rho_n = np.asarray(state["rho"], float)
     finite = rho_n[np.isfinite(rho_n)]
     by_type = finite.size == 0 or bool(np.ptp(finite) == 0)
@@ -224,7 +224,7 @@ def shot(state: Mapping[str, Any], who: str) -> Shot:
 
 
 def kinds(ran: Sequence[CellRun]) -> dict[Kind, tuple[int, int]]:
-    """How often each kind ended a run, on LAMMPS and on the reference."""
+    """Return how often each kind ended a run, on LAMMPS and on the reference."""
     ends = Counter((r.engine, r.outcome.kind) for r in ran)
     counted: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in KINDS}
     return {kind: count for kind, count in counted.items() if any(count)}

@@ -46,7 +46,7 @@ class Before:
     failing: tuple[int, ...]
 
     def arrays(self) -> dict[str, object]:
-        """All of it as arrays by short names: step, x, v, rho, pressure, id, type, low, high, failing."""
+        """Return all of it as arrays by short names: step, x, v, rho, pressure, id, type, low, high, failing."""
         arrays = {name: getattr(self, attribute) for name, attribute in ARRAYS.items()}
         return {**arrays, "step": np.array(self.step), "failing": np.array(self.failing, int)}
 
@@ -121,7 +121,7 @@ def _advance(
 def _failure_of_stopped(
     run: ObservedRun, of: Subject, watch: FailureCriteria, energy: float | None
 ) -> ParticleFailure | None:
-    """What is wrong with a reference that has stopped in the middle of a step: its particles can still be looked at."""
+    """Return the failure of a reference that stopped in the middle of a step: its particles can still be observed."""
     if not isinstance(run, ReferenceRun):
         return None
     failure = kinds.first(of, replace(watch, surface={}, condition=None, closest=None), run.look(), energy)
@@ -138,7 +138,7 @@ def _step_by_step(
     first_failure: tuple[ParticleFailure, str],
     note: Note,
 ) -> Examined:
-    """The failing stretch again, one step at a time."""
+    """Run the failing stretch again, one step at a time."""
     end, (first, first_message) = last.step + stretch, first_failure
     try:
         run.back()
@@ -238,7 +238,7 @@ def settle(pending: PendingCell, workers: Workers, limit: float = LIMIT) -> Exam
 
 
 def _failure_message(side: Engine, failure: Failure) -> str:
-    """What became of a worker; those of this package speak of LAMMPS, whatever they run."""
+    """Return the message of a worker's failure, which speaks of LAMMPS whatever the worker ran."""
     return failure.message if side == "lammps" else failure.message.replace("LAMMPS", "the reference")
 
 
@@ -265,14 +265,14 @@ def _died(pending: PendingCell, kind: Kind, message: str, seconds: float) -> Exa
 
 
 def _last_observation(trace: Path) -> tuple[Observation, float] | None:
-    """What a worker that died has left: a file of this process' own making."""
+    """Return the last observation of a worker that died: a file that this process made."""
     content = trace.read_bytes() if trace.exists() else b""
     return pickle.loads(content) if content else None
 
 
 @contextlib.contextmanager
 def scratch() -> Iterator[Path]:
-    """A folder for traces."""
+    """Make a folder for traces, and remove it."""
     with tempfile.TemporaryDirectory(prefix="eos-ref-stability-") as folder:
         yield Path(folder)
 

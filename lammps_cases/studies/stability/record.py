@@ -78,7 +78,7 @@ def write(atlas: Atlas, folder: Path) -> None:
 
 
 def read(folder: Path) -> Atlas:
-    """The atlas of a folder.
+    """Return the atlas of a folder.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def read(folder: Path) -> Atlas:
 
 
 def document(atlas: Atlas) -> dict[str, Any]:
-    """What ``--json`` prints."""
+    """Return what ``--json`` prints."""
     whole = _DOCUMENT.plain(atlas)
     return {
         "maps": [
@@ -113,7 +113,7 @@ def cells(folder: Path) -> Journal[CellEntry]:
 
 
 def state_file(folder: Path, cell: MapCell, engine: Engine) -> Path:
-    """Where the particles before a failure are kept."""
+    """Return the file of the particles before a failure."""
     return folder / "states" / f"{names.anchor(cell)}--{engine}.npz"
 
 
@@ -127,7 +127,7 @@ def write_state(folder: Path, cell: MapCell, engine: Engine, before: Before | No
 
 
 def read_state(folder: Path, cell: MapCell, engine: Engine) -> dict[str, Any] | None:
-    """Arrays step, x, v, rho, pressure, id, type, low, high, failing (ids); None for a run without failure."""
+    """Return arrays step, x, v, rho, pressure, id, type, low, high, failing (ids); None for a run without failure."""
     file = state_file(folder, cell, engine)
     if not file.exists():
         return None

@@ -51,7 +51,7 @@ class ObservedRun(Protocol):
         """Take steps."""
 
     def look(self) -> Observation:
-        """The particles now."""
+        """Return the particles now."""
 
     def back(self) -> None:
         """Return to where the last stretch began."""
@@ -65,7 +65,7 @@ def again(run: ObservedRun, stretches: Sequence[int]) -> None:
 
 
 def watched(scene: Scene, watch: FailureCriteria) -> Scene:
-    """The scene with every field that is looked at among those compared."""
+    """Return the scene with every observed field among those compared."""
     if not scene.interacts:
         return scene
     wanted = ["x", "v", "rho", "pressure", *(["surface"] if watch.surface else [])]
@@ -73,7 +73,7 @@ def watched(scene: Scene, watch: FailureCriteria) -> Scene:
 
 
 def _copied(step: int, *fields: Any) -> Observation:
-    """A look that shares no array with the engine."""
+    """Return an observation that shares no array with the engine."""
     copies: list[Any] = [None if array is None else np.array(array) for array in fields]
     return Observation(step, *copies)
 
@@ -100,7 +100,7 @@ class LawRun:
         """Nothing moves."""
 
     def look(self) -> Observation:
-        """Pressures of the densities given."""
+        """Return the pressures of the densities given."""
         a = self.start.atoms
         assert a.rho_n is not None
         e_n = None if a.energy_n is None else a.energy_n / a.mass_n
@@ -162,7 +162,7 @@ class ReferenceRun:
             self.simulation.run(steps, self.start.timestep)
 
     def look(self) -> Observation:
-        """The state now, also of a run that has stopped."""
+        """Return the state now, also of a run that has stopped."""
         simulation = self.simulation
         s = simulation.state
         with np.errstate(all="ignore"):
@@ -189,7 +189,7 @@ SAYINGS: tuple[tuple[str, Kind], ...] = (
 
 
 def saying(error: str) -> Kind:
-    """The kind of failure that an error of LAMMPS speaks of."""
+    """Classify an error of LAMMPS by its text."""
     return next((kind for words, kind in SAYINGS if words in error), "error")
 
 
@@ -223,7 +223,7 @@ class LammpsRun:
         self.step += steps
 
     def _missing(self) -> int | None:
-        """The first id that LAMMPS no longer has."""
+        """Return the first id that LAMMPS no longer has."""
         missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.stepping.lmp)["id"])
         return int(missing[0]) if missing.size else None
 
@@ -246,7 +246,7 @@ class LammpsRun:
 
 
 def _planned(scene: Scene) -> Plan:
-    """The plan of a scene, also of one that the reference refuses."""
+    """Return the plan of a scene, also of one that the reference refuses."""
     try:
         return plan(scene)
     except InputError as error:
@@ -264,7 +264,7 @@ def _stopping(instance: Instance) -> Iterator[Any]:
 
 
 def open_run(start: Start, watch: FailureCriteria, side: Engine, instance: Instance) -> ObservedRun:
-    """The run of a start on an engine, not begun."""
+    """Return the run of a start on an engine, not begun."""
     if side == "lammps":
         return LammpsRun(start, watch, instance)
     return ReferenceRun(start, watch) if start.case.scene.interacts else LawRun(start)

@@ -11,7 +11,7 @@ from lammps_cases.studies.stability.model import MapCell, StabilityMap
 
 
 def maps(by_id: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str | None = None) -> list[StabilityMap]:
-    """Maps by name or wild-card pattern and by tag; without either, all that are not tagged long.
+    """Return the maps by name or wild-card pattern and by tag; without either, all that are not tagged long.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def maps(by_id: Mapping[str, StabilityMap], names: Sequence[str] = (), tag: str 
 
 
 def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
-    """The map of a cell.
+    """Return the map of a cell.
 
     Raises
     ------

@@ -42,7 +42,7 @@ class Single(ArrayEvaluator):
 
 
 def simulation(model: Model, box: Box, state: State, fields: Iterable[str] = ()) -> Simulation:
-    """A fluid whose state is float32."""
+    """Return a fluid whose state is float32."""
     sim = Simulation(model, box, state, fields, Single)
     sim.mass_n = sim.mass_n.astype(np.float32)
     sim.other_nc = sim.other_nc.astype(np.float32)

@@ -12,7 +12,7 @@ MODULES = ("timestep", "laws", "matrices", "precision", "tension", "surfaces", "
 
 @cache
 def maps() -> dict[str, StabilityMap]:
-    """All maps by id, in the order of their modules."""
+    """Return all maps by id, in the order of their modules."""
     by_id: dict[str, StabilityMap] = {}
     for name in MODULES:
         for one in importlib.import_module(f"{__name__}.{name}").MAPS:

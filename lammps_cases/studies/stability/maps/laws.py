@@ -25,7 +25,7 @@ _SIDE = 8.0  # of the box
 
 
 def alone(name: str, law: dict[str, Any], rho: float, e: float | None = None, background: float = 0.0) -> Start:
-    """One particle of a law at a density and, for a gas, an energy per mass."""
+    """Return one particle of a law at a density and, for a gas, an energy per mass."""
     laws = [{"types": "*", **law}]
     if background:
         laws.append({"types": "*", "style": "background", "P_b": background})
@@ -63,7 +63,7 @@ def _plain(cell: MapCell) -> FailureCriteria:
 
 
 def _overflow(gamma: float) -> float:
-    r"""Decades of compression at which :math:`(\rho/\rho_0)^\gamma` or the pressure exceeds the largest double."""
+    r"""Return the decades of compression at which :math:`(\rho/\rho_0)^\gamma` or the pressure overflows."""
     largest = math.log10(sys.float_info.max)
     return min(largest, largest - math.log10(STIFFNESS / gamma)) / gamma
 
@@ -158,7 +158,7 @@ DIGITS = 8  # decimal digits of the pressure that must be left
 
 
 def _limit(ratio: float) -> float:
-    r"""Exponent below which :math:`[(\rho/\rho_0)^\gamma-1]/\gamma` keeps fewer digits.
+    r"""Return the exponent below which :math:`[(\rho/\rho_0)^\gamma-1]/\gamma` keeps fewer digits.
 
     The power is :math:`1+\gamma\ln(\rho/\rho_0)`, its rounding at most 2^-53.
     """

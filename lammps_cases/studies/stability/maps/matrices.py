@@ -39,7 +39,7 @@ def _kernel(cell: MapCell) -> KernelStyle:
 def _start(
     cell: MapCell, x_nc: FloatArray, high_c: tuple[float, float], cut: float, zmin: int, periodic: tuple[bool, bool]
 ) -> Start:
-    """Particles of unit volume with small random velocities, in a box with empty space beyond its open faces."""
+    """Return particles of unit volume with small random velocities, in a box with empty space beyond its open faces."""
     options = Options(_kernel(cell), cut, zmin=zmin)
     low_c = tuple(0.0 if around else -MARGIN for around in periodic)
     dt = 0.1 * time_step(options, CS, NU)
@@ -67,13 +67,13 @@ def _watch(cell: MapCell) -> FailureCriteria:
 
 
 def square(disorder: float, name: str) -> FloatArray:
-    """A square of particles, each moved by up to a fraction of the spacing along an axis."""
+    """Return a square of particles, each moved by up to a fraction of the spacing along an axis."""
     x_nc = rows(0, EDGE, EDGE)
     return np.asarray(x_nc + disorder * np.random.default_rng(seed(f"{name}/positions")).uniform(-1, 1, x_nc.shape))
 
 
 def _lattice(cell: MapCell) -> Start:
-    """A periodic square lattice in disorder."""
+    """Return a periodic square lattice in disorder."""
     x_nc = np.mod(square(cell.y, cell.map), EDGE)
     return _start(cell, x_nc, (EDGE, EDGE), cell.x, 0, (True, True))
 
@@ -99,12 +99,12 @@ LATTICE = StabilityMap(
 
 
 def _corner(cell: MapCell) -> Start:
-    """A square of particles without anything around it; zmin is the whole number below x."""
+    """Return a square of particles without anything around it; zmin is the whole number below x."""
     return _start(cell, square(0.0, cell.map), (EDGE, EDGE), cell.y, math.floor(cell.x), (False, False))
 
 
 def neighbours(cut: float) -> tuple[int, int, int]:
-    """How many neighbours a corner, an edge and the bulk of a square lattice have within a cutoff."""
+    """Return how many neighbours a corner, an edge and the bulk of a square lattice have within a cutoff."""
     reach = range(-math.ceil(cut), math.ceil(cut) + 1)
     near = [(a, b) for a in reach for b in reach if 0 < a * a + b * b < cut * cut]
     corner, edge = (sum(a >= 0 and b >= 0 for a, b in near), sum(b >= 0 for _, b in near))
@@ -112,7 +112,7 @@ def neighbours(cut: float) -> tuple[int, int, int]:
 
 
 def zmin_needed(kernel: KernelStyle, cut: float) -> float:
-    """Least zmin that excludes every particle with fewer neighbours than the kernel has functions."""
+    """Return the least zmin that excludes every particle with fewer neighbours than the kernel has functions."""
     size = reproducing.basis_size(max(KERNELS[kernel].order, 0), 2)
     return max((float(n + 1) for n in neighbours(cut) if n < size), default=0.0)
 
@@ -162,14 +162,14 @@ SURFACE = StabilityMap(
 
 
 def _row(cell: MapCell) -> Start:
-    """A periodic row, every second particle off the line."""
+    """Return a periodic row, every second particle off the line."""
     n = 2 * EDGE
     x_nc = np.stack([np.arange(n) + 0.5, 2.0 + cell.x * (np.arange(n) % 2)], axis=1)
     return _start(cell, x_nc, (n, 4.0), cell.y, 0, (True, False))
 
 
 def _zigzag(cut: float) -> float:
-    r"""Offset of every second particle at which the matrix of RK1 has the condition number `CONDITION`.
+    r"""Return the offset of every second particle at which the matrix of RK1 has the condition number `CONDITION`.
 
     With :math:`u` the offset over the cutoff and :math:`W_o`, :math:`W_e` the sums of the kernel over odd and even
     neighbours, the eigenvalues for :math:`u\to0` are those of the row itself and

@@ -26,7 +26,7 @@ TIME = 20.0
 
 
 def _time_step(sound: float) -> float:
-    """Longest by the fluids alone; sound grows with the time step unless dt < 2 nu/c^2."""
+    """Return the longest time step of the fluids alone; sound grows with the time step unless dt < 2 nu/c^2."""
     return min(time_step(Options(), sound, NU * sound), 2 * NU / sound)
 
 
@@ -56,7 +56,7 @@ def _slabs(cell: MapCell) -> Start:
 
 
 def viscous_limit(sound: float) -> float:
-    r"""Density ratio at which :math:`\Delta t=h^2/8\nu` for a light particle among heavy ones; h is the spacing here.
+    r"""Return the density ratio at which :math:`\Delta t=h^2/8\nu` for a light particle among heavy ones; h: spacing.
 
     Source: Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997), for the limit.
     """
@@ -65,7 +65,7 @@ def viscous_limit(sound: float) -> float:
 
 
 def tension(sound: float) -> float:
-    r"""Density ratio at which the tension :math:`c^2(\rho_h-\rho_l)/2` of summed densities exceeds the background."""
+    r"""Return the density ratio from which the tension :math:`c^2(\rho_h-\rho_l)/2` exceeds the background."""
     return 1 / (1 - 2 * BACKGROUND)
 
 

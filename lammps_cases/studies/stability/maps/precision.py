@@ -41,7 +41,7 @@ def _start(
 
 
 def single(given: Start) -> Start:
-    """A start whose positions, velocities and densities are float32: the reference goes on in that type."""
+    """Return a start whose positions, velocities and densities are float32: the reference goes on in that type."""
     a = given.atoms
     arrays: dict[str, Any] = {"x_nc": a.x_nc, "v_nc": a.v_nc, "rho_n": a.rho_n}
     short = {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
@@ -102,7 +102,7 @@ def _squeezed(cell: MapCell) -> Start:
 
 
 def _sound(cell: MapCell) -> FailureCriteria:
-    """Kinetic energy beyond a few times that of the sound wave is not the wave's."""
+    """Watch for a kinetic energy beyond a few times that of the sound wave."""
     return FailureCriteria(every=10, growth=4.0, energy=EDGE**2 * (10.0 * cell.x) ** 2 / 4)
 
 

@@ -81,13 +81,13 @@ STILL = 0.01  # a time step; nothing moves by itself
 
 
 def share(height: float) -> float:
-    """Share of the circle of the cutoff that lies below a plane, ``height`` above (or, negative, below) its centre."""
+    """Return the share of the cutoff's circle below a plane ``height`` above (or, negative, below) its centre."""
     u = min(max(height / CUT, -1.0), 1.0)
     return 0.5 + (u * math.sqrt(1 - u * u) + math.asin(u)) / math.pi
 
 
 def neighbours(depth: float) -> float:
-    """Neighbours of a particle ``depth`` below the surface (above, if negative) over those in the bulk; see the top."""
+    """Return the neighbours of a particle ``depth`` below the surface (above, if negative) over those in the bulk."""
     own = 1 if depth >= 0 else 0  # one that flies above is no part of the fluid
     return (math.pi * CUT**2 * share(depth) - own) / ALL
 
@@ -115,7 +115,7 @@ def _threshold(cell: MapCell) -> Start:
 
 
 def _expected_classes(cell: MapCell) -> FailureCriteria:
-    """The outermost rows are surface, those that the cutoff keeps from it bulk; the others may be either."""
+    """Expect surface in the outermost rows, bulk beyond the cutoff from it; the others may be either."""
     row_n = np.arange(LAYERS * WIDTH) // WIDTH
     outer_n, deep_n = np.isin(row_n, (0, LAYERS - 1)), (row_n >= DEEP) & (row_n < LAYERS - DEEP)
     return FailureCriteria(every=1, surface={int(k) + 1: int(outer_n[k]) for k in np.flatnonzero(outer_n | deep_n)})

@@ -84,7 +84,7 @@ def _watch(cell: MapCell) -> FailureCriteria:
 
 @cache
 def waves(cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over the lattice for the wave vectors k that fit in the box: the stiffness (k, 2, 2), g (k, 2), Gamma/nu."""
+    """Sum over the lattice for the wave vectors k that fit in the box: the stiffness (k, 2, 2), g (k, 2), Gamma/nu."""
     x_nc, (lx, ly) = triangles(WIDTH, HEIGHT)
     around = range(-math.ceil(cut / ly), math.ceil(cut / ly) + 1)
     x_pc = np.concatenate([x_nc + np.array([a * lx, b * ly]) for a in around for b in around]) - x_nc[0]
@@ -107,7 +107,7 @@ def waves(cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def growth_rate(background: float, density: float, cut: float) -> float:
-    r"""Largest s of :math:`s^2+\Gamma s+\omega^2=0` over all waves that fit in the box (1/time); 0 if none grows."""
+    r"""Return the largest s of :math:`s^2+\Gamma s+\omega^2=0` over all waves of the box (1/time); 0 if none grows."""
     stiffness_kab, g_kc, damping_k = waves(cut)
     pressure = density - 1 + background
     matrix_kab = 2 * pressure / density * stiffness_kab + g_kc[:, :, None] * g_kc[:, None, :]
@@ -117,7 +117,7 @@ def growth_rate(background: float, density: float, cut: float) -> float:
 
 
 def clumps_below(density: float, cut: float) -> float:
-    """Background below which the fastest wave grows from the disorder to half of the way to clumping in a run."""
+    """Return the background below which the fastest wave grows from the disorder to half-way to clumping in a run."""
     wanted = math.log((1 - CLOSEST) / 2 / DISORDER) / (STEPS * DT)
     low, high = -10.0, 1.0 - density  # at no pressure at all nothing grows
     for _ in range(40):

@@ -49,7 +49,7 @@ def viscosity(ratio: float, cut: float) -> float:
 
 
 def box(fraction: float, ratio: float, cut: float, mach: float) -> Start:
-    """The noisy lattice, run for `STEPS` steps of a length given over min(h/4c, h^2/8nu).
+    """Return the noisy lattice, run for `STEPS` steps of a length given over min(h/4c, h^2/8nu).
 
     Parameters
     ----------
@@ -78,13 +78,13 @@ def box(fraction: float, ratio: float, cut: float, mach: float) -> Start:
 
 
 def noise(shape: tuple[int, ...]) -> FloatArray:
-    """Velocities along the axes between -1 and 1, without a mean."""
+    """Return the velocities along the axes between -1 and 1, without a mean."""
     v_nc = np.random.default_rng(seed("stability/time-step")).uniform(-1, 1, shape)
     return np.asarray(v_nc - v_nc.mean(axis=0))
 
 
 def watch(mach: float) -> FailureCriteria:
-    """Growth of the kinetic energy beyond ten times that of the start; looked for every twenty steps."""
+    """Watch every twenty steps for ten times the kinetic energy of the start."""
     v_nc = noise((EDGE**2, 2)) * mach * SPEED
     return FailureCriteria(every=EVERY, growth=TENFOLD, energy=0.5 * float(np.sum(np.square(v_nc))))
 
@@ -112,7 +112,7 @@ class Waves:
 
 @functools.cache
 def waves(cut: float) -> Waves:
-    """The waves of the box for a kernel's cutoff; see the module."""
+    """Return the waves of the box for a kernel's cutoff; see the module."""
     x_nc = rows(0, EDGE, EDGE)
     i, j, shift_pc = directed_pairs(x_nc, Box((0.0, 0.0), (float(EDGE),) * 2, (True, True)), float(cut))
     of_first = i == 0
@@ -135,22 +135,22 @@ def waves(cut: float) -> Waves:
 
 
 def step_of(fraction: float, ratio: float, cut: float) -> float:
-    """The time step of a place on a map."""
+    """Return the time step of a place on a map."""
     return time_step(Options(cut=cut, dt_fraction=fraction), SPEED, viscosity(ratio, cut))
 
 
 def viscous_limit(ratio: float, cut: float) -> float:
-    r"""Fraction at which :math:`\nu l\Delta t=2` for the wave that viscosity damps most."""
+    r"""Return the fraction at which :math:`\nu l\Delta t=2` for the wave that viscosity damps most."""
     return float(2 / (viscosity(ratio, cut) * waves(cut).l_k.max()) / step_of(1.0, ratio, cut))
 
 
 def sound_limit(ratio: float, cut: float) -> float:
-    r"""Fraction at which :math:`\Delta t=2\nu/c^2`: beyond it long waves of sound grow, however slowly."""
+    r"""Return the fraction at which :math:`\Delta t=2\nu/c^2`: beyond it long waves of sound grow, however slowly."""
     return 2 * viscosity(ratio, cut) / SPEED**2 / step_of(1.0, ratio, cut)
 
 
 def growth(fraction: float, ratio: float, cut: float, every: int = EVERY, looks: int = STEPS // EVERY) -> FloatArray:
-    r"""Kinetic energy at every look over that of the start, for small velocities.
+    r"""Return the kinetic energy at every look over that of the start, for small velocities.
 
     Whole steps begin and end halfway between half-step velocities: :math:`u_0=(1-\tfrac12\nu l\Delta t)v_0`,
     :math:`v_n=\tfrac12(u_{n-1}+u_n)`.
@@ -174,7 +174,7 @@ def growth(fraction: float, ratio: float, cut: float, every: int = EVERY, looks:
 
 @functools.cache
 def growth_limit(ratio: float, cut: float) -> float:
-    """Lowest fraction, to a hundredth of it, at which the energy of the linearised scheme is tenfold at a look."""
+    """Return the lowest fraction, to 1 %, at which the energy of the linearised scheme is tenfold at a look."""
     # Waves swing between motion and compression, so that the energy at a look may fall again beyond this limit.
     fraction = min(viscous_limit(ratio, cut), sound_limit(ratio, cut))
     fraction = max(fraction, FRACTION.low)
@@ -186,12 +186,12 @@ def growth_limit(ratio: float, cut: float) -> float:
 
 
 def acoustic_criterion(ratio: float, cut: float) -> float:
-    """Fraction at which the step is h/4c."""
+    """Return the fraction at which the step is h/4c."""
     return cut / 3 / (4 * SPEED) / step_of(1.0, ratio, cut)
 
 
 def viscous_criterion(ratio: float, cut: float) -> float:
-    """Fraction at which the step is h^2/8nu."""
+    """Return the fraction at which the step is h^2/8nu."""
     return (cut / 3) ** 2 / (8 * viscosity(ratio, cut)) / step_of(1.0, ratio, cut)
 
 
@@ -206,7 +206,7 @@ LIMITS: tuple[tuple[str, Limit], ...] = (
 
 
 def _theory(ratio_and_cut: Callable[[float], tuple[float, float]]) -> tuple[Theory, ...]:
-    """All limits as functions of a map's y."""
+    """Return all limits as functions of a map's y."""
 
     def of(limit: Limit) -> Callable[[float], float]:
         return lambda y: limit(*ratio_and_cut(y))

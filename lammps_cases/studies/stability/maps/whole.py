@@ -25,7 +25,7 @@ DAMPED: Mapping[str, float] = {"artificial_visc": 0.1, "rho_damp": 0.1}
 
 
 def _every(cell: MapCell) -> int:
-    """Steps between two looks where x is the time step: beyond the limit particles are far away a few steps later."""
+    """Return the steps between two observations where x is the time step: beyond the limit particles scatter within a few."""
     return max(1, round(10 / cell.x))
 
 
@@ -89,7 +89,7 @@ def _column(cell: MapCell) -> Start:
 
 
 def _falls_by_its_weight(cell: MapCell) -> FailureCriteria:
-    """The wave that the sudden weight sets off moves the fluid at g H/c; twice its energy has come from elsewhere."""
+    """Watch for twice the energy of the wave that the sudden weight sets off, which moves the fluid at g H/c."""
     return FailureCriteria(
         every=_every(cell), growth=2.0, energy=0.5 * WIDTH * TALL * COMPRESSION**2, behind=(1, FLOOR)
     )
@@ -139,7 +139,7 @@ def _dam(cell: MapCell) -> Start:
 
 
 def _falls_from_the_dam(cell: MapCell) -> FailureCriteria:
-    """Potential energy over the floor, m g H/2, with a fifth more for the compression."""
+    """Watch for more than the potential energy over the floor, m g H/2, and a fifth of it for the compression."""
     return FailureCriteria(every=10, growth=1.2, energy=DAM**2 * cell.x**2 / 4, behind=(1, FLOOR))
 
 
@@ -164,7 +164,7 @@ GAP = 2.0  # between drop and floor
 
 
 def _disc() -> FloatArray:
-    """Sites of a square lattice in a circle above the floor."""
+    """Return the sites of a square lattice in a circle above the floor."""
     half = ACROSS // 2 + 1
     x_nc = rows(-half, half, 2 * half) - (half, 0)
     disc_nc = x_nc[(x_nc**2).sum(axis=1) < ACROSS**2 / 4]
@@ -187,7 +187,7 @@ def _drop(cell: MapCell) -> Start:
 
 
 def _falls_as_a_drop(cell: MapCell) -> FailureCriteria:
-    r"""Kinetic energy at first, and what is gained on the way down, at most :math:`g` times gap and diameter."""
+    r"""Watch for more than the first kinetic energy and the gain on the way down, :math:`g` times gap and diameter."""
     first = 0.5 * len(_disc()) * cell.y**2
     return FailureCriteria(
         every=_every(cell), growth=1.0, energy=first * (1 + (GAP + ACROSS) / ACROSS), behind=(1, FLOOR)

@@ -63,6 +63,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
         ASSETS,
         "claims",
         "bad" if unexplained else "good",
+        scripts=[frame.FILTER],
         engines=[column.engine for column in columns],
         totals=[counts(column.judged) for column in columns],
         verdicts=verdicts,

@@ -13,6 +13,7 @@ from eos_ref.cache import cache_folder
 from lammps_cases.records import wording
 
 SHARED = Path(__file__).parent / "assets"
+FILTER = SHARED / "filter.js"  # a script of pages that filter rows
 
 
 @dataclass(frozen=True)

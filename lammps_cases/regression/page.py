@@ -74,6 +74,7 @@ def render(comparison: Comparison) -> str:
         ASSETS,
         "compare",
         "bad" if comparison.exit_code else "good",
+        scripts=[frame.FILTER],
         comparison=comparison,
         stamp=pairs.STAMPS[comparison.exit_code],
         table=[(pair, *pair.tally, pairs.ratio(pair)) for pair in comparison.pairs],

@@ -1,30 +1,23 @@
 "use strict";
 const rows = [...document.querySelectorAll("tr[data-verdict]")];
-const find = document.getElementById("find");
 const kind = document.getElementById("kind");
 const chips = [...document.querySelectorAll(".chip")];
 let verdict = "";
-
-function show() {
-  const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
-  let shown = 0;
-  for (const row of rows) {
-    const fits = (!verdict || row.dataset.verdict === verdict)
-      && (!kind.value || row.dataset.kind === kind.value)
-      && words.every((word) => row.dataset.text.includes(word));
-    row.hidden = !fits;
-    shown += fits;
-  }
-  for (const section of document.querySelectorAll("section.part"))
-    section.hidden = !section.querySelector("tr[data-verdict]:not([hidden])");
-  for (const chip of chips) chip.setAttribute("aria-pressed", String(chip.dataset.kind === verdict));
-  document.getElementById("shown").textContent = `${shown} of ${rows.length} claims`;
-}
-
-for (const control of [find, kind]) control.addEventListener("input", show);
+const filter = filterRows({
+  rows,
+  find: document.getElementById("find"),
+  controls: [kind],
+  content: (row) => row.dataset.text,
+  fits: (row) => (!verdict || row.dataset.verdict === verdict) && (!kind.value || row.dataset.kind === kind.value),
+  shown: (count) => {
+    for (const section of document.querySelectorAll("section.part"))
+      section.hidden = !section.querySelector("tr[data-verdict]:not([hidden])");
+    for (const chip of chips) chip.setAttribute("aria-pressed", String(chip.dataset.kind === verdict));
+    document.getElementById("shown").textContent = `${count} of ${rows.length} claims`;
+  },
+});
 for (const chip of chips)
   chip.addEventListener("click", () => {
     verdict = verdict === chip.dataset.kind ? "" : chip.dataset.kind;
-    show();
+    filter();
   });
-show();

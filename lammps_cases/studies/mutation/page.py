@@ -29,6 +29,7 @@ def write(power: Power, folder: Path) -> None:
         ASSETS,
         "power",
         "bad" if power.complaints else "good",
+        scripts=[frame.FILTER],
         power=power,
         verdict="WRONG" if power.complaints else "AS IT MUST BE",
         headline=_headline(power),

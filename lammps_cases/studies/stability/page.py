@@ -106,6 +106,7 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: 
         ASSETS,
         "stability",
         "bad" if expected.unexplained(atlas.disagreements) else "good",
+        scripts=[frame.FILTER],
         atlas=atlas,
         colours={kind: colour for kind, (colour, _) in draw.MARKS.items()},
         facts=list(_facts(atlas)),

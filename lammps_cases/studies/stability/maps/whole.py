@@ -25,7 +25,7 @@ DAMPED: Mapping[str, float] = {"artificial_visc": 0.1, "rho_damp": 0.1}
 
 
 def _every(cell: MapCell) -> int:
-    """Return the steps between two observations where x is the time step: beyond the limit particles scatter within a few."""
+    """Return the steps between observations where x is the time step: beyond the limit particles scatter soon."""
     return max(1, round(10 / cell.x))
 
 

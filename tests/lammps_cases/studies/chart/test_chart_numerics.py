@@ -88,10 +88,10 @@ def test_both_engines_have_the_same_gradients(lmp: Any) -> None:
     with ExitStack() as stack:
         runs = kernels.gradient_runs((2.0, 3.0), 0.2, 16, Instances(lmp, stack))
     for name in (name for name in runs if not name.startswith("LAMMPS")):
-        theirs_n = runs[f"LAMMPS {name}"].found_n
+        theirs_n = runs[f"LAMMPS {name}"].value_n
         # Sums of fewer than 40 terms of size k, each with a few roundings; the corrections' matrix loses some digits.
-        assert np.abs(runs[name].found_n - theirs_n).max() < 1e-10 * kernels.K, name
-    other = runs["RK1, cutoff 2"].found_n - runs["RK1, cutoff 3"].found_n
+        assert np.abs(runs[name].value_n - theirs_n).max() < 1e-10 * kernels.K, name
+    other = runs["RK1, cutoff 2"].value_n - runs["RK1, cutoff 3"].value_n
     assert np.abs(other).max() > 1e-3 * kernels.K
 
 

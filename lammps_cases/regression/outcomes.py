@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import zipfile
 import zlib
@@ -46,7 +47,8 @@ class Samples:
 
     @cached_property
     def _arrays(self) -> Any:
-        return np.load(self._path) if self._path and self._path.exists() else {}
+        # From memory: np.load of a damaged file would leave it open.
+        return np.load(io.BytesIO(self._path.read_bytes())) if self._path and self._path.exists() else {}
 
     def of(self, field: str) -> Sample | None:
         """The arrays of a field; None if there are none.

@@ -27,7 +27,7 @@ Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Sample:
+class ParticleSample:
     """Particles as LAMMPS shows them right after a force evaluation, in its own order.
 
     Attributes
@@ -76,13 +76,15 @@ class SampleEvaluation:
 
     Parameters
     ----------
-    sample : Sample
+    sample : ParticleSample
     fields : sequence of str
     stages : class
         Evaluator: the reference's, or that of a finding's variant.
     """
 
-    def __init__(self, sample: Sample, fields: Sequence[str], stages: type[ArrayEvaluator] = ArrayEvaluator) -> None:
+    def __init__(
+        self, sample: ParticleSample, fields: Sequence[str], stages: type[ArrayEvaluator] = ArrayEvaluator
+    ) -> None:
         s = sample.state
         energy_n = None if s.energy_n is None else Rounded(s.energy_n)
         state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.audit.evaluation import Sample
+from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
@@ -18,7 +18,7 @@ _After = Callable[[Sequence[Finding]], frozenset[str]]
 
 
 def explain(
-    sample: Sample,
+    sample: ParticleSample,
     snapshot: Mapping[str, Any],
     listed: Sequence[Finding],
     before: frozenset[str],

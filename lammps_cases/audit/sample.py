@@ -17,7 +17,7 @@ from eos_ref.model.parameters import Box, Model, State
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
-from lammps_cases.audit.evaluation import Sample, SampleEvaluation
+from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.explanation import Explained, explain
 from lammps_cases.audit.fields import checked
 from lammps_cases.comparison.compare import Comparison, compare_field, excess
@@ -103,7 +103,7 @@ class Sampler:
 
     def _explain(
         self,
-        sample: Sample,
+        sample: ParticleSample,
         shown: Mapping[str, Array],
         rows_of: Mapping[str, Array],
         comparisons: Mapping[str, Comparison],
@@ -123,7 +123,7 @@ class Sampler:
             record = comparisons[field].record
             record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
 
-    def _sample(self, n: int, x_nc: Array, setup: bool) -> Sample:
+    def _sample(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
         atoms, model = self.lmp.numpy, self.model
         d, fix = model.dimension, model.fix
         state, box = particles(self.lmp, model, n, x_nc)
@@ -131,7 +131,7 @@ class Sampler:
         acts = {g: atoms.extract_variable(name, "all", ATOM_VARIABLE)[:n] != 0 for g, name in self.groups.items()}
         actions = [(action, acts[action.group]) for action in self.actions]
         summed = setup and fix.rho_sum and fix.interface_reconstruct
-        return Sample(model, box, state, mass_n, actions, summed, x_nc[:n, 2].copy() if d == 2 else None)
+        return ParticleSample(model, box, state, mass_n, actions, summed, x_nc[:n, 2].copy() if d == 2 else None)
 
     def _shown(self, n: int) -> dict[str, Array]:
         d = self.model.dimension

@@ -11,7 +11,7 @@ from typing import NamedTuple
 QUOTES = ('"""', '"', "'")
 
 
-class Line(NamedTuple):
+class LogicalLine(NamedTuple):
     """A logical line and the number of its last physical one."""
 
     number: int
@@ -25,13 +25,13 @@ class Word(NamedTuple):
     value: str
 
 
-def logical_lines(text: str) -> list[Line]:
+def logical_lines(text: str) -> list[LogicalLine]:
     """Join lines that end with ``&`` and those inside triple quotes.
 
     A comment ending with ``&`` goes on as well, and triple quotes count in comments too: LAMMPS joins before it looks
     for comments.
     """
-    lines: list[Line] = []
+    lines: list[LogicalLine] = []
     joined = ""
     physical = text.split("\n")
     for number, line in enumerate(physical, 1):
@@ -42,12 +42,12 @@ def logical_lines(text: str) -> list[Line]:
         elif joined.count('"""') % 2 and not last:
             joined += "\n"
         else:
-            lines.append(Line(number, joined))
+            lines.append(LogicalLine(number, joined))
             joined = ""
     return lines
 
 
-def read_lines(path: Path) -> list[Line]:
+def read_lines(path: Path) -> list[LogicalLine]:
     """Logical lines of a file."""
     return logical_lines(path.read_text(encoding="utf-8", errors="replace"))
 

@@ -20,7 +20,7 @@ from eos_ref import InputError, parse_fix_rheo
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
-from lammps_cases.audit.evaluation import Sample, SampleEvaluation
+from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import Task
 from lammps_cases.records.run_record import CaseRecord
 
@@ -332,7 +332,7 @@ def test_pairs_at_the_cutoff_are_open() -> None:
         n = len(x_nc)
         ones_n = np.ones(n)
         state = State(x_nc, np.zeros((n, 2)), ones_n, np.ones(n, int), np.zeros(n, bool))
-        sample = Sample(model, Box((0, 0), (10, 10), (True, True)), state, ones_n)
+        sample = ParticleSample(model, Box((0, 0), (10, 10), (True, True)), state, ones_n)
         evaluation = SampleEvaluation(sample, ("coordination", "surface"))
         counted = evaluation.output("coordination")
         assert np.all(error(counted) == 4) and np.all((value(counted) >= 24) & (value(counted) <= 28))

@@ -1,16 +1,26 @@
-"""Which evaluator predicts a scene: its size alone decides."""
+"""Which evaluator predicts a scene, by its size alone; and the bounds of its fields over steps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.comparison.trajectory import COMPILED_ABOVE, MOVED_RUNS, Problem, evaluations, own_stages
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.trajectory import (
+    COMPILED_ABOVE,
+    MOVED_RUNS,
+    Prediction,
+    Problem,
+    evaluations,
+    own_stages,
+    predict,
+)
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
@@ -41,3 +51,58 @@ def test_steps_and_the_moved_runs_that_they_need_count(case_file: Write) -> None
     n = COMPILED_ABOVE // (10 * (1 + MOVED_RUNS))
     assert own_stages(of_size(stepped, n)) is ArrayEvaluator
     assert own_stages(of_size(stepped, n + 1)) is CompiledEvaluator
+
+
+# --- bounds over steps
+
+
+def predicted(scene: Problem, stepping: type[Simulation] = Simulation) -> Prediction:
+    return predict(replace(scene, steps=(0, 2), timestep=0.001), ArrayEvaluator, stepping)
+
+
+def test_before_the_first_step_the_bound_is_that_of_one_evaluation(case_file: Write) -> None:
+    scene = problem(case_file)
+    alone, stepped = predict(scene, ArrayEvaluator), predicted(scene)
+    assert (alone.bounds[0]["f"] > 0).any()
+    np.testing.assert_array_equal(stepped.bounds[0]["f"], alone.bounds[0]["f"])
+
+
+def test_the_spread_of_moved_runs_bounds_all_particles_alike(case_file: Write) -> None:
+    """What steps integrate has no bound of its own: all of it is in the spread, and none before the first step."""
+    scene = replace(problem(case_file), fields=("v", "x"))
+    first, last = predicted(scene).bounds
+    for field in scene.fields:
+        assert not np.any(first[field])
+        assert np.unique(last[field]).size == 1
+        assert 0 < np.max(last[field]) < 1e-9
+
+
+def test_counts_are_bounded_particle_by_particle(case_file: Write) -> None:
+    """A particle whose neighbours change in a moved run opens its own count, and no other's."""
+
+    class Gaining(Simulation):
+        def output(self, field: str) -> Any:
+            counts_n = super().output(field)
+            return counts_n if type(self) is Gaining else counts_n + (np.arange(len(counts_n)) == 3)
+
+    scene = replace(problem(case_file), fields=("coordination",))
+    (_, last) = predicted(scene, Gaining).bounds
+    assert np.flatnonzero(np.broadcast_to(last["coordination"], 20)).tolist() == [3]
+
+
+def test_a_run_that_is_lost_bounds_nothing(case_file: Write) -> None:
+    class Lost(Simulation):
+        def output(self, field: str) -> Any:
+            values = super().output(field)
+            return values if type(self) is Lost else np.full_like(values, np.nan)
+
+    first, last = predicted(problem(case_file), Lost).bounds
+    assert np.isfinite(first["f"]).all()
+    assert np.isinf(last["f"]).all()
+
+
+def test_the_same_seed_gives_the_same_bounds_and_another_does_not(case_file: Write) -> None:
+    scene = replace(problem(case_file), steps=(0, 2), timestep=0.001)
+    bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["f"] for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(bounds[0], bounds[1])
+    assert not np.array_equal(bounds[0], bounds[2])

@@ -1,0 +1,114 @@
+"""Particles of a scene: sites and boxes of lattices, types, fields dealt out, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.atoms import Atoms, seed
+
+Write = Callable[..., Path]
+ORDERED = {"lattice": "sq", "spacing": 0.5, "cells": [4, 3]}
+TWO = [{"mass": 2.0, "rho0": 1.0, "cs": 1.0}, {"mass": 3.0, "rho0": 4.0, "cs": 1.0}]
+
+
+def atoms_of(file: Path) -> Atoms:
+    (case,) = casefile.load((file,))
+    return campaign.prepare(case).atoms
+
+
+@pytest.mark.parametrize(
+    ("lattice", "cells", "count", "high", "nearest"),
+    [
+        ("sq", [4, 3], 12, [2.0, 1.5], 0.5),
+        ("hex", [4, 3], 24, [2.0, 1.5 * 3**0.5], 0.5),
+        ("sc", [3, 3, 3], 27, [1.5, 1.5, 1.5], 0.5),
+        ("bcc", [2, 2, 2], 16, [1.0, 1.0, 1.0], 0.5 * 0.75**0.5),
+        ("fcc", [2, 2, 2], 32, [1.0, 1.0, 1.0], 0.5 * 0.5**0.5),
+    ],
+)
+def test_a_lattice_fills_its_periodic_box(
+    case_file: Write, lattice: str, cells: list[int], count: int, high: list[float], nearest: float
+) -> None:
+    d = len(cells)
+    atoms = atoms_of(case_file(dimension=d, positions={"lattice": lattice, "spacing": 0.5, "cells": cells}))
+    assert len(atoms) == count
+    np.testing.assert_allclose(atoms.high_c[:d], high)
+    apart_ppc = atoms.x_nc[:, None, :d] - atoms.x_nc[None, :, :d]
+    apart_ppc -= np.round(apart_ppc / high) * high
+    r_pp = np.sqrt((apart_ppc**2).sum(axis=-1)) + 9.0 * np.eye(count)
+    np.testing.assert_allclose(r_pp.min(axis=1), nearest)
+
+
+def test_faces_that_are_open_have_a_margin(case_file: Write) -> None:
+    atoms = atoms_of(case_file(positions={**ORDERED, "periodic": [True, False], "margin": 2.0}))
+    assert atoms.periodic == (True, False, True)
+    np.testing.assert_array_equal(atoms.low_c, [0.0, -1.0, -0.25])
+    np.testing.assert_array_equal(atoms.high_c, [2.0, 2.5, 0.25])
+
+
+def test_regions_give_types_and_remove_particles(case_file: Write) -> None:
+    regions = [
+        {"type": 2, "low": [0.0, 0.0], "high": [1.0, 0.5]},
+        {"type": None, "low": [0.75, 0.0], "high": [1.0, 1.0]},
+    ]
+    atoms = atoms_of(case_file(types=TWO, positions={**ORDERED, "regions": regions}))
+    assert len(atoms) == 9
+    np.testing.assert_array_equal(atoms.type_n, np.where(atoms.x_nc[:, 1] < 0.75, 2, 1))
+    np.testing.assert_array_equal(atoms.mass_n, np.where(atoms.type_n == 2, 3.0, 2.0))
+
+
+def test_energy_is_that_of_the_whole_particle(case_file: Write) -> None:
+    atoms = atoms_of(
+        case_file(
+            types=TWO,
+            pressure=[{"types": "*", "style": "ideal/gas", "gamma": 1.4}],
+            energy={"per_type": [5.0, 7.0]},
+        )
+    )
+    np.testing.assert_array_equal(atoms.energy_n, np.where(atoms.type_n == 1, 10.0, 21.0))
+
+
+def test_ratios_are_of_the_density_of_each_type(case_file: Write) -> None:
+    atoms = atoms_of(case_file(types=TWO, rho={"ratio": [0.5, 1.5]}))
+    rho0_n = np.where(atoms.type_n == 1, 1.0, 4.0)
+    np.testing.assert_allclose(np.sort(atoms.rho_n / rho0_n), np.linspace(0.5, 1.5, len(atoms)))
+
+
+def test_offsets_are_spaced_by_factors_on_both_sides(case_file: Write) -> None:
+    atoms = atoms_of(case_file(rho={"offset": {"low": 1e-6, "high": 1e-2}}))
+    d_n = np.sort(np.abs(atoms.rho_n / 1.2 - 1))
+    np.testing.assert_allclose(d_n, np.geomspace(1e-6, 1e-2, 20), rtol=1e-9)
+    assert (atoms.rho_n < 1.2).sum() == 10
+
+
+def test_the_seed_is_of_the_name_alone() -> None:
+    assert seed("one") == seed("one") != seed("two")
+    assert 0 <= seed("one") < 2**64
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"rho": {"values": [1.0, 2.0]}}, "need one value per particle (20), found 2"),
+        ({"rho": {"constant": -1.0}}, "rho: tait/general of type 1 is defined within"),
+        ({"rho": {"constant": 1e300}}, "rho: the pressure of tait/general overflows"),
+        ({"rho": None}, "rho: must be given unless rho_sum is on"),
+        ({"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}]}, "energy: ideal/gas needs"),
+        (
+            {"positions": {**ORDERED, "regions": [{"type": None, "low": [0, 0], "high": [1, 1]}]}},
+            "positions: the scene is empty",
+        ),
+    ],
+)
+def test_scenes_without_meaning_are_refused(case_file: Write, changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError) as refused:
+        atoms_of(case_file(**changes))
+    assert text in str(refused.value)

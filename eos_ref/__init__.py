@@ -9,6 +9,9 @@ no files, no command line.
 1030.5050
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from eos_ref.eos.law import Interval
 from eos_ref.eos.registry import STYLES
 from eos_ref.eos.table import EOS, EOSTable
@@ -16,15 +19,38 @@ from eos_ref.errors import InputError
 from eos_ref.syntax.fixes import FixRheo, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.syntax.ranges import type_range
 
+if TYPE_CHECKING:
+    from eos_ref.evaluation.time_step import Simulation
+    from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
+
 __all__ = [
     "EOS",
     "STYLES",
+    "Box",
     "EOSTable",
     "FixRheo",
+    "Force",
     "InputError",
     "Interval",
+    "Model",
+    "PairRheo",
+    "Simulation",
+    "State",
+    "Thermal",
+    "Viscosity",
     "parse_fix_rheo",
     "parse_fix_rheo_pressure",
     "resolve",
     "type_range",
 ]
+
+_MODEL = ("Box", "Force", "Model", "PairRheo", "State", "Thermal", "Viscosity")
+
+
+def __getattr__(name: str) -> Any:
+    """Import the particle model when it is first used: laws alone do without it."""
+    if name == "Simulation":
+        return import_module("eos_ref.evaluation.time_step").Simulation
+    if name in _MODEL:
+        return getattr(import_module("eos_ref.model.parameters"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

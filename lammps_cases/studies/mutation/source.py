@@ -51,7 +51,12 @@ IN_IDS = {
     "model.parameters": "model",
 }
 # Likewise for classes and functions.
-NAMES_IN_IDS = {"ArrayEvaluator": "Plain", "Evaluator": "Stages", "Simulation.status": "Simulation._status"}
+NAMES_IN_IDS = {
+    "ArrayEvaluator": "Plain",
+    "Evaluator": "Stages",
+    "Simulation.properties": "Simulation._properties",
+    "Simulation.status": "Simulation._status",
+}
 
 
 def _replaced() -> Iterator[str]:

@@ -30,8 +30,8 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import machines
 from lammps_cases.studies.mutation.perturbed import (
-    CaseJudge,
     PerturbedCase,
+    PerturbedJudge,
     Rows,
     first_difference,
     judge_of,
@@ -220,7 +220,7 @@ class _Pool:
     """Workers, and what they judge by."""
 
     workers: Workers
-    judge: CaseJudge
+    judge: PerturbedJudge
     progress: Progress
 
     def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:

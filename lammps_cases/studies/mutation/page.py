@@ -31,7 +31,7 @@ def write(power: Power, folder: Path) -> None:
         "bad" if power.complaints else "good",
         scripts=[frame.FILTER],
         power=power,
-        verdict="WRONG" if power.complaints else "AS IT MUST BE",
+        verdict="WRONG" if power.complaints else "OK",
         headline=_headline(power),
         facts=list(_facts(power)),
         families=FAMILIES,

@@ -48,7 +48,7 @@ class PerturbedCase:
 
 
 @dataclass(frozen=True)
-class CaseJudge:
+class PerturbedJudge:
     """What every verdict needs: the engine that answers, and where predictions are kept."""
 
     engine: EngineRecord
@@ -68,7 +68,7 @@ class CaseJudge:
         return evaluate(ready.case, ready.eos, ready.atoms, ordered[0], self.engine, self.predictor)[0]
 
 
-def judge_of(engine: Engine, workers: Workers, store: Store | None) -> CaseJudge:
+def judge_of(engine: Engine, workers: Workers, store: Store | None) -> PerturbedJudge:
     """Return the judge of what some workers' LAMMPS answers.
 
     Raises
@@ -76,10 +76,10 @@ def judge_of(engine: Engine, workers: Workers, store: Store | None) -> CaseJudge
     EngineMissing
     """
     who = workers.outcome(workers.identify())
-    return CaseJudge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
+    return PerturbedJudge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
 
 
-def run_and_judge(site: str | None, judge: CaseJudge, case: PerturbedCase) -> CaseRecord:
+def run_and_judge(site: str | None, judge: PerturbedJudge, case: PerturbedCase) -> CaseRecord:
     """Task: let LAMMPS answer, and judge; a crash takes the worker with it."""
     return judge.verdict(case, [outcome(site, job) for job in case.jobs])
 
@@ -94,7 +94,7 @@ def outcome(site: str | None, job: Job) -> Answer | Failure:
         return Failure("crashed", str(error))
 
 
-def first_difference(site: str | None, judge: CaseJudge, case: PerturbedCase) -> Reason | None:
+def first_difference(site: str | None, judge: PerturbedJudge, case: PerturbedCase) -> Reason | None:
     """Task: find the first step, field and atom outside the bound, in a run that is read after every step."""
     job = case.jobs[0]
     last = case.ready.case.scene.snapshots[-1]
@@ -123,7 +123,7 @@ class RepeatedCase:
         The case is not as expected even so.
     """
 
-    def __init__(self, site: str | None, judge: CaseJudge, ready: PreparedCase) -> None:
+    def __init__(self, site: str | None, judge: PerturbedJudge, ready: PreparedCase) -> None:
         self.site, self.ready, self.engine = site, ready, judge.engine
         self.predictor = judge.predictor
         case, scene = ready.case, ready.case.scene

@@ -18,7 +18,7 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation.perturbed import CaseJudge, RepeatedCase, judge_of
+from lammps_cases.studies.mutation.perturbed import PerturbedJudge, RepeatedCase, judge_of
 from lammps_cases.studies.mutation.scene_numbers import Number, numbers
 
 PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
@@ -90,7 +90,9 @@ class Sensitivity:
 # --- in a worker
 
 
-def probes(site: str | None, judge: CaseJudge, ready: PreparedCase, parameters: Sequence[str]) -> list[Sensitivity]:
+def probes(
+    site: str | None, judge: PerturbedJudge, ready: PreparedCase, parameters: Sequence[str]
+) -> list[Sensitivity]:
     """Task: try every number of a case once, of some parameters or of all."""
     wanted = [n for n in numbers(ready) if not parameters or n.parameter in parameters]
     if not wanted:
@@ -125,7 +127,7 @@ def _estimate(case: RepeatedCase, number: Number) -> float:
 
 
 def smallest(
-    site: str | None, judge: CaseJudge, ready: PreparedCase, places: Sequence[Sensitivity]
+    site: str | None, judge: PerturbedJudge, ready: PreparedCase, places: Sequence[Sensitivity]
 ) -> list[tuple[str, VisibleChange]]:
     """Task: the smallest change seen of some numbers of a case, up or down."""
     case = RepeatedCase(site, judge, ready)

@@ -10,13 +10,13 @@ from lammps_cases.engine.workers import Failure
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, recall
 from lammps_cases.studies.mutation.fault import Detection
-from lammps_cases.studies.mutation.perturbed import CaseJudge, PerturbedCase, outcome
+from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge, outcome
 from lammps_cases.studies.mutation.substitute import Substitution
 from lammps_cases.studies.mutation.unmutated import detection, verdict
 
 
 def detect(
-    site: str | None, folder: Path, judge: CaseJudge, fault: str, names: Sequence[str], every: bool
+    site: str | None, folder: Path, judge: PerturbedJudge, fault: str, names: Sequence[str], every: bool
 ) -> list[Detection]:
     """Task: judge LAMMPS' answers with a fault in its input or output; of the first case that detects it, or of all."""
     detections: list[Detection] = []
@@ -46,14 +46,16 @@ def _of_output(fault: str, case: AnsweredCase) -> list[Outcome]:
     return [faulty, *others] if faulty else []
 
 
-def judge_failure(site: str | None, folder: Path, judge: CaseJudge, name: str, failure: Failure) -> Detection | None:
+def judge_failure(
+    site: str | None, folder: Path, judge: PerturbedJudge, name: str, failure: Failure
+) -> Detection | None:
     """Task: judge that LAMMPS, or what stands in for it, did not answer."""
     case = recall(folder, name)
     return _detection(judge, case, [failure for _ in case.ready.sides])
 
 
 def judge_substitution(
-    site: str | None, folder: Path, judge: CaseJudge, substitution: Substitution
+    site: str | None, folder: Path, judge: PerturbedJudge, substitution: Substitution
 ) -> Detection | None:
     """Task: judge what a mutated reference answered."""
     case = recall(folder, substitution.case)
@@ -63,5 +65,5 @@ def judge_substitution(
     return _detection(judge, case, outcomes)
 
 
-def _detection(judge: CaseJudge, case: AnsweredCase, outcomes: list[Outcome]) -> Detection | None:
+def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: list[Outcome]) -> Detection | None:
     return detection(verdict(judge, PerturbedCase(case.ready, ()), outcomes))

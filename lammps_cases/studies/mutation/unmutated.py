@@ -15,7 +15,7 @@ from lammps_cases.run.campaign import PreparedCase, faulty
 from lammps_cases.studies.mutation import substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep
 from lammps_cases.studies.mutation.fault import Detection
-from lammps_cases.studies.mutation.perturbed import CaseJudge, PerturbedCase, outcome
+from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge, outcome
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,9 @@ class Control:
     red: tuple[str, ...] = ()
 
 
-def answer_case(site: str | None, folder: Path, judge: CaseJudge, ready: PreparedCase, failed: str = "") -> Control:
+def answer_case(
+    site: str | None, folder: Path, judge: PerturbedJudge, ready: PreparedCase, failed: str = ""
+) -> Control:
     """Task: have LAMMPS and the reference answer a case, judge both, and keep the answers.
 
     ``failed`` says how LAMMPS' process ended, where an earlier attempt took its worker with it.
@@ -58,7 +60,7 @@ def answer_case(site: str | None, folder: Path, judge: CaseJudge, ready: Prepare
     return Control(ready.case.name, plain.as_expected, played, tuple(red))
 
 
-def verdict(judge: CaseJudge, case: PerturbedCase, outcomes: list[Outcome]) -> CaseRecord:
+def verdict(judge: PerturbedJudge, case: PerturbedCase, outcomes: list[Outcome]) -> CaseRecord:
     """Return the ordinary verdict; a fault of the harness is the verdict `error`, as it is in a run."""
     try:
         return judge.verdict(case, outcomes)

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NoReturn, cast, get_args
+from typing import Any, Literal, NoReturn, cast, get_args
 
 from eos_ref.eos.registry import PARAMETER, STYLES, Style
 from eos_ref.eos.table import EOS, EOSTable
@@ -57,7 +57,7 @@ class Shift:
     scale_cross_type: tuple[float, float, float] | None = None
 
 
-@dataclass
+@dataclass(frozen=True)
 class FixRheo:
     """Settings of fix rheo.
 
@@ -258,18 +258,19 @@ def resolve(
     return EOSTable(tuple(laws))
 
 
-def _surface(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
+Settings = dict[str, Any]  # attributes of FixRheo that a keyword sets
+
+
+def _surface(words: _Words, ntypes: int | None) -> Settings:
     style = words.word("style of surface/detection")
     if style not in get_args(SurfaceStyle):
         words.fail("style of surface/detection", _one_of(style, get_args(SurfaceStyle)), style)
-    fix.surface_detection = SurfaceDetection(
-        cast(SurfaceStyle, style),
-        words.number("limit of surface/detection"),
-        words.integer("limit/splash of surface/detection"),
-    )
+    limit = words.number("limit of surface/detection")
+    splash = words.integer("limit/splash of surface/detection")
+    return {"surface_detection": SurfaceDetection(cast(SurfaceStyle, style), limit, splash)}
 
 
-def _shift(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
+def _shift(words: _Words, ntypes: int | None) -> Settings:
     exclude: list[str] = []
     scale = None
     while words.peek() in ("exclude/type", "scale/cross/type"):
@@ -281,37 +282,37 @@ def _shift(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
                 type_range(types, 10**18 if ntypes is None else ntypes, words.command)
         else:
             scale = (words.number("shiftscale"), words.number("cmin"), words.number("wmin"))
-    fix.shift = Shift(tuple(exclude), scale)
+    return {"shift": Shift(tuple(exclude), scale)}
 
 
-def _rho_sum(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
-    fix.rho_sum = True
-    if words.peek() == "self/mass":
-        words.word("self/mass")
-        fix.self_mass = True
+def _rho_sum(words: _Words, ntypes: int | None) -> Settings:
+    if words.peek() != "self/mass":
+        return {"rho_sum": True}
+    words.word("self/mass")
+    return {"rho_sum": True, "self_mass": True}
 
 
-def _thermal(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
-    fix.thermal = True
+def _thermal(words: _Words, ntypes: int | None) -> Settings:
+    return {"thermal": True}
 
 
-def _interface(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
-    fix.interface_reconstruct = True
+def _interface(words: _Words, ntypes: int | None) -> Settings:
+    return {"interface_reconstruct": True}
 
 
-def _self_mass(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
+def _self_mass(words: _Words, ntypes: int | None) -> Settings:
     words.fail("self/mass", "is an argument of rho/sum and must follow it")
 
 
-def _density(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
-    fix.rho0 = words.numbers("density", ntypes)
+def _density(words: _Words, ntypes: int | None) -> Settings:
+    return {"rho0": words.numbers("density", ntypes)}
 
 
-def _speed(words: _Words, fix: FixRheo, ntypes: int | None) -> None:
-    fix.cs = words.numbers("speed/sound", ntypes)
+def _speed(words: _Words, ntypes: int | None) -> Settings:
+    return {"cs": words.numbers("speed/sound", ntypes)}
 
 
-_KEYWORDS: dict[str, Callable[[_Words, FixRheo, int | None], None]] = {
+_KEYWORDS: dict[str, Callable[[_Words, int | None], Settings]] = {
     "thermal": _thermal,
     "interface/reconstruct": _interface,
     "surface/detection": _surface,
@@ -350,10 +351,10 @@ def parse_fix_rheo(text: str, ntypes: int | None = None) -> FixRheo:
     zmin = words.integer("zmin")
     if zmin < 0:
         words.fail("zmin", "must not be negative", zmin)
-    fix = FixRheo(cut, cast(KernelStyle, kernel), zmin)
+    settings: Settings = {}
     while words.left:
         keyword = words.word("keyword")
         if keyword not in _KEYWORDS:
             words.fail("keyword of fix rheo", _one_of(keyword, tuple(_KEYWORDS)), keyword)
-        _KEYWORDS[keyword](words, fix, ntypes)
-    return fix
+        settings |= _KEYWORDS[keyword](words, ntypes)
+    return FixRheo(cut, cast(KernelStyle, kernel), zmin, **settings)

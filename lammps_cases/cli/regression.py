@@ -14,7 +14,7 @@ from lammps_cases.cli.shared import fresh_option, jobs_option, json_option, path
 from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
-    from lammps_cases.regression.pairs import Comparison
+    from lammps_cases.regression.pairs import SideComparison
     from lammps_cases.regression.sources import RunOptions
 
 
@@ -102,7 +102,7 @@ def _options(names: Sequence[str], jobs: int | None, fresh: bool, bar: Bar) -> R
     return RunOptions(jobs or os.cpu_count() or 1, prediction_keys.open_store(fresh), bar)
 
 
-def _write(done: Comparison, out: Path) -> None:
+def _write(done: SideComparison, out: Path) -> None:
     from lammps_cases.records.files import write_atomically
     from lammps_cases.regression import page, pairs
 
@@ -111,7 +111,7 @@ def _write(done: Comparison, out: Path) -> None:
     write_atomically(out / "compare.html", page.render(done))
 
 
-def _show(done: Comparison, out: Path) -> None:
+def _show(done: SideComparison, out: Path) -> None:
     from lammps_cases.regression import pairs
 
     for label, side in done.sides.items():

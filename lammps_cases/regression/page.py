@@ -13,7 +13,7 @@ from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
 from lammps_cases.regression import pairs
 from lammps_cases.regression.change import SideChange
 from lammps_cases.regression.groups import ChangeGroup
-from lammps_cases.regression.pairs import Comparison, Pair
+from lammps_cases.regression.pairs import Pair, SideComparison
 from lammps_cases.scene.fields import place
 
 ASSETS = Path(__file__).parent / "assets"
@@ -67,7 +67,7 @@ class PairView:
         return [("·", "same"), ("≈", "within bounds"), *((self.closer[who], f"changed, {words[who]}") for who in words)]
 
 
-def render(comparison: Comparison) -> str:
+def render(comparison: SideComparison) -> str:
     """The page of a comparison."""
     shown = [comparison.alone] if comparison.alone else pairs.shown(comparison)
     return frame.page(

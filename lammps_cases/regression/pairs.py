@@ -54,7 +54,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class SideComparison:
     """All sides, A first, and all pairs of them."""
 
     sides: dict[str, Side]
@@ -75,7 +75,7 @@ class Comparison:
         return int(any(pair.changes.faults for pair in self.pairs))
 
 
-def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing: bool, command: str) -> Comparison:
+def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing: bool, command: str) -> SideComparison:
     """Compare every pair of sides; times are those taken in turns, or else those that the sides hold."""
     labelled = dict(zip(LABELS, sides, strict=False))
     pairs = []
@@ -87,13 +87,13 @@ def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing:
             speeds = [saved]
         pairs.append(Pair(a, b, compare(labelled[a], labelled[b], policy), tuple(speeds)))
     failed = tuple(f"{side.title} failed as a whole" for side in sides if not side.answered)
-    return Comparison(labelled, tuple(pairs), command, failed)
+    return SideComparison(labelled, tuple(pairs), command, failed)
 
 
 # --- one document
 
 
-def document(comparison: Comparison) -> dict[str, Any]:
+def document(comparison: SideComparison) -> dict[str, Any]:
     """What compare.json holds.
 
     Of a single pair ``fields`` lists everything compared, of more pairs what is not the same, with the pair's name.
@@ -211,7 +211,7 @@ def _judgement(change: SideChange, side: int) -> str:
 # --- for a pull request
 
 
-def summary(comparison: Comparison) -> str:
+def summary(comparison: SideComparison) -> str:
     """``summary.md``."""
     named = [f"{label} is {markdown.text(side.title)}" for label, side in comparison.sides.items()]
     blocks = [f"## eos-ref compare: {STAMPS[comparison.exit_code]}", "; ".join(named) + "."]
@@ -223,12 +223,12 @@ def summary(comparison: Comparison) -> str:
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def shown(comparison: Comparison) -> list[Pair]:
+def shown(comparison: SideComparison) -> list[Pair]:
     """The pairs that are shown in full: each side with the one before it."""
     return [pair for pair in comparison.pairs if ord(pair.b) == ord(pair.a) + 1]
 
 
-def _table_of_pairs(comparison: Comparison) -> str:
+def _table_of_pairs(comparison: SideComparison) -> str:
     head = ("pair", "same", "within bounds", "changed", "time of second over first")
     return markdown.table(head, [(pair.name, *pair.tally, ratio(pair)) for pair in comparison.pairs])
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.engine.session import Job, Run
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.run import campaign
 from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import casefile
@@ -88,7 +88,7 @@ def test_a_law_alone_is_what_lammps_insists_on(case_file: Write) -> None:
         "fix pressure all rheo/pressure * tait/general 2.3",
         "compute q all rheo/property/atom pressure",
     )
-    assert given.runs == (Run("run 0 post no"),)
+    assert given.runs == (RunCommand("run 0 post no"),)
     assert (given.outputs, list(given.per_atom)) == ({"pressure": ()}, ["rho"])
 
 
@@ -185,18 +185,18 @@ def test_a_violation_changes_its_line_alone(case_file: Write, violation: str, go
 
 def test_runs_lead_from_one_comparison_to_the_next(case_file: Write) -> None:
     runs = job_of(case_file(**EVERYTHING)).runs
-    assert runs == (Run("run 0 post no"), Run("run 1 pre no post no"), Run("run 3 pre no post no"))
+    assert runs == (RunCommand("run 0 post no"), RunCommand("run 1 pre no post no"), RunCommand("run 3 pre no post no"))
 
 
 def test_every_step_is_read_where_the_first_one_is_searched(case_file: Write) -> None:
     given = job_of(case_file(**EVERYTHING), every_step=True, lists=True)
-    assert given.runs == (Run("run 0 post no"), *[Run("run 1 pre no post no")] * 4)
+    assert given.runs == (RunCommand("run 0 post no"), *[RunCommand("run 1 pre no post no")] * 4)
     assert given.lists
 
 
 def test_a_law_is_evaluated_once_more_after_its_steps(case_file: Write) -> None:
     runs = job_of(case_file(evolve={"steps": 7, "timestep": 0.001})).runs
-    assert runs == (Run("run 7 post no", read=False), Run("run 0 post no"))
+    assert runs == (RunCommand("run 7 post no", read=False), RunCommand("run 0 post no"))
 
 
 # --- the plan

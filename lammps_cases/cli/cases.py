@@ -189,7 +189,6 @@ def ledger_command(as_json: bool) -> int:
                 "severity": entry.severity,
                 "engines": list(entry.engines),
                 "cases": shown.get(entry.id, []),
-                "applies_to": list(entry.applies_to),
                 "variant": entry.named_variant,
             }
             for entry in LEDGER

@@ -75,10 +75,10 @@ def test_a_chart_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 def test_the_tables_hold_every_point_and_every_error(tmp_path: Path) -> None:
     record.write(made_chart(), tmp_path)
-    points = list(csv.DictReader((tmp_path / "points.csv").open()))
+    points = list(csv.DictReader((tmp_path / "points.csv").read_text().splitlines()))
     assert [row["method"] for row in points] == ["fast", "exact", "bad", "LAMMPS exact"]
     assert {row["method"]: row["dominated_by"] for row in points}["LAMMPS exact"] == "exact"
-    rows = list(csv.DictReader((tmp_path / "convergence.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "convergence.csv").read_text().splitlines()))
     assert [(row["engine"], row["resolution"]) for row in rows if row["engine"] == "reference"] == [
         ("reference", n) for n in ("8", "16", "32")
     ]

@@ -13,6 +13,12 @@ from eos_ref.numbers.rounded import Decision, Rounded, error, value
 SIZES = (1, 2, 3, 6, 10)
 
 
+def gamma(k: int) -> float:
+    """Relative error of k roundings, k u/(1 - k u) (Higham, section 3.1)."""
+    u = 2.0**-53
+    return k * u / (1 - k * u)
+
+
 def definite(n: int, size: int) -> Any:
     """Positive definite matrices A A^T + 1, (n, size, size)."""
     a_nij = np.random.default_rng(size).normal(size=(n, size, size))
@@ -32,16 +38,25 @@ def test_the_factors_multiply_to_the_matrix(size: int) -> None:
     l_nij = np.array([[np.broadcast_to(entry, 5) for entry in row] for row in factor]).transpose(2, 0, 1)
     assert definite_n.all()
     assert not np.triu(l_nij, 1).any()
-    np.testing.assert_allclose(l_nij @ l_nij.transpose(0, 2, 1), m_nij, rtol=1e-13, atol=1e-13)
+    size_nij = np.abs(l_nij) @ np.abs(l_nij).transpose(0, 2, 1)
+    # Backward error of the factor (Higham, theorem 10.3), and the rounding of the product taken here.
+    bound_nij = (gamma(size + 1) + gamma(size)) * size_nij
+    assert (np.abs(l_nij @ l_nij.transpose(0, 2, 1) - m_nij) <= bound_nij).all()
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_solutions_are_columns_of_the_inverse(size: int) -> None:
     m_nij = definite(5, size)
     factor, _ = cholesky(rows(m_nij))
+    l_nij = np.array([[np.broadcast_to(entry, 5) for entry in row] for row in factor]).transpose(2, 0, 1)
+    size_nij = np.abs(l_nij) @ np.abs(l_nij).transpose(0, 2, 1)
     for row in range(size):
-        found_ni = np.stack(solve_unit(factor, row), axis=-1)
-        np.testing.assert_allclose(found_ni, np.linalg.inv(m_nij)[:, :, row], rtol=1e-11, atol=1e-13)
+        x_ni = np.stack(np.broadcast_arrays(*solve_unit(factor, row)), axis=-1)
+        residual_ni = np.einsum("nij,nj->ni", m_nij, x_ni) - np.eye(size)[row]
+        # Backward error of the solution (Higham, theorem 10.4), and the rounding of the residual taken here.
+        solved_ni = gamma(3 * size + 1) * np.einsum("nij,nj->ni", size_nij, np.abs(x_ni))
+        rounded_ni = gamma(size + 1) * (np.einsum("nij,nj->ni", np.abs(m_nij), np.abs(x_ni)) + np.eye(size)[row])
+        assert (np.abs(residual_ni) <= solved_ni + rounded_ni).all()
 
 
 @pytest.mark.parametrize("last", [0.0, -1.0])

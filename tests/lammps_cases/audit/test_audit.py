@@ -506,7 +506,7 @@ def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     from lammps_cases.cli.audit import audit_command
 
-    arguments = [str(DECKS / "in.plain"), "--steps", "20", "--json"]
+    arguments = [str(DECKS / "in.plain"), "--steps", "20", "--json", "--out", str(tmp_path)]
     result = CliRunner().invoke(audit_command, arguments, standalone_mode=False)
     assert result.return_value == 0
     document = json.loads(result.stdout)

@@ -23,6 +23,7 @@ from lammps_cases.studies.stability.model import (
     ENGINES,
     Axis,
     CellOutcome,
+    CellRun,
     Engine,
     FailureCriteria,
     Kind,
@@ -244,7 +245,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 
 def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:
-    ran = record.Ran(MapCell("m", 0.1, 1.0), "lammps", CellOutcome("overflow", 3, 5, float("inf")))
+    ran = CellRun(MapCell("m", 0.1, 1.0), "lammps", CellOutcome("overflow", 3, 5, float("inf")))
     record.cells(tmp_path).append(record.CellEntry("k", ran))
     assert record.cells(tmp_path).entries() == [record.CellEntry("k", ran)]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.session import EngineBroken, EngineRefused
 from lammps_cases.engine.stepping import instance
 from lammps_cases.engine.workers import Failure, Workers
@@ -25,7 +23,7 @@ ENGINES: tuple[Engine, ...] = ("reference", "lammps")
 
 @dataclass(frozen=True)
 class FlowResult:
-    """What came of a flow: snapshots, wall time of the steps alone, particles, steps; a message where it failed."""
+    """Outcome of a flow: snapshots, wall time of its steps, particles, steps taken, LAMMPS' error if it failed."""
 
     snapshots: tuple[Snapshot, ...]
     seconds: float
@@ -34,38 +32,25 @@ class FlowResult:
     message: str = ""
 
 
-def by_reference(start: Start, evaluator: Literal["fast", "plain"] = "fast", threads: int = 1) -> FlowResult:
-    """Run a flow on the reference.
-
-    Parameters
-    ----------
-    evaluator : {"fast", "plain"}
-        Compiled, or in plain arrays.
-    threads : int
-        Of the compiled evaluator.
-    """
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
-    make: Callable[..., Any] = ArrayEvaluator if evaluator == "plain" else CompiledEvaluator
-    if threads != 1:
-        make = functools.partial(make, threads=threads)
-    ReferenceFlow(start, make).advance(1)  # compiles
-    return _timed(start, lambda: ReferenceFlow(start, make))
+def by_reference(start: Start, evaluator: Callable[..., Any] | None = None) -> FlowResult:
+    """Run a flow on the reference, by default on its compiled evaluator."""
+    ReferenceFlow(start, evaluator).advance(1)  # compiles
+    return _timed(start, lambda: ReferenceFlow(start, evaluator))
 
 
 def by_lammps(start: Start, lmp: Any) -> FlowResult:
-    """Run a flow on a LAMMPS instance; what LAMMPS refuses or loses becomes the message.
+    """Run a flow on an instance of LAMMPS; an error of LAMMPS, or lost atoms, become the message.
 
     Raises
     ------
     EngineBroken
-        After an error of which the instance must not be used again.
+        After this error the instance must not be used again.
     """
     return _timed(start, lambda: LammpsFlow(start, lmp))
 
 
 def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
-    """Snapshots at the steps of a flow, with the wall time of the steps alone."""
+    """Return the snapshots at the steps of a flow, with the wall time of the steps alone."""
     snapshots, seconds, done, message = [], 0.0, 0, ""
     try:
         run = begin()
@@ -84,7 +69,7 @@ def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
 
 
 def solve(site: str | None, start: Start) -> FlowResult:
-    """Task of a worker: run a flow on its LAMMPS."""
+    """Run a flow on the LAMMPS of a worker process."""
     with instance(site).use() as lmp:
         return by_lammps(start, lmp)
 
@@ -92,9 +77,7 @@ def solve(site: str | None, start: Start) -> FlowResult:
 def in_worker(start: Start, workers: Workers, time_limit: float = 600.0) -> FlowResult:
     """Run a flow on LAMMPS in a process of its own, whose death becomes the message."""
     outcome = workers.outcome(workers.call(solve, start, time_limit=time_limit), time_limit)
-    if isinstance(outcome, Failure):
-        return FlowResult((), float("nan"), len(start.atoms), 0, outcome.message)
-    return outcome
+    return FlowResult((), np.nan, len(start.atoms), 0, outcome.message) if isinstance(outcome, Failure) else outcome
 
 
 @dataclass(frozen=True)
@@ -108,12 +91,10 @@ class Fit:
 def fit(resolutions: Sequence[int], errors: Sequence[float]) -> Fit:
     """Fit the order of finite errors other than 0; NaN for fewer than two, no standard error for fewer than three."""
     x, y = np.log(np.array(resolutions, float)), np.array(errors, float)
-    good = np.isfinite(y) & (y > 0)
-    x, y = x[good], np.log(y[good])
-    if len(x) < 2:
-        return Fit(float("nan"), float("nan"))
-    if len(x) == 2:
-        return Fit(-float(np.diff(y)[0] / np.diff(x)[0]), float("nan"))
+    usable = np.isfinite(y) & (y > 0)
+    x, y = x[usable], np.log(y[usable])
+    if len(x) < 3:
+        return Fit(-float(np.diff(y)[0] / np.diff(x)[0]) if len(x) == 2 else np.nan, np.nan)
     # scipy's linregress takes the error from 1 - r^2, which leaves half the digits of a fit that is nearly exact.
     (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
     return Fit(-float(slope), float(np.sqrt(covariance[0, 0])))
@@ -121,7 +102,7 @@ def fit(resolutions: Sequence[int], errors: Sequence[float]) -> Fit:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Errors of one flow on one engine, by measure and resolution (NaN where it gave no answer, with a message)."""
+    """Errors of one flow on one engine, by measure and resolution; NaN, with a message, where the engine failed."""
 
     flow: str
     engine: Engine
@@ -160,44 +141,36 @@ def converge(
     site : str, optional
         Folder of another LAMMPS, see `lammps_cases.engine.installations`.
     """
-    chosen, given = tuple(resolutions) or flow.resolutions, options or flow.options
+    chosen, options = tuple(resolutions) or flow.resolutions, options or flow.options
     results: dict[Engine, list[FlowResult]] = {name: [] for name in engines}
-    with contextlib.ExitStack() as stack:
-        run = {name: _runner(name, site, stack) for name in engines}
+    with Workers(site, 1) if "lammps" in engines else contextlib.nullcontext() as workers:
         for n in chosen:
-            start = flow.start(n, given)
-            runs: dict[Engine, list[FlowResult]] = {name: [] for name in engines}
-            for _ in range(repeats):
-                for name in engines:
-                    runs[name].append(run[name](start))
-            for name, timed in runs.items():
-                results[name].append(replace(timed[0], seconds=median(result.seconds for result in timed)))
-    return tuple(_judged(flow, given, name, chosen, timed) for name, timed in results.items())
+            start = flow.start(n, options)
+            rounds = [
+                [in_worker(start, workers) if workers and name == "lammps" else by_reference(start) for name in engines]
+                for _ in range(repeats)
+            ]
+            for name, runs in zip(engines, zip(*rounds, strict=True), strict=True):
+                results[name].append(replace(runs[0], seconds=median(run.seconds for run in runs)))
+    return tuple(_convergence(flow, options, name, chosen, runs) for name, runs in results.items())
 
 
-def _runner(name: Engine, site: str | None, stack: contextlib.ExitStack) -> Callable[[Start], FlowResult]:
-    if name == "reference":
-        return by_reference
-    workers = stack.enter_context(Workers(site, 1))
-    return lambda start: in_worker(start, workers)
-
-
-def _judged(
-    flow: Flow, options: Options, name: Engine, resolutions: tuple[int, ...], results: list[FlowResult]
+def _convergence(
+    flow: Flow, options: Options, name: Engine, resolutions: tuple[int, ...], runs: Sequence[FlowResult]
 ) -> Convergence:
-    measured = [
-        {} if result.message else flow.measures(n, options, result.snapshots)
-        for n, result in zip(resolutions, results, strict=True)
+    errors_by_n = [
+        {} if run.message else flow.measures(n, options, run.snapshots)
+        for n, run in zip(resolutions, runs, strict=True)
     ]
-    names = next((list(errors) for errors in measured if errors), [])
+    measures = next((list(errors) for errors in errors_by_n if errors), [])
     return Convergence(
         flow.name,
         name,
         options,
         resolutions,
-        {measure: tuple(errors.get(measure, float("nan")) for errors in measured) for measure in names},
-        tuple(result.seconds for result in results),
-        tuple(result.n for result in results),
-        tuple(result.steps for result in results),
-        {n: result.message for n, result in zip(resolutions, results, strict=True) if result.message},
+        {measure: tuple(errors.get(measure, np.nan) for errors in errors_by_n) for measure in measures},
+        tuple(run.seconds for run in runs),
+        tuple(run.n for run in runs),
+        tuple(run.steps for run in runs),
+        {n: run.message for n, run in zip(resolutions, runs, strict=True) if run.message},
     )

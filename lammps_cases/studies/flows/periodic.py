@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,12 +36,12 @@ SECOND = "2: kernel smoothing, (k h)^2; the time step falls with the square of t
 
 
 def grown(n: int, options: Options) -> Options:
-    """Return the options with the cutoff at a resolution; see option ``growth``."""
+    """Return the options with the cutoff of a resolution; see option ``growth``."""
     return replace(options, cut=options.cut * (n / FIRST) ** options.number("growth", 0.0))
 
 
 def wave_number(n: int) -> float:
-    """Of one wave in n spacings."""
+    """Return the wave number of a wavelength of n spacings."""
     return 2 * np.pi / n
 
 
@@ -50,13 +51,28 @@ def strip(n: int, width: int = STRIP) -> FloatArray:
 
 
 def amplitude(x_n: FloatArray, f_n: FloatArray, k: float, phase: float = 0.0) -> float:
-    """Return the amplitude of sin(k x + phase) in values at positions that are spread evenly."""
+    """Return the amplitude of sin(k x + phase) in values at evenly spread positions, (n,) each."""
     return 2 * float(np.mean(f_n * np.sin(k * x_n + phase)))
 
 
-def decay(size_t: Sequence[float], snapshots: Sequence[Snapshot]) -> float:
-    """Return the rate at which a size falls from the first snapshot to the last."""
-    return float(np.log(size_t[0] / size_t[-1])) / (snapshots[-1].time - snapshots[0].time)
+def _box(n: int, options: Options, x_nc: FloatArray, speed: float, diffusivity: float) -> dict[str, Any]:
+    """Return the particles, box, options and time step of a flow at a resolution, as arguments of `start`."""
+    options, size = grown(n, options), (n, len(x_nc) // n)
+    return {"x_nc": x_nc, "high_c": size, "options": options, "timestep": time_step(options, speed, diffusivity)}
+
+
+def _diffusion_times(k: float, diffusivity: float) -> list[float]:
+    """Return the times at which a wave has decayed by exp(-1/2) and by exp(-1)."""
+    return [0.5 / (diffusivity * k**2), 1 / (diffusivity * k**2)]
+
+
+def _diffusion_errors(
+    snapshots: Sequence[Snapshot], f_tn: Sequence[FloatArray], exact_n: FloatArray, k: float, diffusivity: float
+) -> dict[str, float]:
+    """Return the errors of the rate at which a wave decays between snapshots, and of its values in the last one."""
+    first, last = (amplitude(snapshots[t].x_nc[:, 0], f_tn[t], k) for t in (0, -1))
+    rate = float(np.log(first / last)) / (snapshots[-1].time - snapshots[0].time)
+    return {"rate": abs(rate / (diffusivity * k**2) - 1), "profile": relative(f_tn[-1] - exact_n, exact_n)}
 
 
 # --- shear wave
@@ -75,20 +91,16 @@ def _shear_start(n: int, options: Options) -> Start:
     return start(
         "shear-wave",
         {"types": [fluid(viscosity=nu)]},
-        x_nc,
-        (n, STRIP),
-        options=grown(n, options),
-        times=[0.5 / (nu * k**2), 1 / (nu * k**2)],
-        timestep=time_step(grown(n, options), 1.0 + a, nu),
+        **_box(n, options, x_nc, 1.0 + a, nu),
+        times=_diffusion_times(k, nu),
         v_nc=np.stack([0 * x_nc[:, 0], waves.shear_wave(x_nc[:, 0], 0.0, k, nu, a)], axis=1),
     )
 
 
 def _shear_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
     (k, nu, a), shot = _shear(n), snapshots[-1]
-    rate = decay([amplitude(s.x_nc[:, 0], s.v_nc[:, 1], k) for s in snapshots], snapshots)
     exact_n = waves.shear_wave(shot.x_nc[:, 0], shot.time, k, nu, a)
-    return {"rate": abs(rate / (nu * k**2) - 1), "profile": relative(shot.v_nc[:, 1] - exact_n, exact_n)}
+    return _diffusion_errors(snapshots, [s.v_nc[:, 1] for s in snapshots], exact_n, k, nu)
 
 
 SHEAR = Flow(
@@ -116,15 +128,11 @@ def _heat(n: int, options: Options) -> tuple[float, float, float, float]:
 
 def _heat_start(n: int, options: Options) -> Start:
     (k, alpha, rho0, cv), x_nc = _heat(n, options), strip(n)
-    kind = fluid(mass=rho0, rho0=rho0, conductivity=alpha * rho0 * cv, specific_heat=cv)
     return start(
         "heat-wave",
-        {"types": [kind]},
-        x_nc,
-        (n, STRIP),
-        options=grown(n, options),
-        times=[0.5 / (alpha * k**2), 1 / (alpha * k**2)],
-        timestep=time_step(grown(n, options), 1.0, alpha),
+        {"types": [fluid(mass=rho0, rho0=rho0, conductivity=alpha * rho0 * cv, specific_heat=cv)]},
+        **_box(n, options, x_nc, 1.0, alpha),
+        times=_diffusion_times(k, alpha),
         e_n=cv * waves.heat_wave(x_nc[:, 0], 0.0, k, alpha, HOT, 1.0),
     )
 
@@ -132,9 +140,8 @@ def _heat_start(n: int, options: Options) -> Start:
 def _heat_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
     (k, alpha, _, _), shot = _heat(n, options), snapshots[-1]
     temperatures = [s.temperature_n - 1 for s in snapshots if s.temperature_n is not None]
-    rate = decay([amplitude(s.x_nc[:, 0], T_n, k) for s, T_n in zip(snapshots, temperatures, strict=True)], snapshots)
     exact_n = waves.heat_wave(shot.x_nc[:, 0], shot.time, k, alpha, HOT)
-    return {"rate": abs(rate / (alpha * k**2) - 1), "profile": relative(temperatures[-1] - exact_n, exact_n)}
+    return _diffusion_errors(snapshots, temperatures, exact_n, k, alpha)
 
 
 HEAT = Flow(
@@ -155,9 +162,7 @@ HEAT = Flow(
 
 COMPRESSED = 1e-4  # amplitude: what is not linear in it is smaller still, and volumes stay 1
 STATE = 1.05  # mean density over rho0, so that the laws differ in their speeds of sound
-ATTENUATION = (
-    0.05  # viscosity over sound speed times wavelength: it limits the time step, not sound; exp(-1) in a period
-)
+ATTENUATION = 0.05  # as `DIFFUSION`; the wave falls by exp(-1) in a period
 READINGS = 8  # in one period
 _LAWS = {law.style: law for law in examples()} | {"background": EOS("tait/water", background=0.3)}
 LAWS = tuple(_LAWS)
@@ -183,11 +188,8 @@ def _sound_start(n: int, options: Options) -> Start:
     return start(
         "sound-wave",
         {"types": [fluid(mass=STATE, viscosity=nu * STATE)], "pressure": entries(law)},
-        x_nc,
-        (n, STRIP),
-        options=grown(n, options),
+        **_box(n, options, x_nc, c, nu),
         times=[period / READINGS * reading for reading in range(1, READINGS + 1)],
-        timestep=time_step(grown(n, options), c, nu),
         rho_n=rho_n,
         e_n=np.full(len(x_nc), GAS_ENERGY) if law.needs_energy else None,
     )
@@ -247,11 +249,8 @@ def _vortex_start(n: int, options: Options) -> Start:
     return start(
         "taylor-green",
         {"types": [fluid(cs=c, viscosity=nu)]},
-        x_nc,
-        (n, n),
-        options=grown(n, options),
+        **_box(n, options, x_nc, c + a, nu),
         times=[1 / (2 * nu * k**2)],
-        timestep=time_step(grown(n, options), c + a, nu),
         v_nc=np.stack([u_n, v_n], axis=1),
         rho_n=1 + p_n / c**2,
     )

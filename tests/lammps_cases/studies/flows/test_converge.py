@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.workers import Workers
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import by_lammps, by_reference, converge, fit, in_worker
@@ -82,12 +83,12 @@ def test_lost_atoms_leave_a_message() -> None:
         assert not in_worker(start, workers).message  # the worker lives on
 
 
-@pytest.mark.parametrize("evaluator", ["fast", "plain"])
-def test_snapshots_are_those_asked_for(evaluator: str) -> None:
+@pytest.mark.parametrize("evaluator", [None, ArrayEvaluator])
+def test_snapshots_are_those_of_the_steps_of_the_start(evaluator: type[ArrayEvaluator] | None) -> None:
     start = SHEAR.start(8, SHEAR.options)
-    asked = replace(start, steps=(0, 3, start.steps[-1]))
-    result = by_reference(asked, "plain" if evaluator == "plain" else "fast")
-    assert [shot.time for shot in result.snapshots] == [step * start.timestep for step in asked.steps]
+    sampled = replace(start, steps=(0, 3, start.steps[-1]))
+    result = by_reference(sampled, evaluator)
+    assert [shot.time for shot in result.snapshots] == [step * start.timestep for step in sampled.steps]
     assert np.array_equal(result.snapshots[0].x_nc, start.atoms.x_nc[:, :2])
     assert (result.n, result.steps, result.message) == (64, start.steps[-1], "")
     assert not np.array_equal(result.snapshots[1].v_nc, result.snapshots[2].v_nc)

@@ -6,7 +6,7 @@ meant is said by a tuple of that length (``like``). Nothing here is a formula of
 compiled code only.
 
 Loops take 0.5 (gradients of a velocity, 2D and 3D) to 0.8 (moments of RK1, 2D) of the time of the same sums written out
-component by component: ``python -m lammps_cases.studies.benchmarks.bench_vectors``, on two cores of an AMD EPYC.
+component by component, on two cores of an AMD EPYC; ``eos-ref bench model`` measures the gradients in 2D.
 """
 
 # mypy: disable-error-code="untyped-decorator,no-untyped-def,misc"

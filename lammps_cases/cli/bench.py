@@ -67,24 +67,17 @@ def bench_command(
 
     speed_history.append(history, label, ratios)
     if as_json:
-        rows = [
-            {
-                "scene": r.scene,
-                "peer": r.peer,
-                "ours_ns": r.ours_ns.median,
-                "peer_ns": r.peer_ns.median,
-                "ratio": r.ratio.median,
-                "ratio_low": r.ratio.low,
-                "ratio_high": r.ratio.high,
-            }
-            for r in ratios
-        ]
-        click.echo(json.dumps({"ratios": rows, "bytes_per_particle": memory}, indent=1))
+        click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
         return 0
     for what, size in memory.items():
         click.echo(f"peak memory, a million particles, {what}: {size:.0f} bytes per particle")
     click.echo(f"kept: {history}")
     return 0
+
+
+def _row(r: Ratio) -> dict[str, object]:
+    times = {"scene": r.scene, "peer": r.peer, "ours_ns": r.ours_ns.median, "peer_ns": r.peer_ns.median}
+    return times | {"ratio": r.ratio.median, "ratio_low": r.ratio.low, "ratio_high": r.ratio.high}
 
 
 def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
@@ -108,24 +101,19 @@ def _compare(history: Path, names: tuple[str, str], as_json: bool) -> int:
 
 
 def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterator[Ratio]:
-    if part == "laws":
-        from lammps_cases.studies.benchmarks import bench
+    from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers
 
+    if part == "laws":
         yield from bench.laws_against_copy(states, repeats)
         yield bench.table_against_copy(states, repeats)
     elif part == "model":
-        from lammps_cases.studies.benchmarks import bench_model
-
         yield from bench_model.against_lammps((2, 3), repeats)
         yield from bench_model.growth()
         yield bench_model.full_model_for_pressure()
+        yield bench_model.vectors_against_components(repeats)
     elif part == "peers":
-        from lammps_cases.studies.benchmarks import bench_peers
-
         yield from bench_peers.taylor_green(repeats, pysph)
     else:
-        from lammps_cases.studies.benchmarks import bench
-
         for jobs in (1, 2):
             yield bench.run_against_lammps(repeats, jobs)
         yield bench.help_against_python(repeats)

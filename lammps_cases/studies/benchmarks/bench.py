@@ -9,6 +9,7 @@ import sys
 import tempfile
 import tracemalloc
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,9 @@ import numpy as np
 from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.eos.table import examples
-from lammps_cases.studies.benchmarks.measure import Call, ConfidenceInterval, in_turns
+from lammps_cases.studies.benchmarks.measure import Call, ConfidenceInterval, Timing, in_turns
 
+EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
 # By style; the time of a power depends on its exponent.
 LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
 
@@ -36,14 +38,25 @@ class Ratio:
     ratio: ConfidenceInterval
 
 
+def ratio(scene: str, peer: str, ours: Timing, theirs: Timing, per: float, peer_per: float) -> Ratio:
+    """Return the ratio of two timings of the same rounds; a call of ours treats ``per`` particles (times steps)."""
+    ours_ns, peer_ns = ours.seconds.scaled(1e9 / per), theirs.seconds.scaled(1e9 / peer_per)
+    return Ratio(scene, peer, ours_ns, peer_ns, ours.against(theirs).scaled(peer_per / per))
+
+
 def against(
-    scene: str, peer: str, ours: Call, theirs: Call, repeats: int, per: float = 1.0, at_least: float = 0.02
+    scene: str,
+    peer: str,
+    ours: Call,
+    theirs: Call,
+    repeats: int,
+    per: float = 1.0,
+    at_least: float = 0.02,
+    peer_per: float | None = None,
 ) -> Ratio:
-    """Time ours against a peer, in turns; ``per`` is the number of particles (times steps) of a call."""
-    took = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
-    scale = 1e9 / per
-    ours_ns, peer_ns = took["ours"].seconds.scaled(scale), took["peer"].seconds.scaled(scale)
-    return Ratio(scene, peer, ours_ns, peer_ns, took["ours"].against(took["peer"]))
+    """Time ours against a peer, in turns; see `ratio`."""
+    timings = in_turns({"ours": ours, "peer": theirs}, repeats, at_least)
+    return ratio(scene, peer, timings["ours"], timings["peer"], per, peer_per or per)
 
 
 def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
@@ -98,7 +111,7 @@ def bytes_per_particle(n: int = 1_000_000) -> float:
 
 
 def lammps_alone(file: str) -> None:
-    """Run the peer of a whole run: one process, one LAMMPS, the same commands and arrays, nothing else."""
+    """Run jobs from a file as the peer of a whole run: one process, one LAMMPS, and nothing else."""
     from lammps_cases.engine import session
 
     lmp = session.open_lammps()
@@ -110,7 +123,7 @@ def lammps_alone(file: str) -> None:
 
 
 def run_against_lammps(repeats: int, jobs: int) -> Ratio:
-    """``eos-ref run`` on the equations of state, against LAMMPS alone on the same scenes, whole processes both.
+    """Time ``eos-ref run`` on the equations of state against LAMMPS alone on the same scenes, whole processes both.
 
     The scenes that crash LAMMPS are in ours only, as they would end the peer.
     """
@@ -125,34 +138,19 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "jobs"
         file.write_bytes(pickle.dumps(lammps_jobs))
-        alone = [
-            sys.executable,
-            "-c",
-            f"from lammps_cases.studies.benchmarks.bench import lammps_alone as run; run({str(file)!r})",
-        ]
-        ours = [
-            sys.executable,
-            "-m",
-            "lammps_cases.cli.main",
-            "run",
-            "--tag",
-            "eos",
-            "--jobs",
-            str(jobs),
-            "--out",
-            f"{folder}/run",
-        ]
-        scene = f"eos-ref run --tag eos --jobs {jobs}"
-        return against(scene, "LAMMPS alone", lambda: _process(ours), lambda: _process(alone), repeats, at_least=0)
+        code = f"from lammps_cases.studies.benchmarks.bench import lammps_alone as run; run({str(file)!r})"
+        ours = [*EOS_REF, "run", "--tag", "eos", "--jobs", str(jobs), "--out", f"{folder}/run"]
+        return _processes(f"eos-ref run --tag eos --jobs {jobs}", "LAMMPS alone", ours, code, repeats)
 
 
 def help_against_python(repeats: int) -> Ratio:
-    """``eos-ref --help`` against an empty Python program."""
-    ours = [sys.executable, "-m", "lammps_cases.cli.main", "--help"]
-    empty = [sys.executable, "-c", "pass"]
-    return against(
-        "eos-ref --help", "empty Python program", lambda: _process(ours), lambda: _process(empty), repeats, at_least=0
-    )
+    """Time ``eos-ref --help`` against an empty Python program."""
+    return _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
+
+
+def _processes(scene: str, peer: str, ours: list[str], code: str, repeats: int) -> Ratio:
+    theirs = [sys.executable, "-c", code]
+    return against(scene, peer, partial(_process, ours), partial(_process, theirs), repeats, at_least=0)
 
 
 def _process(command: list[str]) -> None:

@@ -1,17 +1,20 @@
 """Speed of the particle model against LAMMPS: the same scene, one core each, in turns."""
 
+# mypy: disable-error-code="untyped-decorator"
+
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+import numba
 import numpy as np
 
-from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, State
 from lammps_cases.engine import session
@@ -22,7 +25,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.benchmarks.bench import Ratio, against
-from lammps_cases.studies.benchmarks.measure import in_turns
+from lammps_cases.studies.flows.layout import rows
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "quintic": {},
@@ -34,23 +37,20 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 EDGE = {2: 200, 3: 31}  # particles along an edge: 40 000 and 29 791
 STEPS = {2: 10, 3: 4}
+TIMESTEP = 0.002
 
 
 def scene(option: str, dimension: int, edge: int) -> Case:
     """Return a fluid of unit volumes, so that LAMMPS' forces are those of the reference, cutoff of 3 spacings."""
+    lattice = "sq" if dimension == 2 else "sc"
     data = {
         "dimension": dimension,
         "types": [{"mass": 1.0, "rho0": 1.0, "cs": 10.0}],
-        "positions": {
-            "lattice": "sq" if dimension == 2 else "sc",
-            "spacing": 1.0,
-            "cells": [edge] * dimension,
-            "disorder": 0.1,
-        },
+        "positions": {"lattice": lattice, "spacing": 1.0, "cells": [edge] * dimension, "disorder": 0.1},
         "pressure": [{"types": "*", "style": "linear"}],
         "rho": {"ratio": [0.99, 1.01]},
         "velocity": {"random": 0.1},
-        "evolve": {"steps": 1, "timestep": 0.002},
+        "evolve": {"steps": 1, "timestep": TIMESTEP},
         "compare": ["f"],
         **OPTIONS[option],
     }
@@ -58,22 +58,13 @@ def scene(option: str, dimension: int, edge: int) -> Case:
     return Case(f"bench-{option}", "", (), parsed, Path("bench"))
 
 
-def simulation(case: Case, stages: Literal["compiled", "plain"] = "compiled") -> Simulation:
-    """Return the reference, ready to step."""
-    evaluator: Any = ArrayEvaluator
-    if stages == "compiled":
-        from eos_ref.compiled.evaluator import CompiledEvaluator as evaluator
+def simulation(case: Case, fields: Sequence[str] = ()) -> Simulation:
+    """Return the compiled reference at the start of a case."""
+    from eos_ref.compiled.evaluator import CompiledEvaluator
 
     atoms = build(case, case.scene.eos())
     model, box = reference_side.model(case.scene, atoms, case.where), reference_side.box(case.scene, atoms)
-    sim = Simulation(model, box, reference_side.state(case.scene, atoms, case.where), (), evaluator)
-    sim.run(1, _dt(case))
-    return sim
-
-
-def _dt(case: Case) -> float:
-    assert case.scene.evolve is not None
-    return case.scene.evolve.timestep
+    return Simulation(model, box, reference_side.state(case.scene, atoms, case.where), fields, CompiledEvaluator)
 
 
 def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> Iterator[Ratio]:
@@ -85,75 +76,58 @@ def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> It
             case, steps = scene(option, dimension, EDGE[dimension]), STEPS[dimension]
             atoms = build(case, case.scene.eos())
             session.run(lmp, job(case.scene, atoms, plan(case.scene)))
-            sim = simulation(case)
             yield against(
                 f"{dimension}D {option}, {len(atoms):,} particles",
                 "LAMMPS",
-                _steps(sim, steps, _dt(case)),
-                _commands(lmp, f"run {steps} pre no post no"),
+                partial(simulation(case).run, steps, TIMESTEP),
+                partial(lmp.command, f"run {steps} pre no post no"),
                 repeats,
                 steps * len(atoms),
             )
 
 
-def _steps(sim: Simulation, steps: int, dt: float) -> Callable[[], None]:
-    return lambda: sim.run(steps, dt)
-
-
-def _commands(lmp: Any, text: str) -> Callable[[], None]:
-    return lambda: lmp.command(text)
-
-
 def growth(edges: tuple[int, ...] = (100, 316, 1000), steps: int = 4) -> Iterator[Ratio]:
     """Yield the time per particle and step of a large scene against one of 10 000 particles."""
-    small = scene("quintic", 2, edges[0])
-    first = simulation(small)
+    small, few = simulation(scene("quintic", 2, edges[0])), edges[0] ** 2
     for edge in edges[1:]:
-        case = scene("quintic", 2, edge)
-        sim, n = simulation(case), edge * edge
-        rounds = max(1, n // edges[0] ** 2)
-        took = in_turns({"large": _steps(sim, steps, _dt(case)), "small": _steps(first, steps * rounds, _dt(small))}, 3)
-        large, few = took["large"], took["small"]
-        per_large, per_small = 1 / (steps * n), 1 / (steps * rounds * edges[0] ** 2)
-        yield Ratio(
+        n, rounds = edge**2, max(1, edge**2 // few)
+        yield against(
             f"2D quintic, {n:,} particles",
-            f"{edges[0] ** 2:,} particles",
-            large.seconds.scaled(1e9 * per_large),
-            few.seconds.scaled(1e9 * per_small),
-            large.against(few).scaled(per_large / per_small),
+            f"{few:,} particles",
+            partial(simulation(scene("quintic", 2, edge)).run, steps, TIMESTEP),
+            partial(small.run, steps * rounds, TIMESTEP),
+            3,
+            steps * n,
+            peer_per=steps * rounds * few,
         )
 
 
 def full_model_for_pressure(edge: int = 300) -> Ratio:
     """Time a scene that compares pressures alone, against all that the model could evaluate for it."""
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
     case = scene("RK1", 2, edge)
-    atoms = build(case, case.scene.eos())
-    model, box = reference_side.model(case.scene, atoms, ""), reference_side.box(case.scene, atoms)
-    state = reference_side.state(case.scene, atoms)
-    alone = Simulation(model, box, state, ("pressure",), CompiledEvaluator)
-    whole = Simulation(
-        model, box, state, ("coordination", "grad/v", "pressure", "viscosity", "f", "drho"), CompiledEvaluator
-    )
-    n = len(atoms)
+    alone = simulation(case, ("pressure",))
+    whole = simulation(case, ("coordination", "grad/v", "pressure", "viscosity", "f", "drho"))
+    n = edge**2
     return against(f"pressure alone, {n:,} particles", "whole model", alone.evaluate, whole.evaluate, 3, n)
+
+
+# --- memory
 
 
 def bytes_per_particle(option: str = "RK1", edge: int = 1000) -> float:
     """Return the peak memory that a million particles add to a process that has everything loaded, per particle."""
     code = f"from lammps_cases.studies.benchmarks.bench_model import grown; print(grown({option!r}, {edge}))"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    return float(done.stdout.split()[-1]) / edge**2
+    process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return float(process.stdout.split()[-1]) / edge**2
 
 
 def grown(option: str, edge: int) -> float:
     """Return the peak resident bytes of a simulation of ``edge`` squared particles, beyond those of a small one."""
-    _lattice_simulation(option, 40)
+    _run_lattice(option, 40)
     # A new process inherits the peak of the one that started it: count from here (Linux).
     Path("/proc/self/clear_refs").write_text("5")
     before = _peak()
-    _lattice_simulation(option, edge)
+    _run_lattice(option, edge)
     return 1024.0 * (_peak() - before)
 
 
@@ -163,18 +137,68 @@ def _peak() -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
 
 
-def _lattice_simulation(option: str, edge: int) -> None:
-    """Two steps from a state made in place: what the scene's own arrays take is not the reference's."""
+def _run_lattice(option: str, edge: int) -> None:
+    """Run two steps from a state made here, so that the arrays of a scene do not count."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
-    case = scene(option, 2, 10)
-    model = reference_side.model(case.scene, build(case, case.scene.eos()), "")
-    random = np.random.default_rng(1)
-    x_nc = np.stack(np.meshgrid(np.arange(edge), np.arange(edge), indexing="ij"), axis=-1).reshape(-1, 2) + 0.5
+    random, x_nc = np.random.default_rng(1), rows(0, edge, edge)
     x_nc += random.uniform(-0.1, 0.1, x_nc.shape)
-    n = len(x_nc)
-    state = State(
-        x_nc, random.uniform(-0.1, 0.1, x_nc.shape), np.ones(n), np.ones(n, np.int32), np.zeros(n, bool), None
-    )
+    v_nc, n = random.uniform(-0.1, 0.1, x_nc.shape), len(x_nc)
+    state = State(x_nc, v_nc, np.ones(n), np.ones(n, np.int32), np.zeros(n, bool), None)
     box = Box((0.0, 0.0), (float(edge), float(edge)), (True, True))
-    Simulation(model, box, state, (), CompiledEvaluator).run(2, 0.002)
+    Simulation(simulation(scene(option, 2, 10)).model, box, state, (), CompiledEvaluator).run(2, TIMESTEP)
+
+
+# --- vectors
+
+
+@numba.njit(error_model="numpy", nogil=True)
+def gradients_by_component(pairs: Any, volume_n: Any, v_nc: Any, out_nf: Any) -> None:
+    """Add the velocity gradients (n, 4) in 2D as `eos_ref.compiled.loops.gradients` does, but without vectors."""
+    for i in range(volume_n.size):
+        xx = xy = yx = yy = 0.0
+        for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
+            j, slope = pairs.j_p[p], pairs.slope_p[p]
+            g_x, g_y = slope * pairs.x_pc[p, 0], slope * pairs.x_pc[p, 1]
+            u, v = v_nc[j, 0] - v_nc[i, 0], v_nc[j, 1] - v_nc[i, 1]
+            volume_i, volume_j = volume_n[i], volume_n[j]
+            xx += volume_j * (u * g_x)
+            xy += volume_j * (u * g_y)
+            yx += volume_j * (v * g_x)
+            yy += volume_j * (v * g_y)
+            out_nf[j, 0] += volume_i * (u * g_x)
+            out_nf[j, 1] += volume_i * (u * g_y)
+            out_nf[j, 2] += volume_i * (v * g_x)
+            out_nf[j, 3] += volume_i * (v * g_y)
+        out_nf[i, 0] += xx
+        out_nf[i, 1] += xy
+        out_nf[i, 2] += yx
+        out_nf[i, 3] += yy
+
+
+def gradient_sums(edge: int) -> tuple[partial[None], partial[None]]:
+    """Return functions that add velocity gradients of a lattice to an array (n, 4): by vectors, and by components."""
+    from scipy.spatial import cKDTree
+
+    from eos_ref.compiled import loops
+
+    random, x_nc = np.random.default_rng(1), rows(0, edge, edge)
+    x_nc += random.uniform(-0.1, 0.1, x_nc.shape)
+    i_p, j_p = cKDTree(x_nc).query_pairs(3.0, output_type="ndarray").T
+    order_p = np.lexsort((j_p, i_p))
+    i_p, j_p = i_p[order_p], j_p[order_p]
+    # Unsigned, as in the reference: a signed index might count from the end, which costs plain loops a branch.
+    start_n = np.searchsorted(i_p, np.arange(len(x_nc) + 1)).astype(np.uint64)
+    w_p, slope_p = random.uniform(0.0, 1.0, (2, len(i_p)))
+    pairs = loops.Pairs(start_n, j_p.astype(np.uint32), x_nc[i_p] - x_nc[j_p], w_p, slope_p, None, None)
+    fields = pairs, random.uniform(0.9, 1.1, len(x_nc)), random.normal(size=x_nc.shape)
+    rest = None, None, None, None, 3.0, (1.0, 1.0), (0.0, 0.0)
+    return partial(loops.gradients, *fields, *rest), partial(gradients_by_component, *fields)
+
+
+def vectors_against_components(repeats: int, edge: int = 150) -> Ratio:
+    """Time velocity gradients by vectors in registers (`eos_ref.compiled.vectors`) against single components."""
+    out_nf = np.zeros((edge**2, 4))
+    by_vectors, by_component = (partial(add, out_nf) for add in gradient_sums(edge))
+    name = f"2D gradients, {edge**2:,} particles"
+    return against(name, "plain components", by_vectors, by_component, repeats, edge**2)

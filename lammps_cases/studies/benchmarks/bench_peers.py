@@ -6,25 +6,24 @@ one of ours of about the same length, so that a drift of the machine meets both.
 
 from __future__ import annotations
 
-import inspect
 import json
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from timeit import timeit
 
 from eos_ref.errors import InputError
 from lammps_cases.engine import ranks
 from lammps_cases.engine.session import RunCommand
-from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.benchmarks.bench import Ratio
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, interval
+from lammps_cases.studies.benchmarks.bench import Ratio, ratio
+from lammps_cases.studies.benchmarks.measure import Timing, interval
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.stepping import ReferenceFlow
 
 EDGE = 100  # particles along the edge of the box
 STEPS = 20
@@ -44,52 +43,25 @@ def taylor_green(repeats: int, pysph: str | None) -> Iterator[Ratio]:
     InputError
         That Python cannot run PySPH.
     """
+    from eos_ref.compiled.evaluator import CompiledEvaluator
+
     start = FLOWS["taylor-green"].start(EDGE, Options(kernel="quintic"))
     peers: dict[str, Callable[[], list[float]]] = {
-        "LAMMPS": lambda: _lammps(start, 1),
-        "LAMMPS, 2 ranks": lambda: _lammps(start, 2),
+        "LAMMPS": partial(_lammps, start, 1),
+        "LAMMPS, 2 ranks": partial(_lammps, start, 2),
     }
     if pysph:
-        peers["PySPH"] = lambda: _pysph(pysph)
-    for threads in _threads():
-        ours = _stepping(start, threads)
+        peers["PySPH"] = partial(_pysph, pysph)
+    for threads in (1, 2):
+        flow = ReferenceFlow(start, partial(CompiledEvaluator, threads=threads))
+        flow.advance(WARM)
         scene = f"Taylor-Green, {EDGE**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
-        for peer, seconds in peers.items():
-            yield _against(scene, peer, ours, seconds, repeats)
-
-
-def _threads() -> tuple[int, ...]:
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
-    return (1, 2) if "threads" in inspect.signature(CompiledEvaluator.__init__).parameters else (1,)
-
-
-def _stepping(start: Start, threads: int) -> Callable[[], float]:
-    """Return a function that times one step of ours (seconds)."""
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-    from eos_ref.evaluation.time_step import Simulation
-
-    scene, atoms = start.case.scene, start.atoms
-    settings: dict[str, Any] = {"threads": threads} if threads > 1 else {}
-    sim = Simulation(
-        reference_side.model(scene, atoms, ""),
-        reference_side.box(scene, atoms),
-        reference_side.state(scene, atoms),
-        (),
-        lambda *given: CompiledEvaluator(*given, **settings),
-    )
-    sim.run(WARM, start.timestep)
-
-    def step() -> float:
-        begin = time.perf_counter()
-        sim.run(STEPS, start.timestep)
-        return (time.perf_counter() - begin) / STEPS
-
-    return step
+        for peer, steps in peers.items():
+            yield _against(scene, peer, partial(flow.advance, STEPS), steps, repeats)
 
 
 def _lammps(start: Start, count: int) -> list[float]:
-    """Return the seconds of one step of LAMMPS on some ranks, after a few to warm up."""
+    """Return the seconds of one step of LAMMPS on a number of ranks, after a few steps to warm up."""
     lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
     runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
     answer = ranks.solve(None, replace(lammps_job, runs=runs, ranks=count))
@@ -97,6 +69,7 @@ def _lammps(start: Start, count: int) -> list[float]:
 
 
 def _pysph(python: str) -> list[float]:
+    """Return the seconds of every step of PySPH's example."""
     script = Path(__file__).parent / "peers" / "pysph_taylor_green.py"
     try:
         done = subprocess.run(
@@ -112,18 +85,9 @@ def _pysph(python: str) -> list[float]:
     return [float(seconds) for seconds in result["seconds"]]
 
 
-def _against(
-    scene: str, peer: str, ours: Callable[[], float], theirs: Callable[[], list[float]], repeats: int
-) -> Ratio:
-    own, other, ratio = [], [], []
+def _against(scene: str, peer: str, ours: Callable[[], None], theirs: Callable[[], list[float]], repeats: int) -> Ratio:
+    own, other = [], []
     for _ in range(repeats):
-        seconds = interval(tuple(theirs())).median
-        other.append(seconds)
-        own.append(ours())
-        ratio.append(own[-1] / seconds)
-    scale = 1e9 / EDGE**2
-
-    def summary(values: list[float], factor: float) -> ConfidenceInterval:
-        return interval(tuple(values)).scaled(factor)
-
-    return Ratio(scene, peer, summary(own, scale), summary(other, scale), summary(ratio, 1.0))
+        other.append(interval(tuple(theirs())).median)
+        own.append(timeit(ours, number=1) / STEPS)
+    return ratio(scene, peer, Timing(tuple(own), 1, own[0]), Timing(tuple(other), 1, other[0]), EDGE**2, EDGE**2)

@@ -7,14 +7,13 @@ ratio of two times of one round is free of the drift.
 
 from __future__ import annotations
 
-import gc
 import os
 import platform
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import median
+from timeit import timeit
 from typing import Literal
 
 from lammps_cases.comparison.prediction_keys import cpuinfo
@@ -78,6 +77,11 @@ def interval(values: tuple[float, ...]) -> ConfidenceInterval:
     return ConfidenceInterval(median(ordered), ordered[k - 1], ordered[-k])
 
 
+def effort(quick: bool) -> tuple[int, float]:
+    """Return the rounds and the least seconds of a measurement for `in_turns`: a quick one, or one to be kept."""
+    return (6, 0.004) if quick else (ROUNDS, 0.02)
+
+
 def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 0.02) -> dict[str, Timing]:
     """Time alternatives against each other.
 
@@ -92,44 +96,29 @@ def in_turns(calls: Mapping[str, Call], rounds: int = ROUNDS, at_least: float = 
     """
     first, repeats = {}, {}
     for name, call in calls.items():
-        first[name] = _seconds(call, 1)
+        first[name] = timeit(call, number=1)
         repeats[name] = _calibrated(call, at_least)
-    measured: dict[str, list[float]] = {name: [] for name in calls}
+    seconds: dict[str, list[float]] = {name: [] for name in calls}
     names = list(calls)
-    collecting = gc.isenabled()
-    gc.disable()  # a collection would be charged to whoever comes next
-    try:
-        for turn in range(rounds):
-            start = turn % len(names)
-            order = names[start:] + names[:start]
-            for name in order if turn % 2 == 0 else order[::-1]:
-                measured[name].append(_seconds(calls[name], repeats[name]) / repeats[name])
-    finally:
-        if collecting:
-            gc.enable()
-    return {name: Timing(tuple(measured[name]), repeats[name], first[name]) for name in names}
+    for turn in range(rounds):
+        start = turn % len(names)
+        order = names[start:] + names[:start]
+        for name in order if turn % 2 == 0 else order[::-1]:
+            seconds[name].append(timeit(calls[name], number=repeats[name]) / repeats[name])
+    return {name: Timing(tuple(seconds[name]), repeats[name], first[name]) for name in names}
 
 
 def _calibrated(call: Call, at_least: float) -> int:
-    """Return how many calls last long enough, by doubling, which also warms up."""
+    """Return the number of calls that last long enough, by doubling, which also warms up."""
     repeats = 1
-    while (seconds := _seconds(call, repeats)) < at_least / 2 and repeats < 2**20:
+    while (seconds := timeit(call, number=repeats)) < at_least / 2 and repeats < 2**20:
         repeats = max(2 * repeats, min(int(repeats * at_least / max(seconds, 1e-9)) // 2, 64 * repeats))
     return repeats
 
 
-def _seconds(call: Call, repeats: int) -> float:
-    begin = time.perf_counter()
-    for _ in range(repeats):
-        call()
-    return time.perf_counter() - begin
-
-
 def verdict(ratio: ConfidenceInterval) -> Answer:
     """Compare two times by their ratio: an interval that holds 1 decides nothing."""
-    if ratio.high < 1:
-        return "faster"
-    return "slower" if ratio.low > 1 else "cannot tell"
+    return "faster" if ratio.high < 1 else "slower" if ratio.low > 1 else "cannot tell"
 
 
 def machine() -> dict[str, str | float | int]:

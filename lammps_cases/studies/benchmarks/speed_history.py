@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +25,7 @@ class SpeedEntry:
 
 @dataclass(frozen=True)
 class SpeedChange:
-    """What became of one ratio from one entry to another: the factor by which it grew, and what that says."""
+    """Change of one ratio from one entry to another: the factor by which it grew, and the answer that this gives."""
 
     scene: str
     peer: str
@@ -80,18 +80,16 @@ def pick(entries: Sequence[SpeedEntry], which: str, path: Path) -> SpeedEntry:
 
 
 def changes(before: SpeedEntry, after: SpeedEntry) -> list[SpeedChange]:
-    """Ratios to the same peer that both entries have.
+    """Return the changes of the ratios that both entries have.
 
     Every entry measured its peer in the same run, so that another machine changes both sides. The interval of the
     factor takes the worst of both intervals; one that holds 1 says nothing.
     """
     old = {(ratio.scene, ratio.peer): ratio.ratio for ratio in before.ratios}
-    return list(_changes(old, after.ratios))
-
-
-def _changes(old: dict[tuple[str, str], ConfidenceInterval], ratios: Iterable[Ratio]) -> Iterable[SpeedChange]:
-    for ratio in ratios:
-        was, now = old.get((ratio.scene, ratio.peer)), ratio.ratio
-        if was is not None:
+    rows = []
+    for ratio in after.ratios:
+        if was := old.get((ratio.scene, ratio.peer)):
+            now = ratio.ratio
             factor = ConfidenceInterval(now.median / was.median, now.low / was.high, now.high / was.low)
-            yield SpeedChange(ratio.scene, ratio.peer, was, now, factor, verdict(factor))
+            rows.append(SpeedChange(ratio.scene, ratio.peer, was, now, factor, verdict(factor)))
+    return rows

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from eos_ref import InputError
@@ -102,6 +103,16 @@ def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.Monke
     found = list(bench_model.against_lammps((2,), 1))
     assert [r.scene for r in found] == [f"2D {option}, 144 particles" for option in bench_model.OPTIONS]
     assert all(r.peer == "LAMMPS" and r.peer_ns.median > 0 for r in found)
+
+
+def test_vectors_and_components_add_the_same_numbers_in_the_same_order() -> None:
+    by_vectors_nf, by_component_nf = np.zeros((2, 144, 4))
+    by_vectors, by_component = bench_model.gradient_sums(12)
+    by_vectors(by_vectors_nf)
+    by_component(by_component_nf)
+    assert np.array_equal(by_vectors_nf, by_component_nf)
+    assert (by_vectors_nf != 0).all()
+    assert bench_model.vectors_against_components(3, 6).peer == "plain components"
 
 
 @pytest.mark.lammps

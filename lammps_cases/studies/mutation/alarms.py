@@ -7,9 +7,8 @@ back is judged as always, by the same bounds.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
+from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Literal, get_args
@@ -18,8 +17,7 @@ import numpy as np
 
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.session import Job
-from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
@@ -30,11 +28,10 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import machines
 from lammps_cases.studies.mutation.perturbed import (
+    JudgingWorkers,
     PerturbedCase,
-    PerturbedJudge,
-    Rows,
     first_difference,
-    judge_of,
+    rearranged,
     run_and_judge,
 )
 from lammps_cases.verdict.particle_model import Reason
@@ -66,7 +63,6 @@ WHAT: dict[Kind, str] = {
     "seed": "another scene of the same description, on both sides: disorder, order of values, velocities",
     "machine": "newer instructions switched off in the C library, numpy, numba and OpenBLAS; predictions made anew",
 }
-LIMIT = 1800.0  # seconds that a case may take
 AHEAD = 40  # cases prepared before they are judged
 Records = dict[str, CaseRecord]
 
@@ -130,11 +126,11 @@ def perturbed_case(kind: Kind, ready: PreparedCase) -> PerturbedCase:
             ready = prepared_anew(ready.case)
             jobs = ready.jobs
         case "relabelled":
-            jobs, row_n = [_permuted(job, p_n, job.id_n) for job in jobs], np.argsort(p_n)
+            jobs, row_n = [rearranged(job, p_n, job.id_n) for job in jobs], np.argsort(p_n)
         case "renamed":
             jobs, row_n = [replace(job, id_n=job.id_n[p_n]) for job in jobs], p_n
         case "reordered":
-            jobs = [_permuted(job, p_n, job.id_n[p_n]) for job in jobs]
+            jobs = [rearranged(job, p_n) for job in jobs]
         case "ranks":
             jobs = [replace(job, ranks=2) for job in jobs]
         case "unsorted":
@@ -147,17 +143,6 @@ def perturbed_case(kind: Kind, ready: PreparedCase) -> PerturbedCase:
 def prepared_anew(case: Case) -> PreparedCase:
     """Return a case with another seed; it keeps its name, by which the ledger knows it."""
     return replace(prepare(replace(case, name=f"{case.name}/another seed")), case=case)
-
-
-def _permuted(job: Job, p_n: Rows, id_n: Rows) -> Job:
-    return replace(
-        job,
-        id_n=id_n,
-        type_n=job.type_n[p_n],
-        x_nc=job.x_nc[p_n],
-        v_nc=None if job.v_nc is None else job.v_nc[p_n],
-        per_atom={name: values_n[p_n] for name, values_n in job.per_atom.items()},
-    )
 
 
 def _with_settings(kind: Kind, ready: PreparedCase) -> PreparedCase:
@@ -188,25 +173,19 @@ def measure(
     store: Store | None = None,
     progress: Progress = SILENT,
 ) -> list[AlarmRun]:
-    """Ask for some cases in some kinds of other words; as given is always the first.
-
-    Parameters
-    ----------
-    store : where predictions are kept, without which every kind takes as long as a first run
+    """Run some cases restated in some ways; as given is always the first.
 
     Raises
     ------
     EngineMissing
     """
     runs = []
-    with Workers(engine.site, jobs) as workers:
-        judge = judge_of(engine, workers, store)
-        pool = _Pool(workers, judge, progress)
-        plain = dict(pool.records("as given", cases))
+    with JudgingWorkers(engine, jobs, store) as workers:
+        plain = _records(workers, "as given", cases, progress)
         for kind in dict.fromkeys(("as given", *kinds)):
             if kind != "machine":
-                records = plain if kind == "as given" else dict(pool.records(kind, cases))
-                runs.append(_run(kind, cases, plain, records, pool))
+                records = plain if kind == "as given" else _records(workers, kind, cases, progress)
+                runs.append(_run(kind, cases, plain, records, workers))
     if "machine" in kinds:  # by processes of its own: the workers are gone by then
         here = machines.run(cases, engine, {}, jobs, progress)
         there = machines.run(cases, engine, machines.older(), jobs, progress)
@@ -215,47 +194,40 @@ def measure(
     return runs
 
 
-@dataclass(frozen=True)
-class _Pool:
-    """Workers, and what they judge by."""
+def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progress: Progress) -> Records:
+    """Return the record of every case by name; some cases are prepared while others run."""
+    perturbed_cases = (perturbed_case(kind, prepare(case)) for case in cases)
+    waiting = ((perturbed, workers.judging(run_and_judge, perturbed)) for perturbed in perturbed_cases)
+    queue = deque(islice(waiting, AHEAD))
+    records: Records = {}
+    while queue:
+        perturbed, future = queue.popleft()
+        queue.extend(islice(waiting, 1))
+        record = workers.outcome(future, workers.limit)
+        if isinstance(record, Failure):  # LAMMPS took the worker with it: the failure is judged here
+            record = workers.judge.verdict(perturbed, [record for _ in perturbed.jobs])
+        name = perturbed.ready.case.name
+        records[name] = record
+        progress.advance(len(records), len(cases), f"alarms, {kind}: {name}")
+    return records
 
-    workers: Workers
-    judge: PerturbedJudge
-    progress: Progress
 
-    def records(self, kind: Kind, cases: Sequence[Case]) -> Iterator[tuple[str, CaseRecord]]:
-        """Yield the record of every case, some cases prepared ahead."""
-
-        def submitted() -> Iterator[tuple[str, PerturbedCase, Future[CaseRecord]]]:
-            for case in cases:
-                perturbed = perturbed_case(kind, prepare(case))
-                yield case.name, perturbed, self.workers.call(run_and_judge, self.judge, perturbed, time_limit=LIMIT)
-
-        waiting = submitted()
-        queue = list(islice(waiting, AHEAD))
-        done = 0
-        while queue:
-            name, perturbed, future = queue.pop(0)
-            queue += islice(waiting, 1)
-            record = self.workers.outcome(future, LIMIT)
-            if isinstance(record, Failure):  # LAMMPS took the worker with it: what is left is judged here
-                record = self.judge.verdict(perturbed, [record for _ in perturbed.jobs])
-            done += 1
-            self.progress.advance(done, len(cases), f"alarms, {kind}: {name}")
-            yield name, record
-
-    def reason(self, kind: Kind, case: Case) -> Reason | None:
-        """Find what is wrong first, in a run read after every step; None where there is none."""
-        scene = case.scene
-        if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
-            return None
-        perturbed = perturbed_case(kind, prepare(case))
-        first = self.workers.outcome(self.workers.call(first_difference, self.judge, perturbed, time_limit=LIMIT))
-        return None if isinstance(first, Failure) else first
+def _reason(workers: JudgingWorkers, kind: Kind, case: Case) -> Reason | None:
+    """Find what is wrong first, in a run read after every step; None where there is none."""
+    scene = case.scene
+    if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
+        return None
+    first = workers.outcome(workers.judging(first_difference, perturbed_case(kind, prepare(case))))
+    return None if isinstance(first, Failure) else first
 
 
 def _run(
-    kind: Kind, cases: Sequence[Case], plain: Records, records: Records, pool: _Pool | None, moved: int | None = None
+    kind: Kind,
+    cases: Sequence[Case],
+    plain: Records,
+    records: Records,
+    workers: JudgingWorkers | None,
+    moved: int | None = None,
 ) -> AlarmRun:
     same = {name for name, record in records.items() if _bits(record) == _bits(plain[name])}
     red = [
@@ -270,7 +242,7 @@ def _run(
         same_bits=len(same),
         within=sum(record.as_expected and name not in same for name, record in records.items()),
         verdicts=dict(sorted(Counter(record.verdict for record in records.values()).items())),
-        alarms=tuple(_alarm(kind, case, records[case.name], pool) for case in red),
+        alarms=tuple(_alarm(kind, case, records[case.name], workers) for case in red),
         reference_moved=moved,
     )
 
@@ -280,8 +252,8 @@ def _bits(record: CaseRecord) -> tuple[str, list[tuple[str, str]]]:
     return record.verdict, [(field.field, field.digest) for field in record.fields]
 
 
-def _alarm(kind: Kind, case: Case, record: CaseRecord, pool: _Pool | None) -> Alarm:
-    if pool and record.verdict == "differs" and (reason := pool.reason(kind, case)):
+def _alarm(kind: Kind, case: Case, record: CaseRecord, workers: JudgingWorkers | None) -> Alarm:
+    if workers and record.verdict == "differs" and (reason := _reason(workers, kind, case)):
         record = record.model_copy(update={"blame": reason.first, "beyond": reason.beyond})
         record.message = wording.message(record)
     return Alarm(case.name, kind, record.verdict, record.message, *_explanation(kind, case.scene, record))

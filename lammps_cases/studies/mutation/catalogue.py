@@ -5,23 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 from lammps_cases.findings import LEDGER
-from lammps_cases.studies.mutation import (
-    formula,
-    input_faults_jobs,
-    input_faults_scene,
-    output_faults,
-    source,
-)
-from lammps_cases.studies.mutation.fault import Fault
+from lammps_cases.studies.mutation import formula, input_faults_jobs, input_faults_scene, output_faults, source
+from lammps_cases.studies.mutation.fault import Fault, by_id
 from lammps_cases.studies.mutation.input_faults import InputFault
 
 
 @cache
 def input_faults() -> dict[str, InputFault]:
     """Return the faults in what LAMMPS is given, by id."""
-    every = (*input_faults_scene.FAULTS, *input_faults_jobs.FAULTS)
-    assert len({fault.id for fault in every}) == len(every), "two faults of one id"
-    return {fault.id: fault for fault in every}
+    return by_id((*input_faults_scene.FAULTS, *input_faults_jobs.FAULTS))
 
 
 @cache

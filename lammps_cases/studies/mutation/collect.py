@@ -7,26 +7,22 @@ import hashlib
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, get_args
 
 from eos_ref import InputError
 from eos_ref.errors import nearest
 from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
-from lammps_cases.engine.installations import Engine
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import alarms, catalogue, record, resolution, schedule
+from lammps_cases.studies.mutation.alarms import AlarmRun
 from lammps_cases.studies.mutation.fault import Fault
 from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, PlantedEntry, Power
-from lammps_cases.studies.mutation.schedule import MutationPool, PlantedFault
-from lammps_cases.studies.mutation.unmutated import Control
-
-Section = Literal["faults", "resolution", "alarms"]
-SECTIONS: tuple[Section, ...] = get_args(Section)
+from lammps_cases.studies.mutation.resolution import Resolution
+from lammps_cases.studies.mutation.schedule import MutationPool
 
 
 def select(
@@ -66,7 +62,7 @@ def collect(
     command: str,
     progress: Progress,
 ) -> Power:
-    """Do what was asked for; faults planted before in the same folder, under the same sources, are taken from there.
+    """Run the sections requested; faults planted before in the same folder, by the same sources, are taken from there.
 
     Raises
     ------
@@ -77,58 +73,42 @@ def collect(
     begin = time.perf_counter()
     resolved = installations.resolve(engine)
     cases = casefile.select(casefile.load(), tag="quick" if quick_only else None)
-    planted: tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]] = ((), ())
+    controls: tuple[ControlRecord, ...] = ()
+    records: tuple[FaultRecord, ...] = ()
+    measured: list[Resolution] = []
+    alarm_runs: list[AlarmRun] = []
     who = EngineRecord(name=engine)
     if "faults" in sections:
         with MutationPool(resolved, jobs, open_store(), every) as pool:
-            who = pool.judge.engine
+            who = pool.engine
             chosen = select(catalogue.faults(who.distribution), names, family, sample)
-            planted = _faults(pool, cases, chosen, folder, f"{quick_only} {every}", progress)
-    measured = _resolution(sections, cases, resolved, jobs, progress)
-    alarmed = _alarms(sections, cases, resolved, jobs, progress)
+            controls, records = _faults(pool, cases, chosen, folder, f"{quick_only} {every}", progress)
+    if "resolution" in sections:
+        measured = resolution.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)
+    if "alarms" in sections:
+        alarm_runs = alarms.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)
     return Power(
         command,
         provenance(who, command).machine,
         {"name": who.name, "distribution": who.distribution, "library_sha256": who.library_sha256},
-        not (names or family or sample is not None) and "faults" in sections,
-        quick_only,
-        round(time.perf_counter() - begin, 1),
-        *planted,
-        measured,
-        alarmed,
+        whole=not (names or family or sample is not None) and "faults" in sections,
+        quick_only=quick_only,
+        seconds=round(time.perf_counter() - begin, 1),
+        controls=controls,
+        faults=records,
+        resolution=tuple(measured),
+        alarms=tuple(alarm_runs),
     )
 
 
 def _faults(
     pool: MutationPool, cases: Sequence[Case], chosen: Sequence[Fault], folder: Path, mode: str, progress: Progress
 ) -> tuple[tuple[ControlRecord, ...], tuple[FaultRecord, ...]]:
-    key = hashlib.sha256(f"{record.sources()} {pool.judge.engine.library_sha256} {mode}".encode()).hexdigest()
+    key = hashlib.sha256(f"{record.sources()} {pool.engine.library_sha256} {mode}".encode()).hexdigest()
     records = record.kept(folder, key)
-    ordered = schedule.in_order(cases)
-    without: list[Control] = pool.prepare(ordered, progress)
-    ahead = [fault for fault in chosen if fault.id not in records]
-
-    def done(planted: PlantedFault) -> None:
-        one = record.fault_record(planted, pool.quick)
-        records[one.id] = one
-        record.planted(folder).append(PlantedEntry(key, one))
-        progress.advance(sum(fault.id in records for fault in chosen), len(chosen), one.id)
-
-    pool.plant(ahead, done)
-    return record.controls(without), record.with_arguments([records[fault.id] for fault in chosen])
-
-
-def _resolution(
-    sections: Sequence[str], cases: Sequence[Case], engine: Engine, jobs: int, progress: Progress
-) -> tuple[resolution.Resolution, ...]:
-    if "resolution" not in sections:
-        return ()
-    return tuple(resolution.measure(cases, engine, (), jobs, open_store(), progress))
-
-
-def _alarms(
-    sections: Sequence[str], cases: Sequence[Case], engine: Engine, jobs: int, progress: Progress
-) -> tuple[alarms.AlarmRun, ...]:
-    if "alarms" not in sections:
-        return ()
-    return tuple(alarms.measure(cases, engine, jobs=jobs, store=open_store(), progress=progress))
+    controls = record.controls(pool.prepare(schedule.in_order(cases), progress))
+    for fault, detections in pool.plant([fault for fault in chosen if fault.id not in records]):
+        records[fault.id] = record.fault_record(fault, detections, pool.quick)
+        record.planted(folder).append(PlantedEntry(key, records[fault.id]))
+        progress.advance(sum(one.id in records for one in chosen), len(chosen), fault.id)
+    return controls, record.with_arguments([records[fault.id] for fault in chosen])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 Family = Literal["told", "read", "formula", "source"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
@@ -50,8 +51,19 @@ class Fault:
 
     @property
     def family(self) -> Family:
-        """How it is planted; the first part of the id."""
+        """Return how it is planted: the first part of the id."""
         return next(family for family in FAMILIES if self.id.startswith(f"{family}."))
+
+
+F = TypeVar("F", bound=Fault)
+
+
+def by_id(faults: Iterable[F]) -> dict[str, F]:
+    """Return faults by their id, in order; no two of them have the same."""
+    every = list(faults)
+    named = {fault.id: fault for fault in every}
+    assert len(named) == len(every), "two faults of one id"
+    return named
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ the reference's source written down in ``formula.yaml``.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.edits import edited, split_name, text_of
-from lammps_cases.studies.mutation.fault import Fault, Kind
+from lammps_cases.studies.mutation.fault import Fault, Kind, by_id
 from lammps_cases.studies.mutation.source import SourceFault
 from lammps_cases.verdict import law_mistakes, model_mistakes
 
@@ -82,8 +83,7 @@ def faults() -> dict[str, SourceFault | LintFault]:
         module, name = split_name(edit.function)
         text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
         planted.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, module, text))
-    assert len({fault.id for fault in planted}) == len(planted), "two faults of one id"
-    return {fault.id: fault for fault in planted}
+    return by_id(planted)
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:
@@ -93,4 +93,4 @@ def stages(fault: Fault) -> type[ArrayEvaluator] | None:
 
 
 def _slug(name: str) -> str:
-    return "-".join("".join(c if c.isalnum() else " " for c in name.lower()).split())
+    return "-".join(re.findall(r"[^\W_]+", name.lower()))

@@ -7,7 +7,8 @@ dropped, an atom moved) is changed in the job itself. A change that leaves a job
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -60,35 +61,9 @@ def _job(changed: Scene, atoms: Atoms, scene: Scene) -> Job:
 
 
 def _same(one: Job, other: Job) -> bool:
-    def text(of: Job) -> tuple[object, ...]:
-        return of.setup, of.commands, of.runs, tuple(of.outputs.items()), of.atom_arrays, of.ranks
+    def equal(a: Any, b: Any) -> bool:
+        return np.array_equal(a, b) if isinstance(a, np.ndarray) or isinstance(b, np.ndarray) else bool(a == b)
 
-    if one is other:
-        return True
-    arrays = ((one.id_n, other.id_n), (one.type_n, other.type_n), (one.x_nc, other.x_nc), (one.v_nc, other.v_nc))
-    values = [(one.per_atom.get(name), other.per_atom.get(name)) for name in {*one.per_atom, *other.per_atom}]
-    return text(one) == text(other) and all(
-        (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b)) for a, b in (*arrays, *values)
-    )
-
-
-def replaced_text(old: str, new: str) -> JobChange:
-    """Replace text of commands, wherever it stands."""
-
-    def change(of: Job) -> Job:
-        def lines(text: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(line.replace(old, new) for line in text)
-
-        return replace(of, setup=lines(of.setup), commands=lines(of.commands))
-
-    return change
-
-
-def without(*beginnings: str) -> JobChange:
-    """Leave out commands that begin with some words."""
-
-    def change(of: Job) -> Job:
-        keep = tuple(line for line in of.commands if not line.startswith(beginnings))
-        return replace(of, setup=tuple(s for s in of.setup if not s.startswith(beginnings)), commands=keep)
-
-    return change
+    per_atom = [(one.per_atom.get(name), other.per_atom.get(name)) for name in {*one.per_atom, *other.per_atom}]
+    others = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(Job) if f.name != "per_atom"]
+    return all(equal(a, b) for a, b in (*others, *per_atom))

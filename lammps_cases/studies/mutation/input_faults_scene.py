@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lammps_cases.scene import Scene
+from functools import partial
+
 from lammps_cases.scene.materials import LawSettings
 from lammps_cases.scene.settings import SurfaceDetectionSettings
 from lammps_cases.studies.mutation.fault import Kind
@@ -10,11 +11,11 @@ from lammps_cases.studies.mutation.input_faults import InputFault
 from lammps_cases.studies.mutation.scene_changes import (
     SceneChange,
     Updates,
+    altered,
     as_style,
     cross_type,
     cut,
     dropped,
-    entries,
     entry,
     evolve,
     exchanged,
@@ -22,9 +23,12 @@ from lammps_cases.studies.mutation.scene_changes import (
     force,
     kernel,
     laws,
+    only,
     pair,
+    plus,
     power,
     put,
+    put_if_unset,
     rheo,
     rotated,
     surface,
@@ -42,10 +46,6 @@ def _other_single(law: LawSettings) -> Updates:
     return {"types": str(3 - int(law.types))} if law.types in ("1", "2") else {}
 
 
-def _for_all(law: LawSettings) -> LawSettings:
-    return law.model_copy(update={"types": "*"})
-
-
 def _one_less(number: str) -> str:
     return str(int(number) - 1) if number and int(number) > 1 else number
 
@@ -60,13 +60,10 @@ def _lower_limit(settings: SurfaceDetectionSettings) -> Updates:
     return {"limit": lower if settings.style == "divergence" else float(int(lower))}
 
 
-def _units(name: str) -> SceneChange:
-    def change_scene(scene: Scene) -> Scene:
-        return scene.model_copy(update={"units": name}) if scene.units == "lj" else scene
-
-    return change_scene
-
-
+tait, gas, water = (partial(entry, style) for style in ("tait/general", "ideal/gas", "tait/water"))
+gravity, addforce, setforce = (partial(force, style) for style in ("gravity", "addforce", "setforce"))
+entries = partial(altered, "pressure")
+opposite = vector(lambda v: -v)
 _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     # --- types
     ("cs-off", "constant", "speed of sound of every type times 1 + 1e-6", types(times("cs", TINY))),
@@ -88,33 +85,24 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     ("mass-of-one", "volume or mass", "mass 1 for all types", types(put(mass=1.0))),
     ("mass-exchanged", "exchanged", "masses of the types exchanged", rotated("mass")),
     # --- laws
-    ("gamma-off", "exponent", "exponent of tait/general times 1 + 1e-6", entry("tait/general", times("gamma", TINY))),
-    (
-        *("gamma-plus-one", "exponent", "exponent of tait/general larger by 1"),
-        entry("tait/general", lambda law: {"gamma": (law.gamma or 0) + 1.5}),
-    ),
-    ("gamma-of-seven", "exponent", "exponent 7 for tait/general", entry("tait/general", put(gamma=7.0))),
-    (
-        *("gamma-inverted", "exponent", "inverse of the exponent of tait/general"),
-        entry("tait/general", lambda law: {"gamma": 1 / (law.gamma or 1)}),
-    ),
-    ("gas-gamma-off", "constant", "gamma of ideal/gas times 1 + 1e-6", entry("ideal/gas", times("gamma", TINY))),
-    (
-        *("gas-gamma-less-one", "missing term", "gamma - 1 given to ideal/gas for gamma"),
-        entry("ideal/gas", lambda law: {"gamma": (law.gamma or 0) - 1}),
-    ),
-    ("gas-as-linear", "option", "linear in place of ideal/gas", entry("ideal/gas", as_style("linear"))),
+    ("gamma-off", "exponent", "exponent of tait/general times 1 + 1e-6", tait(times("gamma", TINY))),
+    ("gamma-plus-one", "exponent", "exponent of tait/general larger by 1", tait(plus("gamma", 1.5))),
+    ("gamma-of-seven", "exponent", "exponent 7 for tait/general", tait(put(gamma=7.0))),
+    ("gamma-inverted", "exponent", "inverse of the exponent of tait/general", tait(lambda t: {"gamma": 1 / t.gamma})),
+    ("gas-gamma-off", "constant", "gamma of ideal/gas times 1 + 1e-6", gas(times("gamma", TINY))),
+    ("gas-gamma-less-one", "missing term", "gamma - 1 given to ideal/gas for gamma", gas(plus("gamma", -1))),
+    ("gas-as-linear", "option", "linear in place of ideal/gas", gas(as_style("linear"))),
     ("A3-off", "constant", "A3 times 1 + 1e-6", entry("cubic", times("A3", TINY))),
     ("A3-sign", "sign", "A3 of the other sign", entry("cubic", times("A3", -1))),
     ("A3-zero", "missing term", "A3 of 0", entry("cubic", put(A3=0.0))),
     ("cubic-as-linear", "option", "linear in place of cubic", entry("cubic", as_style("linear"))),
     ("cubic-as-tait", "option", "tait/water in place of cubic", entry("cubic", as_style("tait/water"))),
-    ("water-as-linear", "option", "linear in place of tait/water", entry("tait/water", as_style("linear"))),
+    ("water-as-linear", "option", "linear in place of tait/water", water(as_style("linear"))),
     (
         *("water-of-7.15", "exponent", "tait/general with 7.15 in place of tait/water"),
-        entry("tait/water", as_style("tait/general", gamma=7.15)),
+        water(as_style("tait/general", gamma=7.15)),
     ),
-    ("general-as-water", "option", "tait/water for tait/general", entry("tait/general", as_style("tait/water"))),
+    ("general-as-water", "option", "tait/water for tait/general", tait(as_style("tait/water"))),
     ("linear-as-water", "option", "tait/water in place of linear", entry("linear", as_style("tait/water"))),
     ("linear-as-cubic", "option", "cubic, A3 1e-3, for linear", entry("linear", as_style("cubic", A3=1e-3))),
     ("P_b-off", "constant", "background times 1 + 1e-6", entry("background", times("P_b", TINY))),
@@ -132,7 +120,7 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     ("entries-reversed", "exchanged", "entries of fix rheo/pressure in reverse", entries(lambda e: e[::-1])),
     ("entries-rotated", "exchanged", "first entry of fix rheo/pressure last", entries(lambda e: (*e[1:], e[0]))),
     ("last-entry-dropped", "missing term", "last entry left out", entries(lambda e: e[:-1] or e)),
-    ("first-entry-for-all", "type range", "first law for all types", entries(lambda e: (_for_all(e[0]),))),
+    ("first-entry-for-all", "type range", "first law for all types", entries(lambda e: only(0, put(types="*"))(e)[:1])),
     # --- kernel
     ("cut-off", "constant", "cutoff times 1 + 1e-6", cut(TINY)),
     ("cut-larger", "constant", "cutoff 10 % larger", cut(1.1)),
@@ -151,7 +139,7 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     ("surface-dropped", "option", "surface/detection left out", rheo(put(surface_detection=None))),
     ("surface-style", "option", "the other style of surface/detection", surface(_other_surface)),
     ("surface-limit", "constant", "limit of surface/detection 10 % lower", surface(_lower_limit)),
-    ("surface-splash", "constant", "splash limit larger by 4", surface(lambda s: {"splash": s.splash + 4})),
+    ("surface-splash", "constant", "splash limit larger by 4", surface(plus("splash", 4))),
     ("shift-dropped", "option", "shift left out", rheo(put(shift=False))),
     ("shift-added", "option", "shift added", rheo(lambda r: {"shift": True} if r.shift is False else {})),
     ("exclude-dropped", "type range", "exclude/type left out", excluding()),
@@ -170,13 +158,10 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     # --- pair rheo
     ("artificial-off", "constant", "artificial viscosity times 1 + 1e-6", pair(times("artificial_visc", TINY))),
     ("artificial-dropped", "missing term", "artificial viscosity left out", pair(put(artificial_visc=0.0))),
-    (
-        *("artificial-added", "option", "artificial viscosity 0.1 added"),
-        pair(lambda p: {"artificial_visc": p.artificial_visc or 0.1}),
-    ),
+    ("artificial-added", "option", "artificial viscosity 0.1 added", pair(put_if_unset(artificial_visc=0.1))),
     ("damp-off", "constant", "rho/damp times 1 + 1e-6", pair(times("rho_damp", TINY))),
     ("damp-dropped", "missing term", "rho/damp left out", pair(put(rho_damp=0.0))),
-    ("damp-added", "option", "rho/damp 0.05 added", pair(lambda p: {"rho_damp": p.rho_damp or 0.05})),
+    ("damp-added", "option", "rho/damp 0.05 added", pair(put_if_unset(rho_damp=0.05))),
     (
         *("other-mean", "option", "harmonic for arithmetic means, and the reverse"),
         pair(lambda p: {"harmonic_means": not p.harmonic_means}),
@@ -193,7 +178,7 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
     ("power-gd0", "constant", "gd0 of power times 1 + 1e-6", power(times("gd0", TINY))),
     ("power-K", "constant", "K of power times 1 + 1e-6", power(times("K", TINY))),
     ("power-n", "exponent", "n of power times 1 + 1e-6", power(times("n", TINY))),
-    ("power-n-less-one", "exponent", "n - 1 given for n of power", power(lambda law: {"n": law.n - 1})),
+    ("power-n-less-one", "exponent", "n - 1 given for n of power", power(plus("n", -1))),
     ("power-K-and-eta", "exchanged", "K and eta of power exchanged", power(exchanged("K", "eta"))),
     ("power-as-constant", "option", "constant in place of power", power(lambda law: law.eta)),
     # --- heat
@@ -214,33 +199,27 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
         types(lambda t: {} if t.T_freeze is None else {"latent_heat": None, "T_freeze": None}),
     ),
     # --- forces
-    ("gravity-dropped", "missing term", "gravity left out", force("gravity", dropped)),
-    ("gravity-sign", "sign", "gravity of the other sign", force("gravity", vector(lambda v: -v))),
-    ("gravity-off", "constant", "gravity times 1 + 1e-6", force("gravity", vector(lambda v: v * TINY))),
-    (
-        *("gravity-as-force", "volume or mass", "addforce of the vector of gravity"),
-        force("gravity", put(style="addforce")),
-    ),
-    ("addforce-dropped", "missing term", "addforce left out", force("addforce", dropped)),
-    ("addforce-sign", "sign", "addforce of the other sign", force("addforce", vector(lambda v: -v))),
-    ("addforce-as-gravity", "volume or mass", "gravity in place of addforce", force("addforce", put(style="gravity"))),
-    ("addforce-for-all", "type range", "addforce of some types on all", force("addforce", put(types=None))),
-    (
-        *("force-axes", "exchanged", "components of gravity exchanged"),
-        force("gravity", lambda f: {"vector": f.vector[::-1]}),
-    ),
-    ("setforce-dropped", "missing term", "setforce left out", force("setforce", dropped)),
+    ("gravity-dropped", "missing term", "gravity left out", gravity(dropped)),
+    ("gravity-sign", "sign", "gravity of the other sign", gravity(opposite)),
+    ("gravity-off", "constant", "gravity times 1 + 1e-6", gravity(vector(lambda v: v * TINY))),
+    ("gravity-as-force", "volume or mass", "addforce of the vector of gravity", gravity(put(style="addforce"))),
+    ("addforce-dropped", "missing term", "addforce left out", addforce(dropped)),
+    ("addforce-sign", "sign", "addforce of the other sign", addforce(opposite)),
+    ("addforce-as-gravity", "volume or mass", "gravity in place of addforce", addforce(put(style="gravity"))),
+    ("addforce-for-all", "type range", "addforce of some types on all", addforce(put(types=None))),
+    ("force-axes", "exchanged", "components of gravity exchanged", gravity(lambda f: {"vector": f.vector[::-1]})),
+    ("setforce-dropped", "missing term", "setforce left out", setforce(dropped)),
     (
         *("setforce-other", "type range", "setforce on type 1 in place of 2"),
-        force("setforce", lambda f: {"types": "1" if f.types == "2" else "2"}),
+        setforce(lambda f: {"types": "1" if f.types == "2" else "2"}),
     ),
     (
         *("setforce-whole", "missing term", "setforce of all axes for one"),
-        force("setforce", lambda f: {"vector": tuple(v or 0.0 for v in f.vector)}),
+        setforce(lambda f: {"vector": tuple(v or 0.0 for v in f.vector)}),
     ),
     (
         *("forces-reversed", "order of operations", "forces of other fixes in reverse order"),
-        lambda scene: scene.model_copy(update={"forces": scene.forces[::-1]}),
+        altered("forces", lambda f: f[::-1]),
     ),
     # --- time steps
     ("timestep-off", "constant", "time step times 1 + 1e-6", evolve(times("timestep", TINY))),
@@ -250,13 +229,13 @@ _TABLE: tuple[tuple[str, Kind, str, SceneChange], ...] = (
         evolve(lambda e: {"steps": e.steps + 1, "compare_at": (*e.snapshots[:-1], e.steps + 1)}),
     ),
     # --- the rest of a scene
-    ("units-real", "units", "units real in place of lj", _units("real")),
-    ("units-metal", "units", "units metal in place of lj", _units("metal")),
+    ("units-real", "units", "units real in place of lj", altered("units", lambda u: "real" if u == "lj" else u)),
+    ("units-metal", "units", "units metal in place of lj", altered("units", lambda u: "metal" if u == "lj" else u)),
     ("phase-fluid", "option", "solid types taken for fluid", types(put(phase="fluid"))),
     ("phase-exchanged", "exchanged", "phases of the types exchanged", rotated("phase")),
     (
         *("refusal-not-asked", "option", "a scene to be refused told without the broken rule"),
-        lambda scene: scene.model_copy(update={"violate": None}),
+        altered("violate", lambda _: None),
     ),
 )
 FAULTS = tuple(InputFault(f"told.{name}", kind, what, change) for name, kind, what, change in _TABLE)

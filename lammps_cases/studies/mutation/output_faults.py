@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from eos_ref.model.quantities import order
 from lammps_cases.engine.session import Answer
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.studies.mutation.fault import Fault, Kind
+from lammps_cases.studies.mutation.fault import Fault, Kind, by_id
 
 Arrays = dict[str, Any]
 ArraysChange = Callable[[tuple[Arrays, ...]], list[Arrays]]
@@ -51,39 +51,46 @@ def _same(one: Arrays, other: Arrays) -> bool:
 
 def _each(name: str, change: Callable[[Any], Any]) -> ArraysChange:
     """Change one array at every step."""
-
-    def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
-        return [s | {name: change(s[name].copy())} if name in s else s for s in snapshots]
-
-    return change_all
+    return lambda snapshots: [s | {name: change(s[name].copy())} if name in s else s for s in snapshots]
 
 
 def _all(change: Callable[[Any], Any], keep: tuple[str, ...] = ()) -> ArraysChange:
     """Change all arrays at every step."""
-
-    def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
-        return [{k: v if k in keep else change(v.copy()) for k, v in s.items()} for s in snapshots]
-
-    return change_all
-
-
-def _stale(name: str) -> ArraysChange:
-    """Replace an array by that of the reading before."""
-
-    def change_all(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
-        before = (snapshots[0], *snapshots[:-1])
-        return [s | {name: b[name]} if name in s else s for s, b in zip(snapshots, before, strict=True)]
-
-    return change_all
+    return lambda snapshots: [{k: v if k in keep else change(v.copy()) for k, v in s.items()} for s in snapshots]
 
 
 def _late(snapshots: tuple[Arrays, ...]) -> list[Arrays]:
+    """Replace all arrays by those of the reading before."""
     return [snapshots[0], *snapshots[:-1]]
 
 
-def _single(array_n: Any) -> Any:
+def _stale(name: str) -> ArraysChange:
+    """Replace one array by that of the reading before."""
+    return lambda snapshots: [
+        s | {name: before[name]} if name in s else s for s, before in zip(snapshots, _late(snapshots), strict=True)
+    ]
+
+
+def single(array_n: Any) -> Any:
+    """Round to single precision."""
     with np.errstate(over="ignore"):
         return array_n.astype(np.float32).astype(array_n.dtype)
+
+
+def ends_exchanged(array_n: Any) -> Any:
+    """Exchange the first and the last row, in place."""
+    array_n[[0, -1]] = array_n[[-1, 0]]
+    return array_n
+
+
+def middle(update: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Replace the row of the middle atom by what is made of it, in place."""
+
+    def change(array_n: Any) -> Any:
+        array_n[len(array_n) // 2] = update(array_n[len(array_n) // 2])
+        return array_n
+
+    return change
 
 
 def _one_off(array_n: Any) -> Any:
@@ -96,46 +103,18 @@ def _one_off(array_n: Any) -> Any:
     return array_n
 
 
-def _one_more(array_n: Any) -> Any:
-    array_n[len(array_n) // 2] += 1
-    return array_n
-
-
-def _swapped(array_n: Any) -> Any:
-    array_n[[0, -1]] = array_n[[-1, 0]]
-    return array_n
-
-
-def _shifted(array_n: Any) -> Any:
-    return np.roll(array_n, 1, axis=0)
-
-
 def _axes(array_n: Any) -> Any:
-    """Components x and y exchanged."""
+    """Exchange the components x and y."""
     return array_n[:, [1, 0, *range(2, array_n.shape[1])]]
 
 
-def _transposed(array_n: Any) -> Any:
-    return np.swapaxes(array_n, 1, 2)
-
-
-def _axis_zero(array_n: Any) -> Any:
+def _axis_lost(array_n: Any) -> Any:
+    """Set the component y to 0, in place."""
     array_n[:, 1] = 0.0
     return array_n
 
 
-def _nan(array_n: Any) -> Any:
-    array_n[len(array_n) // 2] = np.nan
-    return array_n
-
-
-def _atm(pressure_n: Any) -> Any:
-    return pressure_n / 68568.415
-
-
-def _trace_only(array_n: Any) -> Any:
-    """Keep the diagonal of a tensor."""
-    return array_n * np.eye(array_n.shape[1])
+_shifted = partial(np.roll, shift=1, axis=0)
 
 
 # --- the faults
@@ -147,38 +126,56 @@ def _fault(name: str, kind: Kind, what: str, change: ArraysChange) -> OutputFaul
 
 def _per_field() -> Iterator[OutputFault]:
     for name, words in REAL.items():
-        yield _fault(f"single-{name}", "single precision", f"{words} rounded to float32", _each(name, _single))
+        yield _fault(f"single-{name}", "single precision", f"{words} rounded to float32", _each(name, single))
         yield _fault(f"one-off-{name}", "last digits", f"{words}: one atom off by 1e-9", _each(name, _one_off))
         if name not in ("x", "rho", "esph", "q.viscosity"):  # inputs, compared once, and constants are never stale
             yield _fault(f"stale-{name}", "stale", f"{words} of the reading before", _stale(name))
     for name in ("f", "drho", "pressure", "q.grad/v", "q.heatflow", "q.shift/v", "q.chi", "v"):
         yield _fault(f"zero-{name}", "unset", f"{REAL[name]} all 0", _each(name, np.zeros_like))
     for name in ("f", "q.pressure", "q.temperature", "q.stress/t"):
-        yield _fault(f"nan-{name}", "unset", f"{REAL[name]}: NaN for one atom", _each(name, _nan))
+        yield _fault(f"nan-{name}", "unset", f"{REAL[name]}: NaN for one atom", _each(name, middle(lambda _: np.nan)))
     for name in ("f", "q.pressure", "drho", "q.shift/v", "q.surface/n", "q.stress/v", "q.heatflow"):
         yield _fault(f"sign-{name}", "sign", f"{REAL[name]} of the other sign", _each(name, np.negative))
     for name in ("f", "v", "q.shift/v", "q.surface/n", "x"):
         yield _fault(f"axes-{name}", "exchanged", f"components x and y of {REAL[name]}", _each(name, _axes))
     for name in ("v", "f", "q.surface/n"):
-        yield _fault(f"axis-lost-{name}", "unset", f"component y of {REAL[name]} is 0", _each(name, _axis_zero))
+        yield _fault(f"axis-lost-{name}", "unset", f"component y of {REAL[name]} is 0", _each(name, _axis_lost))
     for name in ("q.grad/v",):  # stresses are symmetric
-        yield _fault(f"transposed-{name}", "exchanged", f"{REAL[name]} transposed", _each(name, _transposed))
+        yield _fault(
+            f"transposed-{name}", "exchanged", f"{REAL[name]} transposed", _each(name, lambda m: m.swapaxes(1, 2))
+        )
     for name in ("q.grad/v", "q.stress/v", "q.stress/t"):
-        yield _fault(f"diagonal-{name}", "missing term", f"{REAL[name]}: diagonal only", _each(name, _trace_only))
+        yield _fault(
+            f"diagonal-{name}",
+            "missing term",
+            f"{REAL[name]}: diagonal only",
+            _each(name, lambda m: m * np.eye(m.shape[1])),
+        )
     for name in ("rho", "q.rho", "pressure", "q.pressure", "f", "v", "x", "q.viscosity", "q.temperature", "q.energy"):
-        yield _fault(f"swapped-{name}", "exchanged", f"{REAL[name]} of two atoms exchanged", _each(name, _swapped))
+        yield _fault(
+            f"swapped-{name}", "exchanged", f"{REAL[name]} of two atoms exchanged", _each(name, ends_exchanged)
+        )
     for name, words in (WHOLE | PER_TYPE).items():
         yield _fault(f"shifted-{name}", "exchanged", f"{words} of the atom before", _each(name, _shifted))
-        yield _fault(f"one-more-{name}", "last digits", f"{words}: larger by 1 for one atom", _each(name, _one_more))
-    yield _fault("factor-output-pressure", "units", "pressures in atm, as of units real", _each("q.pressure", _atm))
+        yield _fault(
+            f"one-more-{name}",
+            "last digits",
+            f"{words}: larger by 1 for one atom",
+            _each(name, middle(lambda n: n + 1)),
+        )
+    yield _fault(
+        "factor-output-pressure",
+        "units",
+        "pressures in atm, as of units real",
+        _each("q.pressure", lambda p: p / 68568.415),
+    )
     yield _fault("factor-f", "units", "forces of half their size", _each("f", lambda f: 0.5 * f))
 
 
 @cache
 def faults() -> dict[str, OutputFault]:
     """Return all faults of this family by their id, in order."""
-    every = (
-        *_per_field(),
+    whole = (
         _fault(
             "all-shifted", "exchanged", "all arrays but the ids are those of the atom before", _all(_shifted, ("id",))
         ),
@@ -186,7 +183,6 @@ def faults() -> dict[str, OutputFault]:
         _fault("id-repeated", "exchanged", "the last id twice", _each("id", lambda n: np.r_[n[:-2], n[-1:], n[-1:]])),
         _fault("atom-missing", "missing term", "the last atom not read", _all(lambda array_n: array_n[:-1])),
         _fault("all-late", "stale", "all arrays are those of the reading before", _late),
-        _fault("all-single", "single precision", "all arrays rounded to float32", _all(_single, ("id", "type"))),
+        _fault("all-single", "single precision", "all arrays rounded to float32", _all(single, ("id", "type"))),
     )
-    assert len({fault.id for fault in every}) == len(every), "two faults of one id"
-    return {fault.id: fault for fault in every}
+    return by_id((*_per_field(), *whole))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +31,7 @@ from lammps_cases.verdict.model_cases import first_step, problem_of, snapshot
 from lammps_cases.verdict.particle_model import Reason
 from lammps_cases.verdict.twins import evaluate_twin
 
+T = TypeVar("T")
 Rows = npt.NDArray[np.integer[Any]]
 
 
@@ -56,10 +60,10 @@ class PerturbedJudge:
 
     @property
     def predictor(self) -> Predictor:
-        """Predictions from the store, where that is of the present sources."""
+        """Return the source of predictions: the store, if it was made by the present sources."""
         return Predictor(self.store if self.store and current(self.store) else None)
 
-    def verdict(self, case: PerturbedCase, outcomes: list[Answer | Failure]) -> CaseRecord:
+    def verdict(self, case: PerturbedCase, outcomes: Sequence[Answer | Failure]) -> CaseRecord:
         """Return the ordinary verdict on what LAMMPS answered."""
         ready = case.ready
         ordered = [in_order(o, case.row_n) if isinstance(o, Answer) else o for o in outcomes]
@@ -68,15 +72,33 @@ class PerturbedJudge:
         return evaluate(ready.case, ready.eos, ready.atoms, ordered[0], self.engine, self.predictor)[0]
 
 
-def judge_of(engine: Engine, workers: Workers, store: Store | None) -> PerturbedJudge:
-    """Return the judge of what some workers' LAMMPS answers.
+class JudgingWorkers(Workers):
+    """Workers, and the judge of what their LAMMPS answers.
 
-    Raises
-    ------
-    EngineMissing
+    Parameters
+    ----------
+    store : where predictions are kept, without which every verdict takes as long as a first run
+    limit : seconds that a task may take
     """
-    who = workers.outcome(workers.identify())
-    return PerturbedJudge(engine_record(engine, {} if isinstance(who, Failure) else who), store)
+
+    def __init__(self, engine: Engine, count: int, store: Store | None, limit: float = 1800.0) -> None:
+        super().__init__(engine.site, count)
+        self.engine, self.store, self.limit = engine, store, limit
+
+    @cached_property
+    def judge(self) -> PerturbedJudge:
+        """Return the judge.
+
+        Raises
+        ------
+        EngineMissing
+        """
+        who = self.outcome(self.identify())
+        return PerturbedJudge(engine_record(self.engine, {} if isinstance(who, Failure) else who), self.store)
+
+    def judging(self, task: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Queue a task ``task(site, judge, *arguments)``."""
+        return self.call(task, self.judge, *arguments, time_limit=self.limit)
 
 
 def run_and_judge(site: str | None, judge: PerturbedJudge, case: PerturbedCase) -> CaseRecord:
@@ -112,6 +134,18 @@ def in_order(answer: Answer, row_n: Rows | None) -> Answer:
         for arrays in answer.snapshots
     )
     return replace(answer, arrays=snapshots[-1], snapshots=snapshots)
+
+
+def rearranged(job: Job, row_n: Rows, id_n: Rows | None = None) -> Job:
+    """Return a job with the atoms of some rows, in that order, and with other ids if any are given."""
+    return replace(
+        job,
+        id_n=job.id_n[row_n] if id_n is None else id_n,
+        type_n=job.type_n[row_n],
+        x_nc=job.x_nc[row_n],
+        v_nc=None if job.v_nc is None else job.v_nc[row_n],
+        per_atom={name: values_n[row_n] for name, values_n in job.per_atom.items()},
+    )
 
 
 class RepeatedCase:

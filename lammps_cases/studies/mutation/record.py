@@ -1,4 +1,4 @@
-"""What `eos-ref power` found, on disk: ``power.json``, and ``planted.jsonl`` with every fault as it is done."""
+"""The results of `eos-ref power` on disk: ``power.json``, and ``planted.jsonl`` with every fault as it is done."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.journal import Journal
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.alarms import AlarmRun
-from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family
+from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family, Fault
 from lammps_cases.studies.mutation.resolution import Resolution
-from lammps_cases.studies.mutation.schedule import PlantedFault
-from lammps_cases.studies.mutation.unmutated import Control
+from lammps_cases.studies.mutation.tasks import Control
 
 ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
 SHOWN = ("argued.yaml", "page.py", "cli.py")  # what decides only what is said of it
@@ -91,22 +90,22 @@ class Power:
 
     @property
     def caught(self) -> int:
-        """Number of faults that some case sees."""
+        """Return the number of faults that some case detects."""
         return sum(bool(fault.caught_by) for fault in self.faults)
 
     @property
     def quick(self) -> int:
-        """Number of faults that a quick case sees."""
+        """Return the number of faults that a quick case detects."""
         return sum(fault.quick for fault in self.faults)
 
     @property
     def missed(self) -> list[FaultRecord]:
-        """Faults that no case sees."""
+        """Return the faults that no case detects."""
         return [fault for fault in self.faults if not fault.caught_by]
 
     @property
     def complaints(self) -> list[str]:
-        """What is wrong, a line each; none if all is as it must be."""
+        """Return what is wrong, one line each."""
         lines = [f"control {control.family}: {red}" for control in self.controls for red in control.red]
         if not self.quick_only:
             lines += [f"unseen: {fault.id}: {fault.what}" for fault in self.missed if not fault.argued]
@@ -129,21 +128,18 @@ def arguments() -> dict[tuple[str, str], str]:
     return {(argument.id, argument.what): argument.reason for argument in entries}
 
 
-def fault_record(planted: PlantedFault, quick: set[str]) -> FaultRecord:
+def fault_record(fault: Fault, detections: tuple[Detection, ...], quick: set[str]) -> FaultRecord:
     """Return the record of a fault that was planted."""
-    fault, names = planted.fault, tuple(seen.case for seen in planted.caught_by)
-    caught = bool(quick & set(names))
-    return FaultRecord(fault.id, fault.family, fault.kind, fault.what, names, caught, planted.caught_by)
+    names = tuple(detection.case for detection in detections)
+    return FaultRecord(fault.id, fault.family, fault.kind, fault.what, names, bool(quick & set(names)), detections)
 
 
 def with_arguments(records: Sequence[FaultRecord]) -> tuple[FaultRecord, ...]:
     """Return the records of faults, with the reasons why those that no case sees go unseen."""
     reasons = arguments()
-
-    def reason(fault: FaultRecord) -> str:
-        return "" if fault.caught_by else reasons.get((fault.id, fault.what), "")
-
-    return tuple(replace(fault, argued=reason(fault)) for fault in records)
+    return tuple(
+        replace(fault, argued="" if fault.caught_by else reasons.get((fault.id, fault.what), "")) for fault in records
+    )
 
 
 def controls(measured: Sequence[Control]) -> tuple[ControlRecord, ...]:
@@ -194,7 +190,7 @@ def sources() -> str:
 
 
 def planted(folder: Path) -> Journal[PlantedEntry]:
-    """``planted.jsonl``: faults as they are done."""
+    """Return ``planted.jsonl``, to which faults are added as they are done."""
     return Journal(folder / "planted.jsonl", PlantedEntry)
 
 

@@ -8,17 +8,18 @@ The best few are then bisected by the ordinary verdict. Twins are left out: both
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation.perturbed import PerturbedJudge, RepeatedCase, judge_of
+from lammps_cases.studies.mutation.perturbed import JudgingWorkers, PerturbedJudge, RepeatedCase
 from lammps_cases.studies.mutation.scene_numbers import Number, numbers
 
 PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
@@ -27,8 +28,8 @@ FLOOR = 2.0**-53  # a smaller relative change is none
 LARGEST = 1.0  # relative change that is the last one tried
 CLOSE = 1.1  # factor between seen and unseen at which a bisection ends
 BEST = 3  # cases bisected per parameter, of all and of the quick ones
-LIMIT = 1800.0  # seconds that a case may take
-QUICK = "quick"
+
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -212,34 +213,27 @@ def measure(
 ) -> list[Resolution]:
     """Return the resolution of all parameters that some cases have, or of those named, sorted by name.
 
-    Parameters
-    ----------
-    store : where predictions are kept, without which every judging takes as long as a first run
-
     Raises
     ------
     EngineMissing
     """
-    quick = {case.name for case in cases if QUICK in case.tags}
-    with Workers(engine.site, jobs) as workers:
-        judge = judge_of(engine, workers, store)
+    quick = {case.name for case in cases if "quick" in case.tags}
+    with JudgingWorkers(engine, jobs, store) as workers:
         ready = {case.name: prepare(case) for case in cases if not (case.scene.expect or case.scene.twin)}
 
-        def done(what: str, tasks: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-            for count, (name, future) in enumerate(tasks.items(), 1):
-                outcome = workers.outcome(future, LIMIT)
-                progress.advance(count, len(tasks), f"{what}: {name}")
-                yield name, [] if isinstance(outcome, Failure) else outcome
+        def results(what: str, futures: dict[str, Future[list[R]]]) -> dict[str, list[R]]:
+            lists: dict[str, list[R]] = {}
+            for name, future in futures.items():
+                outcome = workers.outcome(future)
+                lists[name] = [] if isinstance(outcome, Failure) else outcome
+                progress.advance(len(lists), len(futures), f"{what}: {name}")
+            return lists
 
-        trying = {
-            name: workers.call(probes, judge, one, tuple(parameters), time_limit=LIMIT) for name, one in ready.items()
-        }
-        tried: dict[str, list[Sensitivity]] = dict(done("resolution, tried", trying))
+        trying = {name: workers.judging(probes, one, tuple(parameters)) for name, one in ready.items()}
+        tried = results("resolution, tried", trying)
         chosen = _chosen(tried, quick, ready)
-        searching = {
-            name: workers.call(smallest, judge, ready[name], of, time_limit=LIMIT) for name, of in chosen.items()
-        }
-        pairs = [pair for _, of_case in done("resolution, bisected", searching) for pair in of_case]
+        searching = {name: workers.judging(smallest, ready[name], places) for name, places in chosen.items()}
+        pairs = [pair for of_case in results("resolution, bisected", searching).values() for pair in of_case]
     return [_resolution(parameter, tried, pairs, quick) for parameter in _parameters(tried)]
 
 

@@ -2,116 +2,145 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
-
-from pydantic import BaseModel
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from eos_ref.eos.registry import PARAMETER
-from lammps_cases.scene import AtomType, ForceSettings, PowerLaw, RheoSettings, Scene
-from lammps_cases.scene.materials import LawSettings
-from lammps_cases.scene.settings import Evolve, PairSettings, ShiftSettings, SurfaceDetectionSettings
+from lammps_cases.scene import PowerLaw, Scene
+from lammps_cases.scene.settings import ShiftSettings
 
 SceneChange = Callable[[Scene], Scene]
 Updates = dict[str, Any]  # keys of a part of a scene, with their new values
-M = TypeVar("M", bound=BaseModel)
+PartChange = Callable[[Any], Updates | None]  # None: the part is left out
 
 # --- how
 
 
-def times(name: str, factor: float) -> Callable[[BaseModel], Updates]:
+def times(name: str, factor: float) -> PartChange:
     """Multiply a value by a factor, where it is a number."""
-
-    def update(part: BaseModel) -> Updates:
-        value = getattr(part, name)
-        return {name: value * factor} if isinstance(value, int | float) else {}
-
-    return update
+    return lambda part: {name: v * factor} if isinstance(v := getattr(part, name), int | float) else {}
 
 
-def put(**values: Any) -> Callable[[BaseModel], Updates]:
+def plus(name: str, amount: float) -> PartChange:
+    """Add to a value."""
+    return lambda part: {name: getattr(part, name) + amount}
+
+
+def put(**values: Any) -> PartChange:
     """Set values, whatever they were."""
     return lambda part: values
 
 
-def exchanged(one: str, other: str) -> Callable[[BaseModel], Updates]:
+def put_if_unset(**values: Any) -> PartChange:
+    """Set values that are 0 or not given."""
+    return lambda part: {name: getattr(part, name) or value for name, value in values.items()}
+
+
+def exchanged(one: str, other: str) -> PartChange:
     """Exchange two values."""
     return lambda part: {one: getattr(part, other), other: getattr(part, one)}
 
 
-def as_style(style: str, **values: float) -> Callable[[LawSettings], Updates]:
-    """Make an equation of state one of another style."""
+def as_style(style: str, **values: float) -> PartChange:
+    """Give an equation of state another style."""
     return put(**{"style": style, **dict.fromkeys(PARAMETER.values()), **values})
 
 
-def dropped(part: BaseModel) -> None:
+def dropped(part: Any) -> None:
     """Leave a member out."""
+
+
+def vector(change: Callable[[float], float]) -> PartChange:
+    """Change the components of a force."""
+    return lambda force: {"vector": tuple(None if v is None else change(v) for v in force.vector)}
 
 
 # --- what
 
 
-def _each(members: Sequence[M], change: Callable[[M], Updates | None]) -> tuple[M, ...]:
-    changes = [(member, change(member)) for member in members]
-    return tuple(member.model_copy(update=updates) for member, updates in changes if updates is not None)
+def altered(name: str, change: Callable[[Any], Any]) -> SceneChange:
+    """Replace one part of a scene by what is made of it."""
+    return lambda scene: scene.model_copy(update={name: change(getattr(scene, name))})
 
 
-def types(change: Callable[[AtomType], Updates]) -> SceneChange:
+def updated(change: PartChange) -> Callable[[Any], Any]:
+    """Change keys of a part, where there is one."""
+    return lambda part: part and part.model_copy(update=change(part))
+
+
+def each(change: PartChange) -> Callable[[Any], Any]:
+    """Change every member of a part."""
+
+    def change_members(members: Any) -> Any:
+        changes = [(member, change(member)) for member in members]
+        return tuple(member.model_copy(update=updates) for member, updates in changes if updates is not None)
+
+    return change_members
+
+
+def only(k: int, change: PartChange) -> Callable[[Any], Any]:
+    """Change the member of index ``k``."""
+    return lambda members: (*members[:k], updated(change)(members[k]), *members[k + 1 :])
+
+
+def of_style(style: str, change: PartChange) -> PartChange:
+    """Change members of one style only."""
+    return lambda member: change(member) if member.style == style else {}
+
+
+def types(change: PartChange) -> SceneChange:
     """Change every type."""
-    return lambda scene: scene.model_copy(update={"types": _each(scene.types, change)})
+    return altered("types", each(change))
 
 
 def rotated(name: str) -> SceneChange:
     """Give the values of the types each to the next type."""
 
-    def change_scene(scene: Scene) -> Scene:
-        values = [getattr(t, name) for t in scene.types]
-        rolled = zip(scene.types, [values[-1], *values[:-1]], strict=True)
-        return scene.model_copy(update={"types": tuple(t.model_copy(update={name: v}) for t, v in rolled)})
+    def rotate(types: Any) -> Any:
+        return tuple(t.model_copy(update={name: getattr(types[k - 1], name)}) for k, t in enumerate(types))
 
-    return change_scene
+    return altered("types", rotate)
 
 
 def power(change: Callable[[PowerLaw], Any]) -> SceneChange:
     """Change power-law viscosities; a number in place of the law makes it constant."""
 
-    def of(t: AtomType) -> Updates:
+    def change_type(t: Any) -> Updates:
         if not isinstance(t.viscosity, PowerLaw):
             return {}
         new = change(t.viscosity)
         return {"viscosity": t.viscosity.model_copy(update=new) if isinstance(new, dict) else new}
 
-    return types(of)
+    return types(change_type)
 
 
-def laws(change: Callable[[LawSettings], Updates | None]) -> SceneChange:
+def laws(change: PartChange) -> SceneChange:
     """Change every entry of fix rheo/pressure."""
-    return lambda scene: scene.model_copy(update={"pressure": _each(scene.pressure, change) or scene.pressure})
+    return altered("pressure", lambda entries: each(change)(entries) or entries)
 
 
-def entry(style: str, change: Callable[[LawSettings], Updates | None]) -> SceneChange:
+def entry(style: str, change: PartChange) -> SceneChange:
     """Change the entries of one style."""
-    return laws(lambda law: change(law) if law.style == style else {})
-
-
-def entries(change: Callable[[tuple[LawSettings, ...]], tuple[LawSettings, ...]]) -> SceneChange:
-    """Put the entries of fix rheo/pressure in another order, or keep some of them."""
-    return lambda scene: scene.model_copy(update={"pressure": change(scene.pressure)})
+    return laws(of_style(style, change))
 
 
 def type_range(change: Callable[[str, str], tuple[str, str]]) -> SceneChange:
     """Give ranges m*n of types other ends, which are empty where there is none."""
 
-    def of(law: LawSettings) -> Updates:
+    def change_law(law: Any) -> Updates:
         low, star, high = law.types.partition("*")
         return {"types": "*".join(change(low, high))} if star else {}
 
-    return laws(of)
+    return laws(change_law)
 
 
-def rheo(change: Callable[[RheoSettings], Updates]) -> SceneChange:
-    """Change options of fix rheo."""
-    return lambda scene: scene.model_copy(update={"rheo": scene.rheo.model_copy(update=change(scene.rheo))})
+def option(name: str, change: PartChange) -> SceneChange:
+    """Change options of one part: of fix rheo, of pair_style rheo, of the time steps."""
+    return altered(name, updated(change))
+
+
+rheo, pair, evolve = (partial(option, name) for name in ("rheo", "pair", "evolve"))
 
 
 def kernel(old: str, new: str) -> SceneChange:
@@ -119,35 +148,25 @@ def kernel(old: str, new: str) -> SceneChange:
     return rheo(lambda r: {"kernel": new} if r.kernel == old else {})
 
 
-def surface(change: Callable[[SurfaceDetectionSettings], Updates]) -> SceneChange:
+def surface(change: PartChange) -> SceneChange:
     """Change settings of surface/detection, where it is on."""
-
-    def of(r: RheoSettings) -> Updates:
-        settings = r.surface_detection
-        return {} if settings is None else {"surface_detection": settings.model_copy(update=change(settings))}
-
-    return rheo(of)
+    return rheo(lambda r: {"surface_detection": updated(change)(r.surface_detection)})
 
 
-def cross_type(change: Callable[[float, float, float], tuple[float, float, float]]) -> SceneChange:
+def cross_type(change: Callable[[float, float, float], tuple[float, ...]]) -> SceneChange:
     """Change the numbers of scale/cross/type."""
 
-    def of(r: RheoSettings) -> Updates:
+    def change_shift(r: Any) -> Updates:
         if r.shifting is None or r.shifting.scale_cross_type is None:
             return {}
-        numbers = change(*r.shifting.scale_cross_type)
-        return {"shift": r.shifting.model_copy(update={"scale_cross_type": numbers})}
+        return {"shift": r.shifting.model_copy(update={"scale_cross_type": change(*r.shifting.scale_cross_type)})}
 
-    return rheo(of)
+    return rheo(change_shift)
 
 
 def excluding(*excluded: str) -> SceneChange:
     """Replace the types of exclude/type."""
-
-    def of(r: RheoSettings) -> Updates:
-        return {"shift": ShiftSettings(exclude=excluded)} if r.shifting and r.shifting.exclude else {}
-
-    return rheo(of)
+    return rheo(lambda r: {"shift": ShiftSettings(exclude=excluded)} if r.shifting and r.shifting.exclude else {})
 
 
 def cut(factor: float) -> SceneChange:
@@ -161,25 +180,6 @@ def cut(factor: float) -> SceneChange:
     return change_scene
 
 
-def pair(change: Callable[[PairSettings], Updates]) -> SceneChange:
-    """Change options of pair_style rheo."""
-    return lambda scene: scene.model_copy(update={"pair": scene.pair.model_copy(update=change(scene.pair))})
-
-
-def force(style: str, change: Callable[[ForceSettings], Updates | None]) -> SceneChange:
+def force(style: str, change: PartChange) -> SceneChange:
     """Change the forces of one style."""
-    return lambda scene: scene.model_copy(
-        update={"forces": _each(scene.forces, lambda one: change(one) if one.style == style else {})}
-    )
-
-
-def vector(change: Callable[[float], float]) -> Callable[[ForceSettings], Updates]:
-    """Change the components of a force."""
-    return lambda one: {"vector": tuple(None if v is None else change(v) for v in one.vector)}
-
-
-def evolve(change: Callable[[Evolve], Updates]) -> SceneChange:
-    """Change the time steps, where there are any."""
-    return lambda scene: scene.model_copy(
-        update={"evolve": scene.evolve and scene.evolve.model_copy(update=change(scene.evolve))}
-    )
+    return altered("forces", each(of_style(style, change)))

@@ -11,10 +11,20 @@ import numpy as np
 from eos_ref.eos.registry import PARAMETER
 from lammps_cases.engine.session import Job
 from lammps_cases.run.campaign import PreparedCase
-from lammps_cases.scene import AtomType, PowerLaw, Scene
-from lammps_cases.scene.atoms import Atoms, kernel_cut
+from lammps_cases.scene import PowerLaw
+from lammps_cases.scene.atoms import kernel_cut
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.studies.mutation.scene_changes import (
+    PartChange,
+    SceneChange,
+    altered,
+    cross_type,
+    only,
+    option,
+    put,
+    surface,
+)
 
 Put = Callable[[float], Job]
 
@@ -54,16 +64,19 @@ def numbers(ready: PreparedCase) -> list[Number]:
     return [n for n in candidates if n.value != 0 and np.isfinite(n.value)]
 
 
-def _scene(ready: PreparedCase, alter: Callable[[float], Scene]) -> Put:
+def _scene(ready: PreparedCase, change: Callable[[float], SceneChange]) -> Put:
     """Return the jobs of another scene, with the particles of the given one."""
-    items = plan(ready.case.scene)
-    return lambda value: job(alter(value), ready.atoms, items)
+    scene, items = ready.case.scene, plan(ready.case.scene)
+    return lambda value: job(change(value)(scene), ready.atoms, items)
 
 
-def _atoms(ready: PreparedCase, alter: Callable[[float], Atoms]) -> Put:
-    """Return the jobs of other particles, in the given scene."""
-    items = plan(ready.case.scene)
-    return lambda value: job(ready.case.scene, alter(value), items)
+def _member(ready: PreparedCase, part: str, k: int, change: Callable[[float], PartChange]) -> Put:
+    """Return the jobs of scenes whose types, laws or forces differ in one member."""
+    return _scene(ready, lambda value: altered(part, only(k, change(value))))
+
+
+def _put(name: str) -> Callable[[float], PartChange]:
+    return lambda value: put(**{name: value})
 
 
 def _of_types(ready: PreparedCase) -> Iterator[Number]:
@@ -74,121 +87,74 @@ def _of_types(ready: PreparedCase) -> Iterator[Number]:
         place = f"type {t + 1}"
         for name in names:
             if (value := getattr(atom_type, name)) is not None:
-                yield Number(name, place, value, _type(ready, t, _setter(name)), decides=name in DECIDES)
+                yield Number(name, place, value, _member(ready, "types", t, _put(name)), decides=name in DECIDES)
         law = atom_type.viscosity
         if isinstance(law, PowerLaw) and scene.interacts:
             for name in ("eta", "gd0", "K", "n"):
-                yield Number(f"viscosity {name}", place, getattr(law, name), _type(ready, t, _term(law, name)))
+                jobs = _member(ready, "types", t, _power_term(law, name))
+                yield Number(f"viscosity {name}", place, getattr(law, name), jobs)
         elif scene.interacts and not isinstance(law, PowerLaw):
-            yield Number("viscosity", place, law, _type(ready, t, _setter("viscosity")))
+            yield Number("viscosity", place, law, _member(ready, "types", t, _put("viscosity")))
 
 
-def _setter(name: str) -> Callable[[float], dict[str, Any]]:
-    return lambda value: {name: value}
-
-
-def _term(law: PowerLaw, name: str) -> Callable[[float], dict[str, Any]]:
-    return lambda value: {"viscosity": law.model_copy(update={name: value})}
-
-
-def _type(ready: PreparedCase, t: int, change: Callable[[float], dict[str, Any]]) -> Put:
-    scene = ready.case.scene
-
-    def alter(value: float) -> Scene:
-        types: list[AtomType] = list(scene.types)
-        types[t] = types[t].model_copy(update=change(value))
-        return scene.model_copy(update={"types": tuple(types)})
-
-    return _scene(ready, alter)
+def _power_term(law: PowerLaw, name: str) -> Callable[[float], PartChange]:
+    return lambda value: put(viscosity=law.model_copy(update={name: value}))
 
 
 def _of_laws(ready: PreparedCase) -> Iterator[Number]:
-    laws = ready.case.scene.pressure
-    for k, law in enumerate(laws):
+    for k, law in enumerate(ready.case.scene.pressure):
         if (name := PARAMETER.get(law.style)) is not None:
             place = f"entry {k + 1} ({law.types} {law.style})"
-            yield Number(name, place, getattr(law, name), _law(ready, k, name))
-
-
-def _law(ready: PreparedCase, k: int, name: str) -> Put:
-    scene = ready.case.scene
-
-    def alter(value: float) -> Scene:
-        laws = list(scene.pressure)
-        laws[k] = laws[k].model_copy(update={name: value})
-        return scene.model_copy(update={"pressure": tuple(laws)})
-
-    return _scene(ready, alter)
-
-
-def _part(ready: PreparedCase, part: str, change: Callable[[float], dict[str, Any]]) -> Put:
-    """Return a number of the scene's part ``rheo``, ``pair`` or ``evolve``."""
-    scene = ready.case.scene
-    return _scene(
-        ready, lambda value: scene.model_copy(update={part: getattr(scene, part).model_copy(update=change(value))})
-    )
+            yield Number(name, place, getattr(law, name), _member(ready, "pressure", k, _put(name)))
 
 
 def _of_model(ready: PreparedCase) -> Iterator[Number]:
     scene, rheo = ready.case.scene, ready.case.scene.rheo
-    yield Number("cut", "", kernel_cut(scene, ready.atoms.spacing), _part(ready, "rheo", _setter("cut")))
+
+    def in_part(part: str, name: str) -> Put:
+        return _scene(ready, lambda value: option(part, put(**{name: value})))
+
+    yield Number("cut", "", kernel_cut(scene, ready.atoms.spacing), in_part("rheo", "cut"))
     if rheo.kernel.startswith("RK"):
-        yield Number("zmin", "", rheo.zmin, _part(ready, "rheo", lambda z: {"zmin": int(z)}), whole=True)
+        zmin = _scene(ready, lambda value: option("rheo", put(zmin=int(value))))
+        yield Number("zmin", "", rheo.zmin, zmin, whole=True)
     for name in ("artificial_visc", "rho_damp"):
-        yield Number(name, "", getattr(scene.pair, name), _part(ready, "pair", _setter(name)))
+        yield Number(name, "", getattr(scene.pair, name), in_part("pair", name))
     if scene.evolve:
-        yield Number("timestep", "", scene.evolve.timestep, _part(ready, "evolve", _setter("timestep")))
-    if surface := rheo.surface_detection:
-
-        def detecting(name: str) -> Put:
-            def change(value: float) -> dict[str, Any]:
-                number = int(value) if name == "splash" else value
-                return {"surface_detection": surface.model_copy(update={name: number})}
-
-            return _part(ready, "rheo", change)
-
-        whole = surface.style == "coordination"
-        yield Number(f"surface limit, {surface.style}", "", surface.limit, detecting("limit"), whole, decides=True)
-        yield Number("splash", "", surface.splash, detecting("splash"), whole=True)
+        yield Number("timestep", "", scene.evolve.timestep, in_part("evolve", "timestep"))
+    if detection := rheo.surface_detection:
+        limit = _scene(ready, lambda value: surface(put(limit=value)))
+        splash = _scene(ready, lambda value: surface(put(splash=int(value))))
+        whole = detection.style == "coordination"
+        yield Number(f"surface limit, {detection.style}", "", detection.limit, limit, whole, decides=True)
+        yield Number("splash", "", detection.splash, splash, whole=True)
 
 
 def _of_shift(ready: PreparedCase) -> Iterator[Number]:
     shift = ready.case.scene.rheo.shifting
     if shift is None or shift.scale_cross_type is None:
         return
-    given = shift.scale_cross_type
 
-    def put(k: int) -> Put:
-        def change(value: float) -> dict[str, Any]:
-            numbers = (*given[:k], value, *given[k + 1 :])
-            return {"shift": shift.model_copy(update={"scale_cross_type": numbers})}
-
-        return _part(ready, "rheo", change)
+    def put_at(k: int) -> Put:
+        return _scene(ready, lambda value: cross_type(lambda *numbers: (*numbers[:k], value, *numbers[k + 1 :])))
 
     for k, name in enumerate(("shiftscale", "cmin", "wmin")):
-        yield Number(name, "", given[k], put(k), decides=name in DECIDES)
+        yield Number(name, "", shift.scale_cross_type[k], put_at(k), decides=name in DECIDES)
 
 
 def _of_forces(ready: PreparedCase) -> Iterator[Number]:
-    scene = ready.case.scene
-
-    def put(k: int, axis: int) -> Put:
-        def alter(value: float) -> Scene:
-            forces = list(scene.forces)
-            vector = list(forces[k].vector)
-            vector[axis] = value
-            forces[k] = forces[k].model_copy(update={"vector": tuple(vector)})
-            return scene.model_copy(update={"forces": tuple(forces)})
-
-        return _scene(ready, alter)
-
-    for k, force in enumerate(scene.forces):
+    for k, force in enumerate(ready.case.scene.forces):
         for axis, value in enumerate(force.vector):
-            yield Number(force.style, f"force {k + 1}, {'xyz'[axis]}", value or 0.0, put(k, axis))
+            jobs = _member(ready, "forces", k, _component(force.vector, axis))
+            yield Number(force.style, f"force {k + 1}, {'xyz'[axis]}", value or 0.0, jobs)
+
+
+def _component(vector: tuple[float | None, ...], axis: int) -> Callable[[float], PartChange]:
+    return lambda value: put(vector=(*vector[:axis], value, *vector[axis + 1 :]))
 
 
 def _of_atoms(ready: PreparedCase) -> Iterator[Number]:
-    """Of one particle, the one in the middle of the list; of a wall; of the box."""
+    """Yield numbers of one particle (the one in the middle of the list), of walls and of the box."""
     atoms, scene = ready.atoms, ready.case.scene
     k = len(atoms) // 2
     place = f"atom {atoms.id_n[k]}"
@@ -200,20 +166,23 @@ def _of_atoms(ready: PreparedCase) -> Iterator[Number]:
         fields |= {"initial x": ("x_nc", (k, 0)), "initial velocity": ("v_nc", (k, 0))}
     for parameter, (name, where) in fields.items():
         if (array := getattr(atoms, name)) is not None:
-            yield Number(parameter, place, float(array[where]), _atoms(ready, _element(atoms, name, where)))
+            yield Number(parameter, place, float(array[where]), _element(ready, name, where))
     for t, atom_type in enumerate(scene.types, 1):
         wall = scene.interacts and atom_type.phase == "solid"  # all its particles have this velocity
         for axis, value in enumerate((atom_type.velocity or ()) if wall else ()):
-            put = _atoms(ready, _element(atoms, "v_nc", (atoms.type_n == t, axis)))
+            put = _element(ready, "v_nc", (atoms.type_n == t, axis))
             yield Number("wall velocity", f"type {t}, {'xyz'[axis]}", value, put)
     if scene.interacts and atoms.periodic[0]:
-        yield Number("box edge", "x", float(atoms.high_c[0]), _atoms(ready, _element(atoms, "high_c", (0,))))
+        yield Number("box edge", "x", float(atoms.high_c[0]), _element(ready, "high_c", (0,)))
 
 
-def _element(atoms: Atoms, name: str, where: tuple[Any, ...]) -> Callable[[float], Atoms]:
-    def alter(value: float) -> Atoms:
-        changed = getattr(atoms, name).copy()
+def _element(ready: PreparedCase, name: str, where: tuple[Any, ...]) -> Put:
+    """Return the jobs of particles of which some elements of an array are others, in the given scene."""
+    scene, items = ready.case.scene, plan(ready.case.scene)
+
+    def job_with(value: float) -> Job:
+        changed = getattr(ready.atoms, name).copy()
         changed[where] = value
-        return replace(atoms, **{name: changed})
+        return job(scene, replace(ready.atoms, **{name: changed}), items)
 
-    return alter
+    return job_with

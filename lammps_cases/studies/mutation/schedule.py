@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from pebble import ProcessPool
 
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
-from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import Progress
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run.campaign import prepare
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.mutation import formula, source, substitute, tasks, unmutated
+from lammps_cases.studies.mutation import formula, source, substitute, tasks
 from lammps_cases.studies.mutation.fault import Detection, Fault
-from lammps_cases.studies.mutation.perturbed import judge_of
+from lammps_cases.studies.mutation.perturbed import JudgingWorkers
 from lammps_cases.studies.mutation.substitute import Mutation, Substitution
-from lammps_cases.studies.mutation.unmutated import Control
+from lammps_cases.studies.mutation.tasks import Control
 
 LIMIT = 300.0  # seconds that some cases with one fault may take
 CASE_LIMIT = 30.0  # seconds of the processor that a mutated reference may take for a case
@@ -34,24 +35,12 @@ EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
 # What a fresh process needs that is not of the reference: imported once for all of them.
 LIGHT = ("numpy", "scipy.special", "pydantic", "yaml", "flint", "vesin", "lammps_cases.studies.mutation.substitute")
 
+T = TypeVar("T")
 Detecting = Generator[Future[Any], Any, list[Detection]]
 
 
-@dataclass(frozen=True)
-class PlantedFault:
-    """A fault, and the cases that detect it, in the order in which they were tried.
-
-    Attributes
-    ----------
-    caught_by : the first case that detects it, or all of them
-    """
-
-    fault: Fault
-    caught_by: tuple[Detection, ...]
-
-
 def in_order(cases: Sequence[Case]) -> list[Case]:
-    """Cases that can see faults: quick ones first, small ones first, one of every file in turn."""
+    """Return the cases that can see faults: quick ones first, small ones first, one of every file in turn."""
     turn: dict[str, int] = {}
 
     def place(case: Case) -> tuple[bool, bool, int, int, str]:
@@ -65,10 +54,7 @@ def in_order(cases: Sequence[Case]) -> list[Case]:
 
 def _cost(case: Case) -> int:
     """Return the particles times evaluations, as far as the scene says."""
-    cells = getattr(case.scene.positions, "cells", (10, 10))
-    n = 1
-    for count in cells:
-        n *= count
+    n = math.prod(getattr(case.scene.positions, "cells", (10, 10)))
     return n * (1 + (case.scene.evolve.steps if case.scene.evolve else 0)) * (10 if case.scene.whole_model else 1)
 
 
@@ -79,19 +65,24 @@ class MutationPool:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
         self.folder = Path(self._folder.name)
         context = forkserver.context(*LIGHT)
-        self._workers = Workers(engine.site, jobs)
+        self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
         self._substitutes = ProcessPool(
             max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
         )
-        try:
-            self.judge = judge_of(engine, self._workers, store)
-        except BaseException as error:  # there is no LAMMPS
-            self.__exit__(type(error), error, None)
-            raise
         self.jobs, self.every = jobs, every
         self.answered: list[str] = []
         self.played: list[str] = []
         self.quick: set[str] = set()
+
+    @property
+    def engine(self) -> EngineRecord:
+        """Return the LAMMPS of the workers.
+
+        Raises
+        ------
+        EngineMissing
+        """
+        return self._workers.judge.engine
 
     def __enter__(self) -> Self:
         return self
@@ -121,28 +112,27 @@ class MutationPool:
 
     def _control(self, case: Case) -> Generator[Future[Any], Any, Control]:
         ready = prepare(case)
-        outcome: Control | Failure = yield self._answered(ready)
+        outcome: Control | Failure = yield self._judging(tasks.answer_case, ready)
         if isinstance(outcome, Failure):
-            outcome = yield self._answered(ready, outcome.message)
+            outcome = yield self._judging(tasks.answer_case, ready, outcome.message)
         if isinstance(outcome, Failure):
             return Control(case.name, False, None, (f"{outcome.verdict}: {outcome.message}",))
         return outcome
 
-    def _answered(self, ready: PreparedCase, failed: str = "") -> Future[Control]:
-        return self._workers.call(unmutated.answer_case, self.folder, self.judge, ready, failed, time_limit=LIMIT)
+    def _judging(self, task: Callable[..., T], *arguments: Any) -> Future[T]:
+        return self._workers.judging(task, self.folder, *arguments)
 
     # --- faults
 
-    def plant(self, chosen: Sequence[Fault], report: Callable[[PlantedFault], None]) -> None:
-        """Plant faults, and report each when it is done."""
+    def plant(self, faults: Sequence[Fault]) -> Iterator[tuple[Fault, tuple[Detection, ...]]]:
+        """Plant faults; yield each, as it is done, with its detections: that of the first case tried, or all."""
 
-        def planted(fault: Fault) -> Generator[Future[Any], Any, PlantedFault]:
+        def planted(fault: Fault) -> Generator[Future[Any], Any, tuple[Fault, tuple[Detection, ...]]]:
             by_lammps = fault.family in ("told", "read")
             detections = yield from (self._ask_lammps(fault) if by_lammps else self._ask_substitute(fault))
-            return PlantedFault(fault, tuple(detections))
+            return fault, tuple(detections)
 
-        for done in self._together([planted(fault) for fault in chosen]):
-            report(done)
+        return self._together([planted(fault) for fault in faults])
 
     def _together(self, asking: Sequence[Generator[Future[Any], Any, Any]]) -> Generator[Any, None, None]:
         """Advance several generators, each of which waits for one future at a time; results as they come."""
@@ -174,9 +164,7 @@ class MutationPool:
         ahead = self._groups(self.answered)
         while ahead and (self.every or not detections):
             names = ahead.pop(0)
-            outcome = yield self._workers.call(
-                tasks.detect, self.folder, self.judge, fault.id, names, self.every, time_limit=LIMIT
-            )
+            outcome = yield self._judging(tasks.detect, fault.id, names, self.every)
             if not isinstance(outcome, Failure):
                 detections += outcome
             elif len(names) > 1:
@@ -189,9 +177,7 @@ class MutationPool:
         """Judge that LAMMPS, or what stands in for it, did not answer; any other failure is this program's."""
         if failure.verdict == "error":
             raise RuntimeError(f"{name}: {failure.message}")
-        outcome = yield self._workers.call(
-            tasks.judge_failure, self.folder, self.judge, name, failure, time_limit=LIMIT
-        )
+        outcome = yield self._judging(tasks.judge_failure, name, failure)
         return [outcome] if isinstance(outcome, Detection) else []
 
     def _ask_substitute(self, fault: Fault) -> Detecting:
@@ -211,9 +197,7 @@ class MutationPool:
                     detections += yield from self._ended(names[0], played)
                 continue
             for one in played:
-                outcome = yield self._workers.call(
-                    tasks.judge_substitution, self.folder, self.judge, one, time_limit=LIMIT
-                )
+                outcome = yield self._judging(tasks.judge_substitution, one)
                 detections += [outcome] if isinstance(outcome, Detection) else []
                 if detections and not self.every:
                     break
@@ -225,7 +209,7 @@ class MutationPool:
     def _call_substitute(self, mutation: Mutation, names: list[str], enough: int) -> Future[list[Substitution]]:
         future: Future[list[Substitution]] = self._substitutes.schedule(
             substitute.answer_cases,
-            args=(mutation, self.folder, names, self.judge.engine.distribution, enough, CASE_LIMIT),
+            args=(mutation, self.folder, names, self.engine.distribution, enough, CASE_LIMIT),
             timeout=60.0 + CASE_LIMIT * len(names),
         )
         return future

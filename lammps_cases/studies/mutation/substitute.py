@@ -107,7 +107,7 @@ def answer_cases(
 
     Parameters
     ----------
-    folder : of the run without a fault (`lammps_cases.studies.mutation.unmutated`): cases, and both sides' answers
+    folder : of the run without a fault: cases, and both sides' answers
     enough : number of differing answers after which the rest of the cases is left
     limit : seconds of the processor that a case may take, loading included
 

@@ -1,53 +1,96 @@
-"""Tasks of the workers: some cases with one fault, until one of them detects it."""
+"""Tasks of the workers: cases without a fault, then with one fault at a time.
+
+Answers without a fault, LAMMPS' and the reference's in its place, are kept in a folder, one file per case, so that any
+worker finds what it needs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.studies.mutation import catalogue, input_faults, output_faults
-from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, recall
+from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
+from lammps_cases.run.campaign import PreparedCase, faulty
+from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
+from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep, recall
 from lammps_cases.studies.mutation.fault import Detection
 from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge, outcome
-from lammps_cases.studies.mutation.substitute import Substitution
-from lammps_cases.studies.mutation.unmutated import detection, verdict
+
+
+@dataclass(frozen=True)
+class Control:
+    """A case without a fault: whether it is as expected as LAMMPS answers it, and as the reference does.
+
+    Attributes
+    ----------
+    played : None where the reference cannot stand in: refusals
+    red : what is wrong, if it is not as expected
+    """
+
+    case: str
+    answered: bool
+    played: bool | None
+    red: tuple[str, ...] = ()
+
+
+def answer_case(
+    site: str | None, judge: PerturbedJudge, folder: Path, ready: PreparedCase, failure: str = ""
+) -> Control:
+    """Task: have LAMMPS and the reference answer a case, judge both, and keep the answers.
+
+    ``failure`` says how LAMMPS' process ended, where an earlier attempt took its worker with it.
+    """
+    name = ready.case.name
+    outcomes: list[Outcome] = [Failure("crashed", failure) if failure else outcome(site, job) for job in ready.jobs]
+    case = AnsweredCase(ready, tuple(outcomes))
+    keep(folder / f"{name}.known", case)
+    plain = _verdict(judge, case, outcomes)
+    red = [] if plain.as_expected else [f"{plain.verdict}: {plain.message}"]
+    played: bool | None = None
+    if all(isinstance(one, Answer) for one in outcomes) and ready.eos is not None:
+        answers = substitute.answer_case(substitute.Mutation(), folder, name, judge.engine.distribution).answers
+        keep(folder / f"{name}.played", answers)
+        record = _verdict(judge, case, answers)
+        played = record.as_expected
+        red += [] if played else [f"played: {record.verdict}: {record.message}"]
+    return Control(name, plain.as_expected, played, tuple(red))
 
 
 def detect(
-    site: str | None, folder: Path, judge: PerturbedJudge, fault: str, names: Sequence[str], every: bool
+    site: str | None, judge: PerturbedJudge, folder: Path, fault: str, names: Sequence[str], every: bool
 ) -> list[Detection]:
     """Task: judge LAMMPS' answers with a fault in its input or output; of the first case that detects it, or of all."""
     detections: list[Detection] = []
     for name in names:
         case = recall(folder, name)
         outcomes = _of_input(site, fault, case) if fault in catalogue.input_faults() else _of_output(fault, case)
-        detected = _detection(judge, case, outcomes) if outcomes else None
-        if detected is not None:
-            detections.append(detected)
+        if outcomes and (detection := _detection(judge, case, outcomes)):
+            detections.append(detection)
             if not every:
                 break
     return detections
 
 
 def _of_input(site: str | None, fault: str, case: AnsweredCase) -> list[Outcome]:
-    """LAMMPS' answers to the faulty input; none if the fault does not apply."""
+    """Return LAMMPS' answers to the faulty input; none if the fault does not apply."""
     jobs = input_faults.jobs(catalogue.input_faults()[fault], case.ready)
     return [outcome(site, job) for job in jobs or ()]
 
 
 def _of_output(fault: str, case: AnsweredCase) -> list[Outcome]:
-    """LAMMPS' faulty answer; of a twin only the first run's, as one file or step of a reader would be."""
+    """Return LAMMPS' faulty answer; of a twin only the first run's, as one file or step of a reader would be."""
     first, *others = case.outcomes
     if not isinstance(first, Answer):
         return []
-    faulty = output_faults.applied(output_faults.faults()[fault], first)
-    return [faulty, *others] if faulty else []
+    faulty_answer = output_faults.applied(output_faults.faults()[fault], first)
+    return [faulty_answer, *others] if faulty_answer else []
 
 
 def judge_failure(
-    site: str | None, folder: Path, judge: PerturbedJudge, name: str, failure: Failure
+    site: str | None, judge: PerturbedJudge, folder: Path, name: str, failure: Failure
 ) -> Detection | None:
     """Task: judge that LAMMPS, or what stands in for it, did not answer."""
     case = recall(folder, name)
@@ -55,15 +98,28 @@ def judge_failure(
 
 
 def judge_substitution(
-    site: str | None, folder: Path, judge: PerturbedJudge, substitution: Substitution
+    site: str | None, judge: PerturbedJudge, folder: Path, substitution: substitute.Substitution
 ) -> Detection | None:
     """Task: judge what a mutated reference answered."""
-    case = recall(folder, substitution.case)
-    outcomes: list[Outcome] = list(substitution.answers)
     if substitution.verdict:
-        outcomes = [Failure(substitution.verdict, substitution.message) for _ in case.ready.sides]
-    return _detection(judge, case, outcomes)
+        failure = Failure(substitution.verdict, substitution.message)
+        return judge_failure(site, judge, folder, substitution.case, failure)
+    return _detection(judge, recall(folder, substitution.case), substitution.answers)
 
 
-def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: list[Outcome]) -> Detection | None:
-    return detection(verdict(judge, PerturbedCase(case.ready, ()), outcomes))
+def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> Detection | None:
+    """Return what a case shows of a fault; None if it is as expected."""
+    record = _verdict(judge, case, outcomes)
+    if record.as_expected:
+        return None
+    lost = "id" if isinstance(record.unusable, LostAtoms) else ""
+    return Detection(record.case, record.verdict, record.blame.field if record.blame else lost, record.message)
+
+
+def _verdict(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> CaseRecord:
+    """Return the ordinary verdict; a fault of the harness is the verdict `error`, as it is in a run."""
+    try:
+        return judge.verdict(PerturbedCase(case.ready, ()), outcomes)
+    except Exception as error:
+        record = CaseRecord(case=case.ready.case.name, verdict="error")
+        return faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))

@@ -33,10 +33,10 @@ from lammps_cases.studies.mutation import (
 from lammps_cases.studies.mutation.alarms import Alarm, AlarmRun
 from lammps_cases.studies.mutation.fault import FAMILIES, KINDS, Detection, Fault
 from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, PlantedEntry, Power
-from lammps_cases.studies.mutation.schedule import MutationPool, PlantedFault
+from lammps_cases.studies.mutation.schedule import MutationPool
 from lammps_cases.studies.mutation.source import SourceFault
 from lammps_cases.studies.mutation.substitute import Mutation, load
-from lammps_cases.studies.mutation.unmutated import Control
+from lammps_cases.studies.mutation.tasks import Control
 from tests.support.outcome import Outcome
 
 CASES = {case.name: case for case in casefile.load()}
@@ -90,20 +90,18 @@ def clean_server() -> None:
 
 
 @pytest.fixture(scope="module")
-def planted() -> Iterator[tuple[list[Control], dict[str, PlantedFault]]]:
+def planted() -> Iterator[tuple[list[Control], dict[str, tuple[Detection, ...]]]]:
     """The control, and all faults of SEEN planted."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(schedule, "CASE_LIMIT", 2.0)
         with MutationPool(installations.resolve("env"), 2, None) as pool:
             control = pool.prepare([CASES[name] for name in (*NAMES, REFUSED)], SILENT)
-            done: dict[str, PlantedFault] = {}
             faults = catalogue.faults() | OWN
-            pool.plant([faults[name] for name in SEEN], lambda one: done.__setitem__(one.fault.id, one))
-            yield control, done
+            yield control, {fault.id: found for fault, found in pool.plant([faults[name] for name in SEEN])}
 
 
 @pytest.mark.lammps
-def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, PlantedFault]]) -> None:
+def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, tuple[Detection, ...]]]) -> None:
     control, _ = planted
     assert [(c.case, c.answered, c.played, c.red) for c in control] == [
         *((name, True, True, ()) for name in NAMES),
@@ -113,8 +111,8 @@ def test_without_a_fault_nothing_is_red(planted: tuple[list[Control], dict[str, 
 
 @pytest.mark.lammps
 @pytest.mark.parametrize("fault", SEEN)
-def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, PlantedFault]]) -> None:
-    seen = planted[1][fault].caught_by
+def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[str, tuple[Detection, ...]]]) -> None:
+    seen = planted[1][fault]
     expected = SEEN[fault]
     if expected is None:
         assert seen == ()
@@ -126,9 +124,8 @@ def test_planted_fault_is_seen(fault: str, planted: tuple[list[Control], dict[st
 def test_every_case_that_sees_a_fault() -> None:
     with MutationPool(installations.resolve("env"), 1, None, every=True) as pool:
         pool.prepare([CASES[LAW], CASES[GAS]], SILENT)
-        done: list[PlantedFault] = []
-        pool.plant([catalogue.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")], done.append)
-    assert {p.fault.id: sorted(s.case for s in p.caught_by) for p in done} == {
+        planted = list(pool.plant([catalogue.faults()[name] for name in ("told.cs-off", "formula.linear-of-rho")]))
+    assert {fault.id: sorted(one.case for one in detections) for fault, detections in planted} == {
         "told.cs-off": sorted((LAW, GAS)),
         "formula.linear-of-rho": [LAW],
     }

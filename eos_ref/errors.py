@@ -1,4 +1,4 @@
-"""The one exception that bad input raises, and a suggestion for its rule."""
+"""The one exception that bad input raises, and suggestions for it."""
 
 from __future__ import annotations
 
@@ -45,4 +45,9 @@ def nearest(name: str, names: Iterable[str]) -> str:
     import difflib
 
     close = difflib.get_close_matches(name, list(names), 1, SIMILAR)
-    return f" (did you mean {close[0]}?)" if close else ""
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def unknown(what: str, name: str, names: Iterable[str]) -> InputError:
+    """Return the complaint that there is no such thing, with the name that was probably meant."""
+    return InputError(f"no such {what}", f"{name!r}{nearest(name, names)}")

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_validator
 
 from eos_ref import InputError
-from eos_ref.errors import nearest
+from eos_ref.errors import unknown
 from lammps_cases.records.yaml_files import read_yaml
 
 FOLDER = Path(__file__).parent
@@ -141,6 +141,6 @@ def select(names: Sequence[str]) -> list[Claim]:
             or any(fnmatch.fnmatchcase(name, pattern) for pattern in c.cases)
         ]
         if not hits:
-            raise InputError("claim", f"does not exist{nearest(name, (c.id for c in every))}", name)
+            raise unknown("claim", name, (c.id for c in every))
         wanted.update(hits)
     return [claim for claim in every if claim.id in wanted]

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli.shared import engine_option, finish, json_option, strict_option
+from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import listed
 
 
 @click.command("audit")
-@click.argument("deck", type=click.Path(path_type=Path))
+@click.argument("deck", type=shared.PATH)
 @click.option("--every", default=10, show_default=True, metavar="M", help="Look at all atoms every M time steps.")
 @click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
 @click.option(
@@ -26,10 +26,10 @@ from lammps_cases.records.wording import listed
 )
 @click.option("--timeout", type=float, metavar="S", help="Stop after S seconds.  [default: none]")
 @click.option("--allow-shell", is_flag=True, help="Let the deck run shell commands, Python and plugins.")
-@click.option("--out", type=click.Path(path_type=Path), help="Report folder.  [default: reports/audit-DECK]")
-@engine_option
-@strict_option
-@json_option
+@click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
+@shared.engine_option
+@shared.strict_option
+@shared.json_option
 def audit_command(
     deck: Path,
     every: int,
@@ -72,7 +72,7 @@ def audit_command(
     if not as_json:
         for line in report_lines(run.cases[0]):
             click.echo(line)
-    return finish(run, directory, as_json)
+    return shared.finish(run, directory, as_json)
 
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:

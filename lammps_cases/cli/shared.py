@@ -4,26 +4,44 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import click
 
 from lammps_cases.records.run_record import RunRecord
 
+Command = TypeVar("Command", bound=Callable[..., object])
+PATH = click.Path(path_type=Path)
 WIDE = 160  # columns of a table that is printed into a file or a pipe
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
 engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
 strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
-out_option = click.option(
-    "--out", type=click.Path(path_type=Path), default="reports/latest", show_default=True, help="Report folder."
-)
 tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
-jobs_option = click.option("--jobs", type=click.IntRange(1), help="LAMMPS processes at a time (default: one per core).")
-fresh_option = click.option("--fresh", is_flag=True, help="Ignore the cache of reference predictions.")
-paths_option = click.option(
-    "--cases", "paths", multiple=True, type=click.Path(path_type=Path), help="Case file or folder of your own."
+jobs_option = click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=lambda: os.cpu_count() or 1,
+    help="LAMMPS processes at a time (default: one per core).",
 )
+fresh_option = click.option("--fresh", is_flag=True, help="Ignore the cache of reference predictions.")
+paths_option = click.option("--cases", "paths", multiple=True, type=PATH, help="Case file or folder of your own.")
+
+
+def folder_option(name: str, default: str, about: str) -> Callable[[Command], Command]:
+    """Return the option of a folder that a command writes, or reads and writes."""
+    return click.option(name, type=PATH, default=default, show_default=True, help=about)
+
+
+report_option = folder_option("--out", "reports/latest", "Report folder.")
+
+
+def start_fork_server() -> None:
+    """Start the process that workers are forked from, while this one imports the rest."""
+    from lammps_cases.engine import forkserver
+
+    forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
 
 
 def page_folder(out: Path) -> None:
@@ -47,7 +65,7 @@ def page_folder(out: Path) -> None:
 
 
 def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
-    """End of every command that writes a report: the verdict, where the report lies, the exit code."""
+    """Print the verdict of a run and where its report is; return the exit code."""
     if as_json:
         click.echo(run.to_json(), nl=False)
         return run.exit_code
@@ -79,12 +97,12 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]], title: str | No
     from rich.markup import escape
     from rich.table import Table
 
-    made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+    grid = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
     for column in columns:
-        made.add_column(column, overflow="fold")
+        grid.add_column(column, overflow="fold")
     for row in rows:
-        made.add_row(*map(escape, row))
+        grid.add_row(*map(escape, row))
     console = Console()
     if not console.is_terminal:
         console.width = WIDE
-    console.print(made)
+    console.print(grid)

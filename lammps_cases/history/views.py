@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from eos_ref.errors import InputError, nearest
+from eos_ref.errors import InputError, unknown
 from lammps_cases.history.model import StoredCase, StoredRun
 from lammps_cases.history.store import History
 from lammps_cases.history.versions import EngineRuns, engines
@@ -138,8 +138,7 @@ def chosen_cases(stored: Sequence[str], names: Sequence[str]) -> list[str]:
     for name in names:
         hits = [case for case in stored if fnmatchcase(case, name) or case.startswith(f"{name}.")]
         if not hits:
-            like = nearest(name, sorted({*stored, *(case.split(".")[0] for case in stored)}))
-            raise InputError("case", f"is in no run kept{like}", name)
+            raise unknown("case in any stored run", name, sorted({*stored, *(case.split(".")[0] for case in stored)}))
         chosen.update(hits)
     return sorted(chosen)
 

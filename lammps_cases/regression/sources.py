@@ -9,8 +9,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from eos_ref import InputError
+from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.store import Store
-from lammps_cases.engine import installations
+from lammps_cases.engine import forkserver, installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.regression import baseline, outcomes
@@ -81,6 +82,13 @@ class RunOptions:
     jobs: int
     store: Store | None = None
     progress: Progress = SILENT
+
+
+def run_options(names: Sequence[str], jobs: int, fresh: bool, progress: Progress) -> RunOptions:
+    """Return how the engines among some sides are run; the process that forks their workers is started."""
+    if any(map(installations.is_engine, names)):  # what is saved needs no workers
+        forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+    return RunOptions(jobs, prediction_keys.open_store(fresh), progress)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
-from eos_ref.errors import nearest
+from eos_ref.errors import nearest, unknown
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import Scene, check_name, models
 
@@ -201,5 +201,5 @@ def _names_like(name: str, cases: Sequence[Case]) -> list[str]:
     names = [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]
     if not names:
         candidates = sorted({part for c in cases for part in (c.name, c.name.split(".")[0])})
-        raise InputError("case", f"does not exist{nearest(name, candidates)}", name)
+        raise unknown("case", name, candidates)
     return names

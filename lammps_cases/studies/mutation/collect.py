@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from eos_ref import InputError
-from eos_ref.errors import nearest
+from eos_ref.errors import unknown
 from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
 from lammps_cases.records.progress import Progress
@@ -38,7 +38,7 @@ def select(
     chosen = [fault for fault in faults.values() if family in (None, fault.family)]
     for name in names:
         if not fnmatch.filter(faults, name):
-            raise InputError("fault", f"does not exist{nearest(name, faults)}", name)
+            raise unknown("fault", name, faults)
     if names:
         chosen = [fault for fault in chosen if any(fnmatch.fnmatchcase(fault.id, name) for name in names)]
     if sample is not None:

@@ -6,7 +6,7 @@ import fnmatch
 from collections.abc import Mapping, Sequence
 
 from eos_ref import InputError
-from eos_ref.errors import nearest
+from eos_ref.errors import unknown
 from lammps_cases.studies.stability.model import MapCell, StabilityMap
 
 
@@ -55,4 +55,4 @@ def of_cell(by_id: Mapping[str, StabilityMap], cell: MapCell) -> StabilityMap:
 
 
 def _missing(by_id: Mapping[str, StabilityMap], name: str) -> InputError:
-    return InputError("map", f"does not exist{nearest(name, by_id)}", name)
+    return unknown("map", name, by_id)

@@ -198,7 +198,7 @@ def test_bad_file_is_one_collection_error(pytester: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(
         [
             "case file: is not valid YAML: *broken.yaml, line 4)",
-            "dimensoin: unknown key (did you mean dimension?)*typo.yaml*",
+            "dimensoin: unknown key (did you mean 'dimension'?)*typo.yaml*",
             "no report written: 2 cases or files could not be judged",
         ]
     )

@@ -95,5 +95,5 @@ def test_selection() -> None:
     assert {c.page for c in model.select(["fix rheo/pressure"])} == {"fix rheo/pressure"}
     assert "rheo-fix-modify" in [c.id for c in model.select(["probes.rheo-fix-modify-temp"])]
     assert len(model.select([])) == len(claims())
-    with pytest.raises(InputError, match="did you mean pressure-linear"):
+    with pytest.raises(InputError, match="did you mean 'pressure-linear"):
         model.select(["pressure-liner"])

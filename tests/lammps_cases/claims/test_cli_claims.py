@@ -92,7 +92,7 @@ def test_traceability(eos_ref_command: Command) -> None:
 
 def test_bad_input(eos_ref_command: Command, tmp_path: Path) -> None:
     done = eos_ref_command("claims", "pressure-liner")
-    assert done.code == 2 and "did you mean pressure-linear" in done.err and done.err.count("\n") == 1
+    assert done.code == 2 and "did you mean 'pressure-linear" in done.err and done.err.count("\n") == 1
     done = eos_ref_command("claims", "--run", tmp_path / "gone")
     assert done.code == 2 and "cannot be read" in done.err
 

@@ -36,7 +36,7 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"tolerance": 1e-6},
         ("tolerance is no key of a scene", 'EOS.pressure(rho, method="auto", tolerance=1e-9)', "eos-ref chart"),
     ),
-    "unknown key": ({"presure": [LINEAR]}, ("presure", "unknown key", "did you mean pressure")),
+    "unknown key": ({"presure": [LINEAR]}, ("presure", "unknown key", "did you mean 'pressure")),
     "wrong type": ({"units": "furlong"}, ("units", "'lj'", "'furlong'")),
     "text for a number": ({"types": [{"mass": "heavy"}]}, ("types.0.mass", "number", "'heavy'")),
     "missing key": ({"positions": None}, ("positions", "required")),
@@ -123,7 +123,7 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "shift by a word": ({"rheo": {"shift": "all"}}, ("rheo.shift", "boolean", "'all'")),
     "shift of unknown argument": (
         {"rheo": {"shift": {"excluded": 1}}},
-        ("rheo.shift.excluded", "did you mean exclude"),
+        ("rheo.shift.excluded", "did you mean 'exclude"),
     ),
     "excluded type beyond": ({"rheo": {"shift": {"exclude": 2}}}, ("type range", "1 to 1", "'2'")),
     "fraction of a neighbour": (
@@ -300,7 +300,7 @@ def test_good_extxyz_is_accepted(case_file: Write, eos_ref_command: Run, tmp_pat
 def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
     code, _, err = eos_ref_command("run", "nera-rho0")
     assert code == 2
-    assert "did you mean near-rho0?" in err
+    assert "did you mean 'near-rho0'?" in err
     assert "'nera-rho0'" in err
 
 
@@ -316,10 +316,10 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("run", "--engine", "path:/nowhere"), "liblammps.so"),
         (("run", "--cases", "/nowhere/cases.yaml"), "cannot be read"),
         (("report", "/nowhere"), "cannot be read"),
-        (("rnu",), "did you mean run?"),
+        (("rnu",), "did you mean 'run'?"),
         (("run", "--bogus"), "bogus"),
         (("run", "near-rho0.linear.2d", "--baseline", "/nowhere"), "a folder of accepted baselines"),
-        (("explain", "nothing"), "does not exist"),
+        (("explain", "nothing"), "no such case: 'nothing'"),
         (("explain",), "CASE"),
     ],
 )

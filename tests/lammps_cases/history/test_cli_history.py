@@ -112,7 +112,7 @@ def test_runs_before_a_day_are_forgotten(command: Callable[..., Outcome]) -> Non
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (("wall",), "eos-ref: case: is in no run kept (did you mean walls?), found 'wall'"),
+        (("wall",), "eos-ref: no such case in any stored run: 'wall' (did you mean 'walls'?)"),
         (("walls", "--field", "speed"), "eos-ref: field: none of these cases has it, found 'speed'"),
         (("--since", "yesterday"), "eos-ref: date: must be a day such as 2026-01-31, found 'yesterday' (--since)"),
         (("--forget", "2026-02-30"), "eos-ref: date: must be a day such as 2026-01-31, found '2026-02-30' (--forget)"),

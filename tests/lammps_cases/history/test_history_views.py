@@ -215,5 +215,5 @@ def test_runs_are_chosen_by_engine_day_and_number(history: History) -> None:
 
 
 def test_a_case_that_no_run_has_is_bad_input() -> None:
-    with pytest.raises(InputError, match=r"case: is in no run kept \(did you mean forces\?\), found 'force'"):
+    with pytest.raises(InputError, match=r"no such case in any stored run: 'force' \(did you mean 'forces'\?\)"):
         views.chosen_cases(["forces.a", "walls.b"], ["walls.*", "force"])

@@ -175,13 +175,13 @@ def test_kits_are_listed(eos_ref_command: Run) -> None:
 def test_place_of_eos_ref_that_is_not_given_is_said(eos_ref_command: Run) -> None:
     code, out, err = eos_ref_command("kit", "github")
     assert code == 0 and "OWNER/eos-ref/.github/actions/eos-ref@main" in out
-    assert err == "put the place of your copy of eos-ref for OWNER/eos-ref (--repository)\n"
+    assert err == "replace OWNER/eos-ref by your repository (--repository)\n"
 
 
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["githb"], "eos-ref: kit: must be one of github, gitlab, lammps, decks, pre-commit (did you mean github?)"),
+        (["githb"], "eos-ref: kit: must be one of github, gitlab, lammps, decks, pre-commit (did you mean 'github'?)"),
         (["github", "--repository", "a b; rm"], "eos-ref: repository: must be OWNER/NAME, found 'a b; rm'"),
     ],
 )

@@ -209,7 +209,7 @@ def test_arguments_are_of_faults_that_are_planted() -> None:
 def test_names_of_faults() -> None:
     faults = catalogue.faults()
     assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]
-    with pytest.raises(InputError, match=r"did you mean told\.cs-off"):
+    with pytest.raises(InputError, match=r"did you mean 'told\.cs-off"):
         collect.select(faults, ("told.cs-of",))
 
 

@@ -132,10 +132,10 @@ def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(eos_ref_command: Run, 
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        (("nade",), "map: does not exist (did you mean made?), found 'nade'"),
+        (("nade",), "no such map: 'nade' (did you mean 'made'?)"),
         (("--tag", "none"), "tag: no map has it"),
         (("--cell", "made"), "cell: must be MAP:LAYER:X:Y with two numbers, found 'made'"),
-        (("--cell", "mode::1:1"), "map: does not exist (did you mean made?), found 'mode'"),
+        (("--cell", "mode::1:1"), "no such map: 'mode' (did you mean 'made'?)"),
         (("--cell", "made::1:1"), "layer: must be one of 'plain', 'with <shift>', found ''"),
         (("--cell", "made:plain:100:1"), "dt: must lie within 0.1 to 6.4, found 100.0"),
         (("--cell", "made:plain:1:nan"), "nu: must lie within 0.1 to 10, found nan"),

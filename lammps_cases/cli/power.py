@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli.shared import engine_option, json_option, page_folder
+from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
@@ -26,11 +26,9 @@ SECTIONS = ("faults", "resolution", "alarms")
 @click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only the first.")
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
 @click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="reports/power", show_default=True, help="Folder of the report."
-)
-@engine_option
-@json_option
+@shared.folder_option("--out", "reports/power", "Folder of the report.")
+@shared.engine_option
+@shared.json_option
 def power_command(
     names: tuple[str, ...],
     family: str | None,
@@ -63,7 +61,7 @@ def power_command(
     sections = [name for name in names if name in SECTIONS] or (
         ["faults"] if patterns or family or sample else list(SECTIONS)
     )
-    page_folder(out)
+    shared.page_folder(out)
     if fresh:
         record.planted(out).forget()
     with Bar(quiet=as_json) as bar:

@@ -1,56 +1,20 @@
-"""eos-ref list, explain, ledger."""
+"""eos-ref explain."""
 
 from __future__ import annotations
 
 import json
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from lammps_cases.cli.shared import json_option, paths_option, table, tag_option
-
-MOST_NAMES = 8  # of cases that show a finding, beyond which they are counted
-
-
-@click.command("list")
-@click.argument("names", nargs=-1, metavar="[CASE]...")
-@tag_option
-@paths_option
-@json_option
-def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...], as_json: bool) -> int:
-    """List the cases with their tags.
-
-    \b
-    Example:  eos-ref list --tag quick
-    """
-    from lammps_cases.scene import casefile
-
-    cases = casefile.load(paths)
-    if names or tag:
-        cases = casefile.select(cases, names, tag)
-    if as_json:
-        click.echo(json.dumps({"cases": [{"case": c.name, "tags": list(c.tags)} for c in cases]}, indent=1))
-        return 0
-    rows = [
-        (
-            c.name,
-            ", ".join(c.tags),
-            ", ".join(dict.fromkeys(law.style for law in c.scene.pressure)),
-            c.scene.units,
-        )
-        for c in cases
-    ]
-    table(("case", "tags", "laws", "units"), rows, f"{len(cases)} cases")
-    return 0
+from lammps_cases.cli import shared
 
 
 @click.command("explain")
 @click.argument("name", metavar="CASE")
-@paths_option
-@json_option
+@shared.paths_option
+@shared.json_option
 def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
     """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
 
@@ -162,55 +126,11 @@ def _show(explanation: dict[str, Any]) -> None:
         click.echo("\n".join(f"  {line}" for line in explanation["stability"]))
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
-        table(("", "what", "why"), rows, "modelled by the reference" if side == "reference" else "told to LAMMPS")
+        shared.table(
+            ("", "what", "why"), rows, "modelled by the reference" if side == "reference" else "told to LAMMPS"
+        )
     click.echo("LAMMPS commands:")
     click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
     if explanation["commands_of_twin"]:
         click.echo("LAMMPS commands of the twin:")
         click.echo("\n".join(f"  {line}" for line in explanation["commands_of_twin"]))
-
-
-@click.command("ledger")
-@json_option
-def ledger_command(as_json: bool) -> int:
-    """List the findings: where LAMMPS differs from its manual, with the argument and what to do meanwhile.
-
-    \b
-    Example:  eos-ref ledger
-    """
-    from lammps_cases.findings import LEDGER, accepted_cases
-
-    shown = accepted_cases()
-    if as_json:
-        entries = [
-            {
-                "id": entry.id,
-                "title": entry.title,
-                "severity": entry.severity,
-                "engines": list(entry.engines),
-                "cases": shown.get(entry.id, []),
-                "variant": entry.named_variant,
-            }
-            for entry in LEDGER
-        ]
-        click.echo(json.dumps({"entries": entries}, indent=1))
-        return 0
-    for entry in LEDGER:
-        click.secho(f"{entry.id} ({entry.severity}): {entry.title}", bold=True)
-        for key in ("documented", "observed", "argument", "workaround"):
-            click.echo(f"  {key}: {getattr(entry, key)}")
-        if entry.scene:
-            click.echo(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}")
-        where = _shown(shown.get(entry.id, []), entry.applies_to)
-        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {where}")
-    return 0
-
-
-def _shown(cases: Sequence[str], applies_to: Sequence[str]) -> str:
-    """Cases by name, or many of them by the files that they come from; without any, what the finding speaks of."""
-    if not cases:
-        return f"{', '.join(applies_to) or 'no case'} (in no accepted run)"
-    if len(cases) <= MOST_NAMES:
-        return ", ".join(cases)
-    counts = Counter(case.partition(".")[0] for case in cases)
-    return f"{len(cases)} cases ({', '.join(f'{count} {file}.*' for file, count in counts.most_common())})"

@@ -1,0 +1,56 @@
+"""eos-ref accept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lammps_cases.cli import shared
+
+
+@click.command("accept")
+@click.argument("run", type=shared.PATH)
+@click.option("--reason", required=True, help="Why; kept with the baseline.")
+@shared.folder_option("--baselines", "reports/accepted", "Folder of the baselines, one per engine.")
+@click.option("--with-failures", is_flag=True, help="Also a run with unexpected failures.")
+@click.option("--prune", is_flag=True, help="Drop cases that the run does not hold.")
+@shared.json_option
+def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool, prune: bool, as_json: bool) -> int:
+    """Take a run as the accepted baseline of its engine, and say what that changes.
+
+    A run of some cases replaces these alone. eos-ref run --baseline holds later runs against it.
+
+    \b
+    Example:  eos-ref accept reports/latest --reason "first baseline of 2025.7.22.4.0"
+    """
+    from lammps_cases.regression import evidence, pairs
+    from lammps_cases.regression.acceptance import accept
+    from lammps_cases.run.campaign import command_line
+
+    accepted = accept(run, reason, baselines, command_line(), with_failures, prune)
+    changes = accepted.changes
+    if accepted.written and baselines.resolve() == evidence.BASELINES:
+        evidence.publish()
+    if as_json:
+        document: dict[str, Any] = {
+            "baseline": str(accepted.folder),
+            "cases": accepted.cases,
+            "written": accepted.written,
+            "counts": changes.counts if changes else None,
+            "dropped": list(accepted.dropped),
+            "fields": [pairs.row(change) for change in changes.faults] if changes else [],
+        }
+        click.echo(json.dumps(document, indent=1))
+        return 0
+    if changes is None:
+        click.echo(f"first baseline of this engine: {accepted.cases} cases")
+    else:
+        for line in (*pairs.lines(changes, "the old", "the new"), *pairs.faults(changes)):
+            click.echo(line)
+    if accepted.dropped:
+        click.echo(f"dropped: {', '.join(accepted.dropped)}")
+    click.secho(f"baseline: {accepted.folder}{'' if accepted.written else ' (as it was)'}", bold=True)
+    return 0

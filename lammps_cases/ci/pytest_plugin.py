@@ -10,7 +10,7 @@ import pytest
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """The options ``--eos-ref...``."""
+    """Add the options ``--eos-ref...``."""
     add = parser.getgroup("eos-ref", "eos-ref: LAMMPS' RHEO package against an independent reference").addoption
     add("--eos-ref", action="store_true", help="collect case files (*.yaml) and run their cases against LAMMPS")
     add("--eos-ref-shipped", action="store_true", help="run the cases that come with eos-ref, beside what is named")

@@ -65,7 +65,7 @@ class SessionPlugin:
     # --- collection
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-        """A YAML file that was named, or that has a key of a case file."""
+        """Collect a YAML file that was named, or that has a key of a case file."""
         if file_path.suffix not in SUFFIXES:
             return None
         if not parent.session.isinitpath(file_path):
@@ -149,7 +149,7 @@ class SessionPlugin:
             self._written = self._report(self._run, self._folder, whole)
 
     def _joined(self) -> RunRecord:
-        """The run that these cases are."""
+        """Return the run that these cases are."""
         command = shlex.join(["pytest", *map(str, self._config.invocation_params.args)])
         run = campaign.provenance(self._engine, command)
         run.strict = self._judge.strict
@@ -183,12 +183,12 @@ class SessionPlugin:
     # --- what is printed
 
     def pytest_report_header(self) -> str:
-        """The engine, and where predictions lie."""
+        """Return the engine, and where predictions lie."""
         strict = ", strict" if self._judge.strict else ""
         return f"eos-ref: engine {self._judge.engine.name}{strict}, predictions in {self._judge.store.folder}"
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        """Verdicts and findings of the session."""
+        """Print verdicts and findings of the session."""
         if self._run is not None:
             terminalreporter.section("eos-ref")
             for line in _lines(self._run):

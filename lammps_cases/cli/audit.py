@@ -76,7 +76,7 @@ def audit_command(
 
 
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
-    """A table of the fields, the looks at which one was outside its bound, what was not checked, and the message."""
+    """Return a table of the fields, the looks outside the bound, what was not checked, and the message."""
     looks = Counter((check.field, check.type) for check in case.checks)
     atoms = {(check.field, check.type): check.natoms for check in case.checks}
     table = [

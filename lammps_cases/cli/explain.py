@@ -89,7 +89,7 @@ def _evaluator(case: Any, ready: Any) -> str | None:
 
 
 def _stability(case: Any, ready: Any) -> list[str]:
-    """How far the scene lies from where it would fail."""
+    """Say how far the scene lies from where it would fail."""
     from lammps_cases.setup import reference_side
     from lammps_cases.studies.stability.advice import advice
 

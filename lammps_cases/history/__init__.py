@@ -33,7 +33,7 @@ def collect(run: RunRecord, directory: Path | None = None) -> None:
 
 
 def past(run: RunRecord) -> Past | None:
-    """What a report shows of the runs before this one; None if there is no history, or none that can be read."""
+    """Return what a report shows of the runs before this one; None without a readable history."""
     from lammps_cases.history import store
     from lammps_cases.history.reported import before
 
@@ -53,7 +53,7 @@ def _line(error: Exception) -> str:
 
 
 def _revision() -> str:
-    """The git revision of the sources that run, with ``-dirty`` if files were changed; empty if they are installed."""
+    """Return the git revision of the sources, with ``-dirty`` if files were changed; empty if they are installed."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""

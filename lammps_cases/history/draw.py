@@ -26,7 +26,7 @@ class RunMark:
 
 
 def spark(values: Sequence[float | None], logarithmic: bool = False) -> str:
-    """A line of bars, lowest to highest; ``·`` for nothing, ``×`` for what is not finite."""
+    """Draw a line of bars, lowest to highest; ``·`` for nothing, ``×`` for what is not finite."""
     scaled = [_scaled(value, logarithmic) for value in values]
     finite = [value for value in scaled if value is not None and math.isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=0.0)

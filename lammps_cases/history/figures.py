@@ -21,7 +21,7 @@ _MARK: Any = {"marker": "o", "ls": "none", "ms": 8, "mec": PAPER, "mew": 1.1, "z
 
 
 def errors(marks: Sequence[RunMark], name: str, height: int = 130) -> Markup:
-    """Difference/bound of every mark on a log axis, with the bound as a line.
+    """Draw difference/bound of every mark on a log axis, with the bound as a line.
 
     No difference lies at the foot, and so does what has no error; what is not finite lies at the head.
     """
@@ -45,7 +45,7 @@ def errors(marks: Sequence[RunMark], name: str, height: int = 130) -> Markup:
 
 
 def times(spreads: dict[str, Spread], name: str, height: int = 70) -> Markup:
-    """Median of LAMMPS' seconds of every engine, with their range."""
+    """Draw the median of LAMMPS' seconds of every engine, with their range."""
     top = max((spread.high for spread in spreads.values()), default=0.0) or 1.0
     titles = {}
     with matplotlib.rc_context(THEMED):
@@ -63,7 +63,7 @@ def times(spreads: dict[str, Spread], name: str, height: int = 70) -> Markup:
 
 
 def _empty(columns: Sequence[tuple[str, str]], height: int) -> tuple[Figure, Any]:
-    """A figure with a slot for every column: a label, once for neighbours that have the same, a lesser one below."""
+    """Return a figure with a slot for every column: a label, once for equal neighbours, and a lesser one below."""
     width, tall = _LEFT + _SLOT * len(columns) + 8, height + _FOOT
     figure = Figure(figsize=(width / _INCH, tall / _INCH))
     axis = figure.add_axes((_LEFT / width, _FOOT / tall, 1 - (_LEFT + 8) / width, 1 - (_FOOT + 10) / tall))
@@ -81,7 +81,7 @@ def _empty(columns: Sequence[tuple[str, str]], height: int) -> tuple[Figure, Any
 
 
 def _height(ratio: float | None, low: int, high: int) -> float:
-    """Where a ratio lies, in decades."""
+    """Return where a ratio lies, in decades."""
     if not ratio:
         return low - 1.0
     return max(float(low), math.log10(ratio)) if math.isfinite(ratio) else high + 1.0

@@ -43,7 +43,7 @@ class Picture:
 
 
 def steps(views: Sequence[CaseView]) -> list[Step]:
-    """The changes of some cases, by the pair of engines."""
+    """Collect the changes of some cases by the pair of engines."""
     by_engines: dict[tuple[str, str], Step] = {}
     for view in views:
         for change in view.changes:
@@ -76,12 +76,12 @@ def write(
 
 
 def error(ratio: float | None) -> str:
-    """Difference/bound for a narrow cell; ``=`` for none."""
+    """Return difference/bound for a narrow cell; ``=`` for none."""
     return "=" if ratio == 0 else brief(ratio)
 
 
 def findings(changes: Sequence[EngineChange]) -> list[tuple[str, str]]:
-    """Every pair of findings before and after, once."""
+    """List every pair of findings before and after, once."""
     return list(dict.fromkeys((change.was, change.now) for change in changes if change.kind == "finding"))
 
 

@@ -34,7 +34,7 @@ class Past:
 
 
 def before(history: History, record: RunRecord) -> Past | None:
-    """The runs up to the date of one, and that one; None if there are none. The same whenever it is asked for."""
+    """Return the runs up to the date of one, and that one; None without earlier runs."""
     own = StoredRun.of(record)
     earlier = [run for run in history.runs() if run.date <= own.date and not _same(run, own)][-RUNS:]
     if not earlier:
@@ -60,7 +60,7 @@ def before(history: History, record: RunRecord) -> Past | None:
 
 
 def _spans(results: Sequence[StoredCase], runs: Mapping[int, StoredRun]) -> list[tuple[StoredRun, int, int]]:
-    """The last run of every engine in which a case ended in some way, in how many runs, and that outcome."""
+    """Find the last run of every engine with each outcome of a case, the number of such runs, and the outcome."""
     spans: dict[tuple[str, int], tuple[StoredRun, int]] = {}
     for result in results:
         run = runs[result.run]
@@ -70,6 +70,6 @@ def _spans(results: Sequence[StoredCase], runs: Mapping[int, StoredRun]) -> list
 
 
 def _same(run: StoredRun, own: StoredRun) -> bool:
-    """Whether a stored run is the report's own; a hash of its run.json would take longer than all else here."""
+    """Return whether a stored run is the report's own; hashing its run.json would take longer than all else here."""
     one, other = ((each.date, each.seconds, each.command, each.engine.key) for each in (run, own))
     return one == other

@@ -59,7 +59,7 @@ _OUTCOME = "id, case_name, verdict, expected, natoms, steps, message, explained_
 
 
 def history_file() -> Path | None:
-    """The file of the user's history: that of `VARIABLE`, or in the user's data folder; None if switched off."""
+    """Return the file of the user's history: that of `VARIABLE`, or in the user's data folder; None if switched off."""
     named = os.environ.get(VARIABLE)
     if named == OFF:
         return None
@@ -116,17 +116,17 @@ class History:
         return True
 
     def runs(self) -> list[StoredRun]:
-        """All runs, by date."""
+        """Return all runs, by date."""
         rows = self._rows(f"SELECT {_RUN} FROM runs ORDER BY date, id")
         with self._one_line_errors():
             return [_read_run(row) for row in rows]
 
     def cases(self) -> list[str]:
-        """Names of all cases that some run has."""
+        """List the names of all cases that some run has."""
         return [name for (name,) in self._rows("SELECT DISTINCT case_name FROM outcomes ORDER BY case_name")]
 
     def results(self, runs: Iterable[int], cases: Sequence[str] | None = None) -> list[StoredCase]:
-        """The cases of some runs, in the order of the runs' ids; of all cases unless given."""
+        """Return the cases of some runs, in the order of the runs' ids; of all cases unless given."""
         chosen = "SELECT run, outcome, case_name, lammps, reference FROM results JOIN outcomes ON outcome = outcomes.id"
         chosen += " WHERE run IN (SELECT value FROM json_each(?))"
         given = [json.dumps(sorted(runs))]
@@ -136,7 +136,7 @@ class History:
         return [StoredCase(*row) for row in self._rows(f"{chosen} ORDER BY run, case_name", *given)]
 
     def outcomes(self, ids: Iterable[int], fields: bool = True) -> dict[int, CaseOutcome]:
-        """Outcomes by their ids, with their fields unless these are not wanted."""
+        """Return outcomes by their ids, with their fields unless these are not wanted."""
         given = json.dumps(sorted(set(ids)))
         among = "IN (SELECT value FROM json_each(?))"
         of: dict[int, list[FieldOutcome]] = {}
@@ -148,7 +148,7 @@ class History:
         return {row[0]: _read_outcome(row, of.get(row[0], ())) for row in rows}
 
     def forget(self, before: str) -> int:
-        """Drop the runs dated before an ISO date, and give their place back; how many there were."""
+        """Drop the runs dated before an ISO date and free their space; return their number."""
         if self._connection is None:
             return 0
         with self._writing() as connection:
@@ -167,7 +167,7 @@ class History:
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """A transaction, of a file that is made if need be."""
+        """Hold a transaction, of a file that is made if need be."""
         with self._one_line_errors():
             if self._connection is None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -299,7 +299,7 @@ def _field_row(field: FieldOutcome) -> tuple[str | float | None, ...]:
 
 
 def _stored(number: float | None) -> float | str | None:
-    """SQLite makes NULL of what is not a number, as it does of nothing: that is kept as text."""
+    """Keep NaN as text, of which SQLite would make NULL, as it does of nothing."""
     return "nan" if number is not None and math.isnan(number) else number
 
 

@@ -36,7 +36,7 @@ def natural(version: str) -> tuple[bool, Version | list[tuple[int, str]]]:
 
 
 def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
-    """The engines of some runs: releases by version, then what was built here by the date of its first run."""
+    """Sort runs by engine: releases by version, then what was built here by the date of its first run."""
     of: dict[str, list[StoredRun]] = {}
     for run in sorted(runs, key=lambda run: (run.date, run.id)):
         of.setdefault(run.engine.key, []).append(run)
@@ -49,7 +49,7 @@ def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
 
 
 def _release(group: Sequence[StoredRun]) -> str:
-    """The version of a distribution; empty for a build of one's own."""
+    """Return the version of a distribution; empty for a build of one's own."""
     return next((run.engine.distribution for run in group if not run.engine.name.startswith("path:")), "")
 
 

@@ -28,7 +28,7 @@ class RunDifference:
 
     @property
     def sentence(self) -> str:
-        """In a few words."""
+        """The difference in a few words."""
         parts = [f"{kind} of {count}" for kind, count in self.changed.items() if count]
         text = ", ".join(parts) if parts else "same" if self.common else "no case in common"
         more = [f"{count} {word}" for word, count in (("new", self.new), ("not run", self.gone)) if count]
@@ -74,7 +74,7 @@ class Spread:
 
     @classmethod
     def of(cls, seconds: Sequence[float]) -> Spread:
-        """Of at least one measurement."""
+        """Return median and range of at least one measurement."""
         return cls(statistics.median(seconds), min(seconds), max(seconds), len(seconds))
 
 
@@ -114,7 +114,7 @@ class CaseView:
 def chosen_runs(
     runs: Sequence[StoredRun], engine: str = "", since: str = "", last: int | None = None
 ) -> list[StoredRun]:
-    """Runs by a pattern (or part) of their engine's name, version or label, by date, and the last of them."""
+    """Select runs by a pattern (or part) of their engine's name, version or label, by date, and the last of them."""
     if engine:
         labels = {run.id: line.label for line in engines(runs) for run in line.runs}
         runs = [run for run in runs if _fits(engine, labels[run.id], run.engine.name, run.engine.distribution)]
@@ -127,7 +127,7 @@ def _fits(pattern: str, *names: str) -> bool:
 
 
 def chosen_cases(stored: Sequence[str], names: Sequence[str]) -> list[str]:
-    """Cases of the history by name, part of a name before a dot, or pattern.
+    """Select cases of the history by name, part of a name before a dot, or pattern.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def chosen_cases(stored: Sequence[str], names: Sequence[str]) -> list[str]:
 
 
 def run_lines(history: History, runs: Sequence[StoredRun], every: Sequence[StoredRun]) -> list[RunLine]:
-    """Runs, by date, each against what ``every`` run says of its engine at that date and of the engine before.
+    """Compare runs, by date, with what ``every`` run says of their engine at that date and of the engine before.
 
     A case is compared with its latest run on an engine, so that parts of a run add up. Of an engine before of which
     nothing is older, all is taken: versions need not be run in their order.
@@ -204,7 +204,7 @@ def _difference(
 
 
 def case_views(history: History, runs: Sequence[StoredRun], cases: Sequence[str], field: str = "") -> list[CaseView]:
-    """How some cases went over some runs; of the fields of a pattern alone, if one is given.
+    """Return how some cases went over some runs; of the fields of a pattern alone, if one is given.
 
     Raises
     ------

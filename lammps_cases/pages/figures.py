@@ -48,7 +48,7 @@ THEMED: Any = STYLE | {
 
 
 def plain_log_axis(axis: Any) -> None:
-    """A logarithmic axis with few ticks, as plain numbers; its limits are set."""
+    """Make an axis logarithmic, with few ticks, as plain numbers; its limits are set."""
     low, high = axis.get_view_interval()
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
     axis.set_major_locator(LogLocator(10.0, (1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=6))
@@ -57,12 +57,12 @@ def plain_log_axis(axis: Any) -> None:
 
 
 def plain_text(words: str) -> str:
-    """Words as matplotlib prints them: no mathematics between dollar signs."""
+    """Escape words so that matplotlib prints them as they are: no mathematics between dollar signs."""
     return words.replace("$", r"\$")
 
 
 def svg(figure: Figure) -> str:
-    """The figure as an SVG element, without the words about it that a file has."""
+    """Return the figure as an SVG element, without the words about it that a file has."""
     file = io.StringIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
@@ -79,7 +79,7 @@ def saved(figure: Figure, folder: Path, name: str) -> Markup:
 
 
 def themed(figure: Figure, name: str, label: str, marks: Mapping[str, tuple[str, str]]) -> Markup:
-    """A figure in the colours of the page, as its element.
+    """Return the element of a figure in the colours of the page.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def themed(figure: Figure, name: str, label: str, marks: Mapping[str, tuple[str,
 
 
 def with_own_names(svg: str, name: str) -> str:
-    """A picture whose parts, and what refers to them, are named after it; links out of the picture stay."""
+    """Rename the parts of a picture, and what refers to them, after it; links out of the picture stay."""
     ids = set(re.findall(r'\bid="([^"]+)"', svg))
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
     return re.sub(r'(href="#|url\(#)([^")]+)', lambda m: f"{m[1]}{name}-{m[2]}" if m[2] in ids else m[0], svg)

@@ -86,5 +86,5 @@ def page(
 
 
 def _script(path: Path) -> Markup:
-    """A script as it may stand in a page."""
+    """Return a script as it may stand in a page."""
     return Markup(path.read_text(encoding="utf-8").replace("</script", "<\\/script"))

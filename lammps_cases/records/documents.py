@@ -58,12 +58,12 @@ class Document(Generic[T]):
         return TypeAdapter(self.model)
 
     def text(self, content: T, exclude: Mapping[str, Any] | None = None) -> bytes:
-        """The bytes of a document's file, without the fields to exclude."""
+        """Return the bytes of a document's file, without the fields to exclude."""
         left_out = None if exclude is None else dict(exclude)
         return self._adapter.dump_json(content, by_alias=True, indent=1, exclude=left_out) + b"\n"
 
     def plain(self, content: T) -> dict[str, Any]:
-        """The document as JSON has it, for ``--json``."""
+        """Return the document as JSON has it, for ``--json``."""
         found: dict[str, Any] = json.loads(self.text(content))
         return found
 
@@ -86,7 +86,7 @@ class Document(Generic[T]):
         return self.parsed(content, str(path))
 
     def parsed(self, content: bytes, where: str) -> T:
-        """The document of a file's bytes; raises as `read`."""
+        """Parse the document of a file's bytes; raises as `read`."""
         try:
             schema = _Header.model_validate_json(content).schema_
             if schema in self.older:

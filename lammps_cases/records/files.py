@@ -36,7 +36,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False
 
 
 def csv_text(rows: Iterable[Iterable[object]], delimiter: str = ",") -> str:
-    """Rows as the lines of a CSV file."""
+    """Return rows as the lines of a CSV file."""
     text = io.StringIO()
     csv.writer(text, delimiter=delimiter, lineterminator="\n").writerows(rows)
     return text.getvalue()

@@ -56,7 +56,7 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
 
 @contextmanager
 def replacement(target: Path) -> Iterator[Path]:
-    """An empty folder beside a target, for `swap`; nothing is left of it, however the block ends.
+    """Yield an empty folder beside a target, for `swap`; nothing is left of it, however the block ends.
 
     The caller holds the lock of the target.
     """
@@ -83,7 +83,7 @@ def swap(partial: Path, target: Path) -> None:
 
 
 def present(target: Path) -> Path:
-    """Where a folder lies: aside, if a program was killed while it replaced it."""
+    """Return where a folder lies: aside, if a program was killed while it replaced it."""
     return _aside(target) if _aside(target).exists() and not target.exists() else target
 
 

@@ -37,7 +37,7 @@ class Journal(Generic[T]):
             os.close(handle)
 
     def lines(self) -> Iterator[T | None]:
-        """The entry of every line; None for a line that is none.
+        """Yield the entry of every line; None for a line that is none.
 
         Raises
         ------
@@ -51,7 +51,7 @@ class Journal(Generic[T]):
                 yield None
 
     def entries(self) -> list[T]:
-        """The entries, without lines that a kill cut short; none where there is no file."""
+        """Return the entries, without lines that a kill cut short; none where there is no file."""
         return [entry for entry in self.lines() if entry is not None] if self.file.exists() else []
 
     def forget(self) -> None:

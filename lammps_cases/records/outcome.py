@@ -58,7 +58,7 @@ class FieldOutcome:
 
     @property
     def name(self) -> str:
-        """Field, and atom type if it is restricted to one."""
+        """Name of the field, and atom type if it is restricted to one."""
         return field_name(self.field, self.atom_type)
 
     @property

@@ -84,7 +84,7 @@ class LawRecord(_Record):
 
     @classmethod
     def of(cls, atom_type: int, law: EOS, mass: float | None) -> LawRecord:
-        """The record of a law and of the mass that its particles have (None: they differ)."""
+        """Return the record of a law and of the mass that its particles have (None: they differ)."""
         parameters = {name: getattr(law, name) for name in ("style", "rho0", "cs", "parameter", "background")}
         return cls(type=atom_type, mass=mass, **parameters)
 
@@ -241,7 +241,7 @@ class EngineRecord(_Record):
 
     @property
     def key(self) -> str:
-        """The same for the same library, whatever name was given to it."""
+        """Identity of the engine: the same for the same library, whatever name was given to it."""
         return self.library_sha256 or " ".join((self.name, self.distribution, self.version_string, self.git))
 
     @property
@@ -278,7 +278,7 @@ class RunRecord(_Record):
 
     @property
     def exit_code(self) -> int:
-        """0 all as expected, 1 something differs (or is explained, if strict), 3 the engine failed."""
+        """Exit code: 0 all as expected, 1 something differs (or is explained, if strict), 3 the engine failed."""
         verdicts = {case.verdict for case in self.cases if not case.as_expected}
         if verdicts & {"refused", "crashed", "timeout", "error"}:
             return 3
@@ -287,7 +287,7 @@ class RunRecord(_Record):
         return 0
 
     def to_json(self) -> str:
-        """The document of run.json."""
+        """Return the document of run.json."""
         return self.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
@@ -300,12 +300,12 @@ def as_expected(verdict: Verdict, expects: str) -> bool:
 
 
 def worst(verdicts: list[Verdict]) -> Verdict:
-    """The worst of some verdicts; `skipped` if there is none."""
+    """Return the worst of some verdicts; `skipped` if there is none."""
     return max(verdicts, key=_SEVERITY.index, default="skipped")
 
 
 def digest(*parts: npt.NDArray[Any] | str) -> str:
-    """The first 64 bits of the SHA-256 of arrays of doubles, bit by bit, or of other digests, in hexadecimal."""
+    """Hash arrays of doubles bit by bit, or other digests: the first 64 bits of SHA-256, in hexadecimal."""
     found = hashlib.sha256()
     for part in parts:
         found.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part, float).tobytes())

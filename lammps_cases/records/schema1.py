@@ -68,7 +68,7 @@ def _upgrade(case: _Case) -> None:
 
 
 def _ended(case: _Case, text: str) -> str:
-    """How LAMMPS ended a case, whatever was expected of it and whatever explains it."""
+    """Return how LAMMPS ended a case, whatever was expected of it and whatever explains it."""
     verdict = case["verdict"]
     if verdict in ("refused", "crashed", "timeout", "error", "skipped"):
         return str(verdict)
@@ -96,7 +96,7 @@ def _unusable(text: str) -> _Case | None:
 
 
 def _blamed(text: str) -> _Case:
-    """The facts of a sentence about numbers; what follows the blame of an audit is how LAMMPS ended."""
+    """Parse a sentence about numbers; what follows the blame of an audit is how LAMMPS ended."""
     if audit := _AUDIT.match(text):
         return {"blame": _numbers(audit), "engine_error": text[audit.end() :]}
     start = _TWIN.match(text)
@@ -112,5 +112,5 @@ def _blamed(text: str) -> _Case:
 
 
 def _numbers(found: re.Match[str]) -> _Case:
-    """Groups as the model takes them: text that is a number is read by it."""
+    """Return groups as the model takes them: text that is a number is read by it."""
     return {name: value for name, value in found.groupdict().items() if value is not None}

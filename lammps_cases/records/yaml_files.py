@@ -45,7 +45,7 @@ _UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _map
 
 
 def read_yaml(path: Path, what: str = "case file") -> Any:
-    """The data of a YAML file; ``what`` is its name in complaints.
+    """Read the data of a YAML file; ``what`` is its name in complaints.
 
     Raises
     ------

@@ -92,7 +92,7 @@ def _acceptable(run: RunRecord, folder: Path, with_failures: bool) -> None:
 
 
 def _compatible(run: RunRecord, old: Side, target: Path) -> None:
-    """Cases of two machines or two libraries do not stand in one baseline."""
+    """Refuse to put cases of two machines or two libraries into one baseline."""
     rule = "must be that of the baseline, unless the run holds all its cases or --prune drops the others"
     if run.engine.library_sha256 != old.engine.library_sha256:
         raise InputError("library", rule, run.engine.library_sha256[:16], str(target))
@@ -119,7 +119,7 @@ def _write(folder: Path, run: RunRecord, cases: dict[str, CaseOutcome]) -> None:
 
 
 def _arrays(folder: Path, run: RunRecord, side: Side, old: Side | None, kept: set[str]) -> None:
-    """Arrays of the quick cases of the run; those of kept cases as they were."""
+    """Write the arrays of the quick cases of the run; those of kept cases stay as they were."""
     for record in run.cases:
         samples, arrays = side.samples(record.case), {}
         for field in record.fields if QUICK in record.tags else ():
@@ -146,7 +146,7 @@ def _reason(
     changes: Changes | None,
     dropped: tuple[str, ...],
 ) -> None:
-    """The earlier reasons and this one."""
+    """Add this reason to the earlier ones."""
     earlier = (target / REASONS).read_text(encoding="utf-8") if (target / REASONS).exists() else ""
     entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -162,7 +162,7 @@ def _reason(
 
 
 def _same(partial: Path, target: Path) -> bool:
-    """Whether a baseline is what there is already, its reasons aside."""
+    """Return whether a baseline is what is there already, its reasons aside."""
 
     def content(folder: Path) -> dict[str, bytes]:
         files = (path for path in folder.rglob("*") if path.is_file() and path.name != REASONS)

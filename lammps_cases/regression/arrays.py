@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from lammps_cases.comparison.compare import excess
 from lammps_cases.records.outcome import ChangeKind, FieldOutcome, StepOutcome
-from lammps_cases.records.run_record import Verdict
 from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.change import Closer, Policy, SideChange, closest, judged
 from lammps_cases.regression.outcomes import Sample, Samples
@@ -29,8 +29,9 @@ def field_change(
         (one.max_over_bound, other.max_over_bound),
     )
     if not one.digest or one.digest != other.digest:
-        samples = _samples(kept[0].of(one.name), kept[1].of(other.name))
-        difference = None if samples is None else _difference(*samples)
+        mine, theirs = kept[0].of(one.name), kept[1].of(other.name)
+        samples = (mine, theirs) if mine and theirs and _comparable(mine, theirs) else None
+        difference = _difference(*samples) if samples else None
         kind, step, note = _parted(one, other, samples, difference)
         change = replace(change, kind=kind, step=step, difference=difference, note=note)
     alike = change.kind != "same bits" or policy.alike(one, other)
@@ -50,54 +51,47 @@ def closer(one: FieldOutcome, other: FieldOutcome) -> Closer:
 def _parted(
     one: FieldOutcome, other: FieldOutcome, samples: tuple[Sample, Sample] | None, difference: float | None
 ) -> tuple[ChangeKind, int | None, str]:
-    """The kind of change of a field, the first step at which its bits part, and a remark."""
+    """Return the kind of change of a field, the first step at which its bits part, and a remark."""
     ours, theirs = ({at.step: at for at in field.steps} for field in (one, other))
     if ours.keys() != theirs.keys():
         return "changed", None, "compared at other steps"
-    parted: list[tuple[StepOutcome, StepOutcome, bool]] = []  # with whether the bits are recorded
-    for step, mine in ours.items():
-        at = theirs[step]
-        recorded = bool(mine.digest and at.digest)
-        same = mine.digest == at.digest
-        if not recorded and samples is not None and samples[0].step == step:
-            recorded, same = True, samples[0].values_n.tobytes() == samples[1].values_n.tobytes()
-        if not (recorded and same):
-            parted.append((mine, at, recorded))
+    bits = {step: _bits(at, theirs[step], samples) for step, at in ours.items()}
+    parted = [step for step in bits if bits[step] != "same"]
     if not parted:
         return "same bits", None, ""
-    first = next((mine.step for mine, _, recorded in parted if recorded), None)
-    note = "" if any(recorded for *_, recorded in parted) else "bits not known: a run of before there were digests"
-    alike = judged(one) == judged(other)
+    recorded = [step for step in parted if bits[step] == "other"]
+    first = recorded[0] if recorded else None
+    note = "" if recorded else "bits unknown: the run is from before there were digests"
     # Two arrays that the same findings explain lie within the bound of the same variant at every step.
-    explained = one.verdict == "explained"
-    at_sample = samples is not None and difference is not None and difference <= 1
-    outside = [
-        recorded
-        for mine, at, recorded in parted
-        if not (
-            _inside(mine.verdict, at.verdict, explained) or (at_sample and samples and samples[0].step == mine.step)
-        )
-    ]
+    good = (*INSIDE, "explained") if one.verdict == "explained" else INSIDE
+    inside = {step for step in parted if ours[step].verdict in good and theirs[step].verdict in good}
+    if samples is not None and difference is not None and difference <= 1:
+        inside.add(samples[0].step)
+    outside = [step for step in parted if step not in inside]
+    alike = judged(one) == judged(other)
     if alike and not outside:
         return "within bounds", first, note
-    unknown = alike and not any(outside) and one.max_over_bound == other.max_over_bound
+    unknown = alike and not set(outside) & set(recorded) and one.max_over_bound == other.max_over_bound
     return "cannot tell" if unknown else "changed", first, note
 
 
-def _inside(one: Verdict, other: Verdict, explained: bool) -> bool:
-    good = (*INSIDE, "explained") if explained else INSIDE
-    return one in good and other in good
+def _bits(
+    one: StepOutcome, other: StepOutcome, samples: tuple[Sample, Sample] | None
+) -> Literal["same", "other", "unknown"]:
+    """Compare the bits at a step by their digests, or else by the arrays if they are of this step."""
+    if one.digest and other.digest:
+        return "same" if one.digest == other.digest else "other"
+    if samples is not None and samples[0].step == one.step:
+        return "same" if samples[0].values_n.tobytes() == samples[1].values_n.tobytes() else "other"
+    return "unknown"
 
 
-def _samples(one: Sample | None, other: Sample | None) -> tuple[Sample, Sample] | None:
-    """Two arrays that can be held against each other."""
-    if one is None or other is None or one.step != other.step or one.values_n.shape != other.values_n.shape:
-        return None
-    return one, other
+def _comparable(one: Sample, other: Sample) -> bool:
+    return one.step == other.step and one.values_n.shape == other.values_n.shape
 
 
 def _difference(one: Sample, other: Sample) -> float:
-    """Largest difference over the smaller of the two bounds."""
+    """Return the largest difference over the smaller of the two bounds."""
     bound_n = np.minimum(one.bound_n, other.bound_n).astype(float)
     ratio_n = excess(one.values_n.astype(float), other.values_n.astype(float), bound_n)[1]
     return float(ratio_n.max(initial=0.0))

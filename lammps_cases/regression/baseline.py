@@ -60,7 +60,7 @@ DOCUMENT = Document("baseline", Identity)
 
 
 def engine_name(engine: EngineRecord) -> str:
-    """The folder of an engine's baseline.
+    """Return the folder of an engine's baseline.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def engine_name(engine: EngineRecord) -> str:
 
 
 def find(engine: EngineRecord, baselines: Path) -> Path:
-    """The baseline of an engine in a folder of baselines, or that folder if it is a baseline itself.
+    """Find the baseline of an engine in a folder of baselines; that folder, if it is a baseline itself.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def read(folder: Path, name: str = "") -> Side:
 
 
 def lines(cases: Mapping[str, CaseOutcome]) -> str:
-    """The content of ``verdicts.tsv``."""
+    """Return the content of ``verdicts.tsv``."""
     rows: list[Iterable[str]] = [COLUMNS]
     for name in sorted(cases):
         case = cases[name]
@@ -186,7 +186,7 @@ def _head(rows: Iterable[str]) -> Iterator[str]:
 
 
 def _row(row: list[str]) -> CaseOutcome | FieldOutcome:
-    """A line of the table.
+    """Read a line of the table.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def _verdict(text: str) -> Verdict:
 
 
 def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] | None = None) -> Changes:
-    """What a run does otherwise than the baseline accepted for its engine; `Changes.faults` is empty if nothing.
+    """Compare a run with the baseline accepted for its engine; `Changes.faults` is empty if nothing differs.
 
     Any change of a verdict, a finding, or how a case ends is a fault, and so is a field that is no longer compared.
     Other bits are one on the machine kind that the baseline was made on. On another one they are only reported, as long
@@ -262,7 +262,7 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
 
 
 def machine_of(run: RunRecord) -> str:
-    """What decides which instructions and which C library rounded in a run: its own note, or this machine.
+    """Return what decides which instructions and which C library rounded in a run: its own note, or this machine.
 
     The model of the processor is part of it, although processors of one family mostly round alike: to take two
     machines for different costs a warning, to take them for the same a false alarm.

@@ -87,7 +87,7 @@ def bisect(names: Sequence[str], side_of: SideOf, policy: Policy, fields: Sequen
 
 
 def only(changes: Changes, fields: Sequence[str]) -> Changes:
-    """The changes of some fields, and of cases as a whole."""
+    """Return the changes of some fields, and of cases as a whole."""
     if not fields:
         return changes
     kept = tuple(change for change in changes.fields if not change.field or change.field in fields)
@@ -95,7 +95,7 @@ def only(changes: Changes, fields: Sequence[str]) -> Changes:
 
 
 def document(bisection: Bisection, names: Sequence[str], command: str = "") -> dict[str, Any]:
-    """What bisect.json holds."""
+    """Return the content of bisect.json."""
     return {
         "schema": SCHEMAS["bisect"],
         "command": command,
@@ -110,5 +110,5 @@ def document(bisection: Bisection, names: Sequence[str], command: str = "") -> d
 
 
 def side_names(bisection: Bisection, names: Sequence[str]) -> tuple[str, str]:
-    """The two sides of which the changes are shown."""
+    """Return the two sides of which the changes are shown."""
     return (names[0], names[-1]) if bisection.first is None else (names[bisection.first - 1], names[bisection.first])

@@ -17,7 +17,7 @@ def closest(a: bool, b: bool) -> Closer:
 
 
 def judged(field: FieldOutcome) -> tuple[str, tuple[str, ...]]:
-    """What a verdict says of LAMMPS: inside the bound, explained by some findings, or neither."""
+    """Reduce a verdict to what it says of LAMMPS: inside the bound, explained by some findings, or neither."""
     return ("inside", ()) if field.verdict in INSIDE else (field.verdict, field.explained_by)
 
 
@@ -37,7 +37,7 @@ class Policy:
     news: bool = True
 
     def alike(self, one: FieldOutcome, other: FieldOutcome) -> bool:
-        """Whether the same bits were judged the same."""
+        """Return whether the same bits were judged the same."""
         if self.bits and one.verdict != other.verdict:
             return False
         if self.findings and one.explained_by != other.explained_by:
@@ -45,7 +45,7 @@ class Policy:
         return judged(one)[0] == judged(other)[0]
 
     def faults(self, kind: ChangeKind) -> bool:
-        """Whether a change of some kind is one."""
+        """Return whether a change of some kind counts."""
         if kind in SAME:
             return False
         return self.bits if kind == "within bounds" else self.news or kind not in NEW

@@ -24,23 +24,23 @@ class Changes:
 
     @property
     def faults(self) -> tuple[SideChange, ...]:
-        """What is held against side B."""
+        """The changes held against side B."""
         return tuple(change for change in self.fields if change.fault)
 
     @property
     def counts(self) -> dict[ChangeKind, int]:
-        """How many fields (and cases without fields) are of each kind."""
+        """Number of fields (and of cases without fields) of each kind."""
         counts = Counter(change.kind for change in self.fields)
         return {kind: counts[kind] for kind in CHANGE_KINDS if counts[kind]}
 
     @property
     def different(self) -> list[SideChange]:
-        """All but what is the same."""
+        """All changes but those that are none."""
         return [change for change in self.fields if change.kind not in SAME]
 
 
 def compare(a: Side, b: Side, policy: Policy) -> Changes:
-    """Everything that differs, and everything that does not, by case and field.
+    """Compare two sides by case and field: everything that differs, and everything that does not.
 
     Two arrays of LAMMPS are `within bounds` of each other if at every step they have the same bits, or both lie within
     the bound of one and the same prediction: of the reference, or of the reference with the same findings.
@@ -61,7 +61,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
 
 
 def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
-    """What makes a comparison say less than it seems to."""
+    """Name what makes a comparison say less than it seems to."""
     if a.versions != b.versions:
         names = sorted(k for k in a.versions.keys() | b.versions.keys() if a.versions.get(k) != b.versions.get(k))
         said = ", ".join(f"{k} {a.versions.get(k, 'none')} and {b.versions.get(k, 'none')}" for k in names)
@@ -101,7 +101,7 @@ def _became(one: CaseOutcome, other: CaseOutcome) -> ChangeKind:
 
 
 def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
-    """Whether LAMMPS said something else that matters: a refusal may be worded anew if it says what is expected."""
+    """Return whether LAMMPS' words differ where it matters: a refusal may be reworded if it still fits."""
     if "differs" in (one.verdict, other.verdict) and one.verdict != other.verdict:
         return True
     recorded = bool(one.message and other.message)  # a baseline does not hold them

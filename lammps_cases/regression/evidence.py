@@ -25,7 +25,7 @@ Shown = Mapping[str, Sequence[str]]  # id of a finding: cases
 
 
 def shown_by(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> dict[str, list[str]]:
-    """Cases of the accepted runs, of whichever engine, that show each finding.
+    """List the cases of the accepted runs, of whichever engine, that show each finding.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def shown_by(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> dict[str, l
 
 
 def table(shown: Shown, ledger: Sequence[Finding] = LEDGER) -> str:
-    """The findings as a table in Markdown, the most severe first."""
+    """Return the findings as a table in Markdown, the most severe first."""
     order = get_args(Severity)
     rows = [
         f"| {entry.severity} | {entry.title} (`{entry.id}`) | {_wheels(entry)} | {len(shown[entry.id])} |\n"
@@ -56,7 +56,7 @@ def _wheels(entry: Finding) -> str:
 
 
 def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -> dict[Path, str]:
-    """The files that follow from the ledger and the accepted runs, and their content."""
+    """Return the files that follow from the ledger and the accepted runs, with their content."""
     shown = shown_by(baselines, ledger)
     head, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)
     tail = rest.partition(END)[2]

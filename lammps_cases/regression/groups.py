@@ -47,7 +47,7 @@ class ChangeGroup:
         return _some([f"{name} {count}" for name, count in self.fields] if self.fields else self.cases)
 
     def sentence(self, a: str = "A", b: str = "B") -> str:
-        """The group in one line, with what the sides are called."""
+        """Describe the group in one line, with what the sides are called."""
         named = {"A": a, "B": b}
         shown = f"{self.trait} in {named[self.side]} only: " if self.side else ""
         return f"{self.kind}: {shown}{self._extent}{self._against(named)}"
@@ -62,7 +62,7 @@ class ChangeGroup:
         return f"{self.count} fields of {cases} ({self.mostly})"
 
     def _against(self, named: Mapping[str, str]) -> str:
-        """Which side is right."""
+        """Say which side agrees with the reference, or is closer to it."""
         tally = dict(self.closer)
         for side, agreeing in zip("AB", self.agree, strict=True):
             if agreeing == self.count and set(tally) == {side}:
@@ -72,7 +72,7 @@ class ChangeGroup:
 
 
 def groups(changes: Iterable[SideChange]) -> list[ChangeGroup]:
-    """Groups of all changes but those that are none; the largest first within a kind.
+    """Group all changes but those that are none; the largest group first within a kind.
 
     A field that gained one finding and lost another is in the groups of both.
     """
@@ -87,7 +87,7 @@ def groups(changes: Iterable[SideChange]) -> list[ChangeGroup]:
 
 
 def _moved(change: SideChange) -> list[tuple[str, Literal["A", "B", ""]]]:
-    """What only one of the sides shows."""
+    """List what only one of the sides shows."""
     one, other = (_traits(change, at) for at in (0, 1))
     if change.kind in ("within bounds", "new case", "missing case", "new field", "missing field"):
         return [("", "")]
@@ -119,6 +119,6 @@ def _group(kind: ChangeKind, trait: str, side: Literal["A", "B", ""], members: S
 
 
 def _some(names: Sequence[str]) -> str:
-    """The first of some names, and how many more there are."""
+    """Name the first of some things, and how many more there are."""
     rest = len(names) - LISTED
     return ", ".join(names[:LISTED]) + (f", {rest} more" if rest > 0 else "")

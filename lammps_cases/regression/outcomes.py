@@ -51,7 +51,7 @@ class Samples:
         return np.load(io.BytesIO(self._path.read_bytes())) if self._path and self._path.exists() else {}
 
     def of(self, field: str) -> Sample | None:
-        """The arrays of a field; None if there are none.
+        """Return the arrays of a field; None if there are none.
 
         Raises
         ------
@@ -105,7 +105,7 @@ class Side:
 
 
 def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
-    """A run with the arrays in its report folder.
+    """Return the side that a run with the arrays in its report folder is.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
 
 
 def read(folder: Path) -> Side:
-    """The side of a report folder; see `lammps_cases.records.run_record.read_run` for what it raises."""
+    """Read the side of a report folder; see `lammps_cases.records.run_record.read_run` for what it raises."""
     return of_run(read_run(folder), folder)
 
 

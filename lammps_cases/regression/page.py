@@ -39,7 +39,7 @@ class ChangeLine:
 
     @property
     def difference(self) -> str:
-        """Of the two arrays of LAMMPS, as text."""
+        """Difference of the two arrays of LAMMPS, as text."""
         return wording.number(self.change.difference)
 
 
@@ -57,7 +57,7 @@ class PairView:
 
     @property
     def marks(self) -> list[tuple[str, str]]:
-        """What the characters of the matrix say."""
+        """The characters of the matrix and their meaning."""
         words = {
             "A": f"closer: {self.pair.a}",
             "B": f"closer: {self.pair.b}",
@@ -68,7 +68,7 @@ class PairView:
 
 
 def render(comparison: SideComparison) -> str:
-    """The page of a comparison."""
+    """Return the page of a comparison."""
     shown = [comparison.alone] if comparison.alone else pairs.shown(comparison)
     return frame.page(
         ASSETS,
@@ -99,7 +99,7 @@ def _view(pair: Pair) -> PairView:
 
 
 def _columns(changes: Sequence[SideChange]) -> list[str]:
-    """Cases as a whole first, then fields in the order of a step."""
+    """Sort the columns: cases as a whole first, then fields in the order of a step."""
 
     def rank(field: str) -> tuple[int, int, str]:
         given = field.endswith(" (given)") or field in ("type", "esph")
@@ -130,7 +130,7 @@ def _cell(change: SideChange, anchors: dict[tuple[str, str], str], closer: dict[
 
 
 def _side(change: SideChange, side: int) -> str:
-    """Verdict of a side, findings, and how far it is from the reference."""
+    """Describe a side: verdict, findings, distance from the reference."""
     ratio = change.over_bound[side]
     parts = [change.verdicts[side], ", ".join(change.findings[side])]
     return "; ".join(part for part in (*parts, "" if ratio is None else f"{wording.brief(ratio)} bounds") if part)

@@ -33,23 +33,23 @@ class Pair:
 
     @property
     def name(self) -> str:
-        """As it is called in tables."""
+        """Name of the pair in tables."""
         return f"{self.a}-{self.b}"
 
     @property
     def names(self) -> dict[str, str]:
-        """What the sides of a change are called."""
+        """Labels of the sides that changes call A and B."""
         return {"A": self.a, "B": self.b}
 
     @property
     def tally(self) -> tuple[int, int, int]:
-        """How many fields are the same, within bounds, and changed beyond them."""
+        """Number of fields that are the same, within bounds, and changed beyond them."""
         different, within = len(self.changes.different), self.changes.counts.get("within bounds", 0)
         return len(self.changes.fields) - different, within, different - within
 
     @property
     def groups(self) -> list[ChangeGroup]:
-        """What changed, in a few lines."""
+        """The changes, in a few lines."""
         return groups(self.changes.fields)
 
 
@@ -64,7 +64,7 @@ class SideComparison:
 
     @property
     def alone(self) -> Pair | None:
-        """The pair, if there is but one."""
+        """The pair, if it is the only one."""
         return self.pairs[0] if len(self.pairs) == 1 else None
 
     @property
@@ -94,7 +94,7 @@ def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing:
 
 
 def document(comparison: SideComparison) -> dict[str, Any]:
-    """What compare.json holds.
+    """Return the content of compare.json.
 
     Of a single pair ``fields`` lists everything compared, of more pairs what is not the same, with the pair's name.
     """
@@ -140,7 +140,7 @@ def _group(group: ChangeGroup, pair: Pair) -> dict[str, Any]:
 
 
 def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
-    """A change as JSON: case, field, change and closer_to_reference always, the rest where it says something."""
+    """Return a change as JSON: case, field, change and closer_to_reference always, the rest where it says something."""
 
     def both(values: tuple[Any, Any]) -> dict[str, Any] | None:
         return dict(zip((a, b), values, strict=True)) if any(values) else None
@@ -165,14 +165,14 @@ def row(change: SideChange, a: str = "A", b: str = "B") -> dict[str, Any]:
 
 
 def lines(changes: Changes, a: str = "A", b: str = "B") -> Iterator[str]:
-    """What changed, and what of it, in lines, with what the sides are called."""
+    """Yield lines that sum up what changed; ``a`` and ``b`` are the names of the sides."""
     yield ", ".join(f"{count} {kind}" for kind, count in changes.counts.items()) or "nothing to compare"
     yield from (f"  {group.sentence(a, b)}" for group in groups(changes.fields))
     yield from (f"  note: {note}" for note in changes.notes)
 
 
 def faults(changes: Changes) -> Iterator[str]:
-    """The first of the changes that count, each in a line."""
+    """Yield the first of the changes that count, each in a line."""
     listed = changes.faults
     for change in listed[:SAID]:
         yield f"  {fault(change)}"
@@ -181,7 +181,7 @@ def faults(changes: Changes) -> Iterator[str]:
 
 
 def checked(changes: Changes, report: str) -> Iterator[str]:
-    """What ``eos-ref run --baseline`` says of what `baseline.check` found; ``report`` is the run's folder."""
+    """Yield the lines that ``eos-ref run --baseline`` prints; ``report`` is the run's folder."""
     first, *rest = lines(changes, "the baseline", "this run")
     yield f"baseline {changes.a.name}: {first}"
     yield from rest
@@ -191,7 +191,7 @@ def checked(changes: Changes, report: str) -> Iterator[str]:
 
 
 def fault(change: SideChange) -> str:
-    """A change in one line."""
+    """Describe a change in one line."""
     where = " ".join(part for part in (change.case, change.field) if part)
     at = "" if change.step is None else f" from step {change.step}"
     was, now = (_judgement(change, side) for side in (0, 1))
@@ -212,7 +212,7 @@ def _judgement(change: SideChange, side: int) -> str:
 
 
 def summary(comparison: SideComparison) -> str:
-    """``summary.md``."""
+    """Return ``summary.md``."""
     named = [f"{label} is {markdown.text(side.title)}" for label, side in comparison.sides.items()]
     blocks = [f"## eos-ref compare: {STAMPS[comparison.exit_code]}", "; ".join(named) + "."]
     blocks += [f"> **Note:** {markdown.text(note)}" for note in comparison.notes]
@@ -224,7 +224,7 @@ def summary(comparison: SideComparison) -> str:
 
 
 def shown(comparison: SideComparison) -> list[Pair]:
-    """The pairs that are shown in full: each side with the one before it."""
+    """List the pairs that are shown in full: each side with the one before it."""
     return [pair for pair in comparison.pairs if ord(pair.b) == ord(pair.a) + 1]
 
 
@@ -234,7 +234,7 @@ def _table_of_pairs(comparison: SideComparison) -> str:
 
 
 def ratio(pair: Pair) -> str:
-    """The ratio of times of a pair, in words; empty if none was taken."""
+    """Describe the ratio of times of a pair; empty if none was measured."""
     if not pair.speeds:
         return ""
     speed = pair.speeds[0]

@@ -26,7 +26,7 @@ WRITTEN = ("compare.json", "compare.html", "summary.md", "bisect.json")
 
 
 def is_side(name: str) -> bool:
-    """Whether a word names a side: an engine, or what has a slash or is a folder."""
+    """Return whether a word names a side: an engine, or what has a slash or is a folder."""
     return installations.is_engine(name) or "/" in name or Path(name).is_dir()
 
 
@@ -151,7 +151,7 @@ def select(
 
 
 def output(folder: Path) -> Path:
-    """The folder of a comparison, cleared of what an earlier one wrote beside its runs.
+    """Return the folder of a comparison, cleared of what an earlier one wrote beside its runs.
 
     Raises
     ------

@@ -43,7 +43,7 @@ class Speed:
     answer: Answer
 
     def sentence(self, a: str = "A", b: str = "B") -> str:
-        """In one line, with what the sides are called."""
+        """Describe the ratio in one line, with what the sides are called."""
         r = self.ratio
         verdict_on_b = self.answer if self.answer == "cannot tell" else f"{b} is {self.answer}"
         each = f"{self.count} rounds in turns"
@@ -55,7 +55,7 @@ class Speed:
 
 
 def of_saved(a: Side, b: Side) -> Speed | None:
-    """The paired seconds of LAMMPS over the cases that both sides answered; None without such cases.
+    """Compare LAMMPS' seconds over the cases that both sides answered; None without such cases.
 
     Each case was called once on each side, at another time. The interval (the same for the ratios and for their
     logarithms) holds how cases scatter, not what the machine did meanwhile, so it tells nobody faster or slower.
@@ -92,7 +92,7 @@ class Turns:
 
 
 def scenes() -> list[Case]:
-    """What is timed: fluids with every option that changes what LAMMPS does."""
+    """Return what is timed: fluids with every option that changes what LAMMPS does."""
     cases = []
     for option in OPTIONS:
         case = scene(option, 2, EDGE)

@@ -67,7 +67,7 @@ class AgreementRow:
 
     @property
     def exact(self) -> bool:
-        """Whether all cases have the same bits at all steps."""
+        """Return whether all cases have the same bits at all steps."""
         return all(cell is None or cell.verdict == "exact" for cell in self.cells)
 
 
@@ -84,7 +84,7 @@ class Matrix:
 
 
 def matrices(run: RunRecord) -> list[Matrix]:
-    """LAMMPS against the reference and, where a run has such cases, against itself; empty without the model."""
+    """Return LAMMPS against the reference and, where a run has such cases, against itself; empty without the model."""
     stepped = [case for case in run.cases if any(record.steps for record in case.fields)]
     kinds = {
         "LAMMPS against the reference": [case for case in stepped if not case.twin],
@@ -94,7 +94,7 @@ def matrices(run: RunRecord) -> list[Matrix]:
 
 
 def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
-    """All fields that are compared at steps, in the order of a step."""
+    """Collect all fields that are compared at steps, in the order of a step."""
     found: dict[str, dict[int, AgreementCell]] = {}
     for case in cases:
         for record in case.fields:

@@ -33,7 +33,7 @@ SEVERITY: dict[str, Severity] = {"explained": "minor", "differs": "major", "refu
 
 
 def case_lines(path: Path) -> dict[str, int]:
-    """Line, from 1, at which each case of a case file stands; empty if the file cannot be read.
+    """Return the line, from 1, at which each case of a case file stands; empty if the file cannot be read.
 
     A case of a matrix stands at its label, in the axis that has most labels: the others tell less.
     """
@@ -56,13 +56,13 @@ def case_lines(path: Path) -> dict[str, int]:
 
 
 def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
-    """Key and value nodes of a mapping, by the key's text."""
+    """Return key and value nodes of a mapping, by the key's text."""
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
     return {str(key.value): (key, value) for key, value in pairs}
 
 
 def source_of(case: CaseRecord) -> Path | None:
-    """The case file, or the audited deck, that a record is of; None if it does not say."""
+    """Return the case file, or the audited deck, that a record is of; None if it does not say."""
     words = shlex.split(case.reproduce)
     if words[1:2] == ["audit"] and len(words) > 2:
         return Path(words[2])
@@ -72,7 +72,7 @@ def source_of(case: CaseRecord) -> Path | None:
 
 
 def place(case: CaseRecord, root: Path) -> tuple[str, int] | None:
-    """File of a case, relative to the repository at ``root``, and line; None if it lies elsewhere."""
+    """Return file (relative to the repository at ``root``) and line of a case; None if it lies elsewhere."""
     source = source_of(case)
     if source is None:
         return None
@@ -87,7 +87,7 @@ def place(case: CaseRecord, root: Path) -> tuple[str, int] | None:
 
 
 def workflow_commands(run: RunRecord, root: Path) -> list[str]:
-    """GitHub's annotations of a run: an error for each case not as expected, worst first, and a notice for each note.
+    """Return GitHub's annotations of a run: errors for cases not as expected, worst first, and notices for notes.
 
     Where there are more than GitHub shows, the last says how many.
     """
@@ -104,7 +104,7 @@ def workflow_commands(run: RunRecord, root: Path) -> list[str]:
 
 
 def command(level: Level, message: str, properties: Mapping[str, str]) -> str:
-    """One workflow command, escaped as GitHub's runner reads it."""
+    """Return one workflow command, escaped as GitHub's runner reads it."""
     given = ",".join(f"{name}={_escaped(value, of_property=True)}" for name, value in properties.items())
     return f"::{level} {given}::{_escaped(message)}"
 
@@ -115,12 +115,12 @@ def _escaped(text: str, of_property: bool = False) -> str:
 
 
 def _message(case: CaseRecord) -> str:
-    """Why a case is not as expected, and how to see it."""
+    """Say why a case is not as expected, and how to reproduce it."""
     return "\n".join(filter(None, (case.message or wording.kind(case), case.reproduce)))
 
 
 def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
-    """As many whole lines of a summary as fit beside ``taken`` bytes, and a word on what was left out."""
+    """Keep as many whole lines of a summary as fit beside ``taken`` bytes, and a word on what was left out."""
     room = limit - taken
     if len(summary.encode()) <= room:
         return summary
@@ -138,7 +138,7 @@ def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
 
 
 def code_quality(run: RunRecord, root: Path) -> str:
-    """GitLab's code quality report: an entry for each case not as expected, worst first."""
+    """Return GitLab's code quality report: an entry for each case not as expected, worst first."""
     return json.dumps([_entry(case, root) for case in wording.unaccepted(run)], indent=1) + "\n"
 
 

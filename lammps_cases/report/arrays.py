@@ -19,7 +19,7 @@ _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, ver
 
 
 def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
-    """All arrays of an npz file that `files.write_arrays` wrote, read-only.
+    """Read all arrays of an npz file that `files.write_arrays` wrote; they are read-only.
 
     As np.load, in half the time: that parses the header of every array as Python source, and a run has a thousand
     arrays with a dozen different headers.
@@ -36,7 +36,7 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 
 def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-    """Arrays in which the component closest to its bound stands for every vector and tensor of a compared field."""
+    """Let the component closest to its bound stand for every vector and tensor of a compared field."""
     reduced = dict(arrays)
     for name in arrays:
         field, _, side = name.rpartition(".")

@@ -34,37 +34,36 @@ class Drawn:
 
 
 def drawn(case: CaseRecord, arrays: plots.Arrays) -> Drawn:
-    """What is shown of the arrays of a case (none: no arrays)."""
+    """Return what is shown of the arrays of a case (none: no arrays)."""
     # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
     at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
     reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
-    found = {} if reduced is None else plots.differences(reduced)
-    data = plots.payload(case, reduced, found)
+    differences = {} if reduced is None else plots.differences(reduced)
+    data = plots.payload(case, reduced, differences)
     fields = tuple((data or {}).get("fields", ()))
     # Of the model only the field in which a difference enters: it has a dozen.
     stepped = any(record.steps for record in case.fields)
-    exact_numbers = [name for name in fields if name == (data or {})["first"]] if stepped else _moved(found)
+    if stepped:
+        exact_numbers = [name for name in fields if name == (data or {})["first"]]
+    else:
+        exact_numbers = [name for name, (difference_n, _) in differences.items() if difference_n.any()]
     return Drawn(
         None if data is None else embedded(data),
         fields,
-        tuple(_worst(case, reduced, name, *found[name]) for name in exact_numbers) if reduced else (),
+        tuple(_worst(case, reduced, name, *differences[name]) for name in exact_numbers) if reduced else (),
     )
 
 
 def drawn_from(case: CaseRecord, fields: Path) -> Drawn:
-    """What is shown of the arrays of a case in the folder ``fields``."""
+    """Return what is shown of the arrays of a case in the folder ``fields``."""
     path = fields / f"{case.case}.npz"
     return drawn(case, read_arrays(path) if case.fields and path.is_file() else {})
 
 
 def embedded(data: Any) -> Markup:
-    """JSON that cannot end the script element it stands in, nor open a comment there."""
+    """Return JSON that cannot end the script element it stands in, nor open a comment there."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
-
-
-def _moved(found: plots.Differences) -> list[str]:
-    return [name for name, (difference_n, _) in found.items() if difference_n.any()]
 
 
 def _worst(

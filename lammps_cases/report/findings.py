@@ -27,7 +27,7 @@ class RunFinding:
 
     @property
     def status(self) -> Status:
-        """Whether the run shows it, could have shown it, or neither."""
+        """Return whether the run shows it, could have shown it, or neither."""
         return "seen" if self.cases else "unseen" if self.unseen else "absent"
 
     @property
@@ -43,7 +43,7 @@ class RunFinding:
 
 
 def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
-    """Every finding, the most severe first; of equal severity those that the run shows first."""
+    """Return every finding, the most severe first; of equal severity those that the run shows first."""
     explained = [(case, set(wording.explained_by(case))) for case in run.cases]
     found = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
     return sorted(found, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))

@@ -13,7 +13,7 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def document(run: RunRecord) -> bytes:
-    """A run as JUnit XML: one testcase per case, in the class of the first part of its name."""
+    """Return a run as JUnit XML: one testcase per case, in the class of the first part of its name."""
     outcomes = [_outcome(case, run) for case in run.cases]
     totals = {
         "tests": len(run.cases),

@@ -58,7 +58,7 @@ def _failure(case: CaseRecord) -> Sequence[str]:
 
 
 def _findings(found: Sequence[findings.RunFinding]) -> str:
-    """One line per finding that the run shows or could have shown."""
+    """Return one line per finding that the run shows or could have shown."""
     rows = [
         (f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.cases), len(f.unseen) or "")
         for f in found
@@ -73,7 +73,7 @@ def _findings(found: Sequence[findings.RunFinding]) -> str:
 
 
 def _agreement(matrix: agreement.Matrix) -> str:
-    """Fields against steps: cases inside the bound with the largest difference/bound, then those outside it."""
+    """Tabulate fields against steps: cases inside the bound with the largest difference/bound, then those outside."""
     shown = [row for row in matrix.rows if not row.exact]
     same = [row.field for row in matrix.rows if row.exact]
     blocks = [
@@ -150,27 +150,27 @@ def _provenance(run: RunRecord) -> str:
 
 
 def folded(title: str, block: str) -> str:
-    """A block that opens on a click."""
+    """Return a block that opens on a click."""
     return f"<details><summary>{title}</summary>\n\n{block}\n\n</details>"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table; the cells are Markdown already: made by `text` and `code`, or numbers."""
+    """Return a table; the cells are Markdown already: made by `text` and `code`, or numbers."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 
 def text(words: str) -> str:
-    """Plain text inside a table cell: nothing in it is markup."""
+    """Return plain text for a table cell: nothing in it is markup."""
     flat = _flat(words).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", flat)
 
 
 def code(words: str) -> str:
-    """Words in a fixed-width font; nothing of nothing."""
+    """Return words in a fixed-width font; nothing of nothing."""
     return "`" + _flat(words).replace("`", "'").replace("|", r"\|") + "`" if words else ""
 
 
 def _flat(words: str) -> str:
-    """One line without control characters, which LAMMPS echoes from a deck."""
+    """Return one line without control characters, which LAMMPS echoes from a deck."""
     return " ".join("".join(c if c.isprintable() else " " for c in words).split())

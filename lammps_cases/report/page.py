@@ -10,18 +10,15 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from markupsafe import Markup
-
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.history.draw import RunMark
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
-from lammps_cases.report import agreement, findings, plots
+from lammps_cases.report import plots
 from lammps_cases.report.content import Content
-from lammps_cases.report.drawn import Drawn, WorstAtom, drawn_from
+from lammps_cases.report.drawn import Drawn, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
@@ -39,89 +36,48 @@ class SteppedField:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A case as the page shows it."""
+class CaseEntry:
+    """A case as the page shows it; ``text`` is what its search looks through."""
 
     record: CaseRecord
-    kind: str
-    rank: int
     accepted: bool
-    blame: FieldRecord | None
-    ratio: float | None
-    lost: tuple[float | None, float | None]
-    styles: str
+    drawn: Drawn
     text: str
     checks: list[CheckRecord]
-    worst: tuple[WorstAtom, ...]
-    data: Markup | None
-    message: str
-    explained: list[str]
     steps: list[int]
     rows: list[SteppedField]
-
-
-@dataclass(frozen=True)
-class PageContent:
-    """All that the template shows, by the names it uses; ``known`` are the ids of the ledger's findings."""
-
-    run: RunRecord
-    stamp: str
-    sentence: str
-    engine: str
-    counts: dict[str, int]
-    entries: list[Shown]
-    notes: list[str]
-    tags: dict[str, int]
-    matrices: list[agreement.Matrix]
-    findings: list[findings.RunFinding]
-    claims: verdicts.Summary | None
-    known: set[str]
-    provenance: dict[str, str]
-    seeds: dict[str, int]
-    history: Past | None
-    marks: dict[str, tuple[RunMark, ...]]
-
-    @classmethod
-    def of(cls, content: Content, fields: Path, known: Mapping[str, Drawn], history: Past | None) -> PageContent:
-        """Draw every case of a run; see `render`."""
-        run = content.run
-        return cls(
-            run=run,
-            stamp=wording.stamp(run),
-            sentence=wording.sentence(run),
-            engine=wording.engine(run),
-            counts=wording.counts(run),
-            entries=[_shown(case, run, known.get(case.case) or drawn_from(case, fields)) for case in run.cases],
-            notes=run.notes,
-            tags=_tags(run),
-            matrices=content.matrices,
-            findings=content.findings,
-            claims=verdicts.summary(run),
-            known={finding.entry.id for finding in content.findings},
-            provenance=dict(_provenance(run)),
-            seeds={case.case: case.seed for case in run.cases if case.seed is not None},
-            history=history,
-            marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
-        )
 
 
 def render(
     content: Content, fields: Path, known: Mapping[str, Drawn] | None = None, history: Past | None = None
 ) -> str:
     """Return the page of a run; arrays of cases that are not in ``known`` are read from the folder ``fields``."""
+    run, at_hand = content.run, known or {}
+    tags = Counter(tag for case in run.cases for tag in set(case.tags))
     return frame.page(
         ASSETS,
         "report",
-        wording.status(content.run),
+        wording.status(run),
         filters={"shade": shade, "sortable": _sortable},
         styles=[HISTORY_CSS] if history else [],
         scripts=[_plotly(), ASSETS / "plots.js"],
-        **vars(PageContent.of(content, fields, known or {}, history)),
+        run=run,
+        wording=wording,
+        entries=[_entry(case, run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases],
+        tags={tag: tags[tag] for tag in sorted(tags)},
+        matrices=content.matrices,
+        findings=content.findings,
+        known={finding.entry.id for finding in content.findings},
+        claims=verdicts.summary(run),
+        provenance=dict(_provenance(run)),
+        seeds={case.case: case.seed for case in run.cases if case.seed is not None},
+        history=history,
+        marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
     )
 
 
 def shade(ratio: float | None, verdict: str) -> int:
-    """Depth of a colour from 0 to 9 on a log scale: within the bound to 4, beyond it from 4 to 1e15 times it."""
+    """Return the depth of a colour, 0 to 9 on a log scale: within the bound to 4, beyond it from 4 to 1e15 times it."""
     if ratio is None or ratio == 0:
         return 0
     decades = math.log10(ratio) if 0 < ratio < math.inf else math.inf
@@ -135,35 +91,21 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[St
     for _, of_stage in itertools.groupby(case.fields, key=lambda record: record.stage):
         records = list(of_stage)
         for i, record in enumerate(records):
-            at = {found.step: found for found in record.steps}
-            cells = [at.get(step) for step in steps]
+            by_step = {at.step: at for at in record.steps}
+            cells = [by_step.get(step) for step in steps]
             rows.append(SteppedField(record, len(records) if i == 0 else 0, cells, record.field in drawn))
     return rows
 
 
-def _tags(run: RunRecord) -> dict[str, int]:
-    found = Counter(tag for case in run.cases for tag in set(case.tags))
-    return {tag: found[tag] for tag in sorted(found)}
-
-
-def _shown(case: CaseRecord, run: RunRecord, drawn: Drawn) -> Shown:
+def _entry(case: CaseRecord, run: RunRecord, drawn: Drawn) -> CaseEntry:
     words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message, case.twin)
     steps = sorted({at.step for record in case.fields for at in record.steps})
-    return Shown(
+    return CaseEntry(
         record=case,
-        kind=wording.kind(case),
-        rank=wording.rank(case, run),
         accepted=wording.accepted(case, run),
-        blame=wording.worst_field(case),
-        ratio=wording.worst_ratio(case),
-        lost=(wording.digits_lost(case, "lammps"), wording.digits_lost(case, "reference")),
-        styles=wording.styles(case),
+        drawn=drawn,
         text=" ".join(words).lower(),
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
-        worst=drawn.worst,
-        data=drawn.data,
-        message=wording.message(case, findings=False),
-        explained=wording.explained_by(case),
         steps=steps,
         rows=_rows(case, steps, drawn.fields) if steps else [],
     )
@@ -185,11 +127,12 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
 
 
 def _sortable(value: float | None) -> str:
+    """Return a number as the page's script sorts it: what is not a number comes last."""
     return "" if value is None else repr(float(value)).replace("inf", "Infinity").replace("nan", "Infinity")
 
 
 def _plotly() -> Path:
-    """Plotly's script inside its Python package, found without importing that (0.3 s)."""
+    """Find Plotly's script inside its Python package, without importing that (0.3 s)."""
     spec = importlib.util.find_spec("plotly")
     if spec is None or not spec.submodule_search_locations:
         raise InputError("plotly", "must be installed: its script draws the plots of report.html")

@@ -30,32 +30,32 @@ SINGLE = np.finfo(np.float32)
 GRID = 200  # points of a curve
 
 
-def payload(case: CaseRecord, arrays: Arrays | None, found: Differences) -> dict[str, Any] | None:
-    """What the page needs to draw a case, as JSON data; None if there is nothing to draw."""
+def payload(case: CaseRecord, arrays: Arrays | None, by_field: Differences) -> dict[str, Any] | None:
+    """Return what the page needs to draw a case, as JSON data; None if there is nothing to draw."""
     data: dict[str, Any] = {}
     if arrays is not None:
-        data |= _atoms(case, arrays, found)
+        data |= _atoms(case, arrays, by_field)
     if case.checks:
         data["checks"] = _checks(case.checks)
     return data or None
 
 
 def differences(arrays: Arrays) -> Differences:
-    """Absolute difference and its ratio to the bound, per atom, with the rule of the comparison.
+    """Return the absolute difference and its ratio to the bound, shape (n,) each, with the rule of the comparison.
 
     Of every field of which both sides and the bound are present, in the order of the names.
     """
     names = sorted(name.removesuffix(".lammps") for name in arrays if name.endswith(".lammps"))
     sides = {field: [arrays.get(f"{field}.{side}") for side in ("lammps", "reference", "bound")] for field in names}
     return {
-        field: excess(*(np.asarray(values, float) for values in found))
-        for field, found in sides.items()
-        if all(values is not None for values in found)
+        field: excess(*(np.asarray(values, float) for values in arrays_of))
+        for field, arrays_of in sides.items()
+        if all(values is not None for values in arrays_of)
     }
 
 
 def thinned(ratio_n: FloatArray, key_n: FloatArray, group_n: npt.NDArray[Any], limit: int) -> npt.NDArray[np.intp]:
-    """Positions of at most ``limit`` points: the worst quarter by ratio, others evenly by group and key."""
+    """Return positions of at most ``limit`` of n points: the worst quarter by ratio, others evenly by group and key."""
     if ratio_n.size <= limit:
         return np.arange(ratio_n.size)
     worst = np.argsort(-ratio_n, kind="stable")[: limit // 4]
@@ -68,14 +68,14 @@ def thinned(ratio_n: FloatArray, key_n: FloatArray, group_n: npt.NDArray[Any], l
 
 
 def many_decades(values: FloatArray) -> bool:
-    """Whether a good part of the values lies three decades or more below the largest one."""
+    """Return whether a good part of the values lies three decades or more below the largest one."""
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     fifth = sizes.size // 5
     return bool(sizes.size) and float(np.partition(sizes, fifth)[fifth]) < 1e-3 * float(sizes.max())
 
 
 def scale_of(values: FloatArray) -> dict[str, Any]:
-    """Linear, or logarithmic on both sides of zero (`symlog`) with the decade below which it is linear."""
+    """Choose a linear scale, or one logarithmic on both sides of zero (`symlog`), linear below its ``decade``."""
     if not many_decades(values):
         return {"kind": "linear"}
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
@@ -84,7 +84,7 @@ def scale_of(values: FloatArray) -> dict[str, Any]:
 
 
 def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> FloatArray:
-    """(rho - rho0)/rho0 of each atom with the rho0 of its type; NaN for a type without a law."""
+    """Return (rho - rho0)/rho0, shape (n,), with the rho0 of every atom's type; NaN for a type without a law."""
     delta_n = np.full(rho_n.shape, np.nan)
     for law in case.laws:
         of_type = type_n == law.type
@@ -93,50 +93,68 @@ def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> Fl
     return delta_n
 
 
-def _atoms(case: CaseRecord, arrays: Arrays, found: Differences) -> dict[str, Any]:
+def _atoms(case: CaseRecord, arrays: Arrays, by_field: Differences) -> dict[str, Any]:
+    """Return what is drawn of the atoms of a case; nothing of a model case whose fields all have the same bits."""
     stepped = {record.field: record for record in case.fields if record.steps}
-    # An input that LAMMPS holds exactly as given makes no picture, nor does a field of the model with the same bits.
-    law = "pressure" in found and not stepped
-    fields = [name for name in _in_order(case, found) if (law and name == "pressure") or found[name][0].any()]
+    law = "pressure" in by_field and not stepped
+    fields = _drawn_fields(case, by_field, ["pressure"] if law else [])
     if stepped and not fields:
         return {}
     type_n, rho_n = arrays["type"], np.asarray(arrays["rho"], float)
-    ratio_n = np.max([found[field][1] for field in fields], axis=0) if fields else np.zeros(rho_n.shape)
+    ratio_n = np.max([by_field[field][1] for field in fields], axis=0) if fields else np.zeros(rho_n.shape)
     picked = thinned(ratio_n, rho_n, type_n, MODEL_ATOMS if stepped else ATOMS)
-    x_nc = np.asarray(arrays["x"], float)[picked]
-    dimension = case.dimension or (3 if np.ptp(x_nc[:, 2]) > 0 else 2)
-    data = {
-        "natoms": int(rho_n.size),
-        "n": int(picked.size),
-        "types": [int(t) for t in np.unique(type_n)],
-        "rho0": {str(law.type): law.rho0 for law in case.laws if math.isfinite(law.rho0)},
-        "x": [_column(x_nc[:, c], rough=True) for c in range(dimension)],
-        "box": _packed(arrays["box"]) if "box" in arrays else None,
-        "id": _column(arrays["id"][picked]),
-        "type": _column(type_n[picked]),
+    data = _particles(case, arrays, picked) | {
         "fields": {field: _field(arrays, field, picked, bool(stepped)) for field in fields},
         "laws": _curves(case, arrays) if law else [],
     }
-    if not stepped:
-        data["rho"] = _column(rho_n[picked])
+    if stepped:
+        data |= _of_model(case, arrays, fields, picked)
     else:
-        steps = {field: stepped[field].worst_step for field in fields if field in stepped}
-        data |= {"steps": steps, "other": "twin" if case.twin else "reference", "first": _first(case, fields)}
-        if "phase.lammps" in arrays:
-            data["phase"] = _column(arrays["phase.lammps"][picked])
+        data["rho"] = _column(rho_n[picked])
     if "e" in arrays:
         data["energy"] = _column((rho_n * arrays["e"])[picked])
     return data
 
 
-def _in_order(case: CaseRecord, found: Differences) -> list[str]:
-    """Fields of the arrays in the order of the record, which is that of a step."""
-    recorded = [record.field for record in case.fields if record.field in found]
-    return [*dict.fromkeys(recorded), *(field for field in found if field not in recorded)]
+def _drawn_fields(case: CaseRecord, by_field: Differences, always: list[str]) -> list[str]:
+    """List the fields that make a picture, in the order of the record, which is that of a step.
+
+    An input that LAMMPS holds exactly as given makes none, nor does a field of the model with the same bits.
+    """
+    recorded = dict.fromkeys(record.field for record in case.fields if record.field in by_field)
+    return [field for field in {**recorded, **by_field} if field in always or by_field[field][0].any()]
+
+
+def _particles(case: CaseRecord, arrays: Arrays, picked: npt.NDArray[np.intp]) -> dict[str, Any]:
+    """Return the box, and number, id, type and place of the atoms picked."""
+    x_nc = np.asarray(arrays["x"], float)[picked]
+    dimension = case.dimension or (3 if np.ptp(x_nc[:, 2]) > 0 else 2)
+    return {
+        "natoms": int(arrays["rho"].size),
+        "n": int(picked.size),
+        "types": [int(t) for t in np.unique(arrays["type"])],
+        "rho0": {str(law.type): law.rho0 for law in case.laws if math.isfinite(law.rho0)},
+        "x": [_column(x_nc[:, c], rough=True) for c in range(dimension)],
+        "box": _packed(arrays["box"]) if "box" in arrays else None,
+        "id": _column(arrays["id"][picked]),
+        "type": _column(arrays["type"][picked]),
+    }
+
+
+def _of_model(case: CaseRecord, arrays: Arrays, fields: list[str], picked: npt.NDArray[np.intp]) -> dict[str, Any]:
+    """Return what a case of the particle model has besides: steps, the first field outside its bound, phases."""
+    data: dict[str, Any] = {
+        "steps": {record.field: record.worst_step for record in case.fields if record.steps and record.field in fields},
+        "other": "twin" if case.twin else "reference",
+        "first": _first(case, fields),
+    }
+    if "phase.lammps" in arrays:
+        data["phase"] = _column(arrays["phase.lammps"][picked])
+    return data
 
 
 def _first(case: CaseRecord, fields: list[str]) -> str:
-    """The field in which a difference enters: at the earliest step, the first that is outside its bound."""
+    """Return the field in which a difference enters: at the earliest step, the first that is outside its bound."""
     outside = [
         (at.step, place, record.field)
         for place, record in enumerate(case.fields)
@@ -187,7 +205,7 @@ def _law(record: LawRecord) -> EOS:
 
 
 def _curve(law: EOS, rho_n: FloatArray, energy_n: FloatArray | None) -> dict[str, Any]:
-    """Pressure of a law on a grid over the data, against the quantity that shows it best.
+    """Return the pressure of a law on a grid over the data, against the quantity that shows it best.
 
     The law is evaluated by its numpy body: a curve is not worth loading the compiled one.
     """
@@ -211,7 +229,7 @@ def _curve(law: EOS, rho_n: FloatArray, energy_n: FloatArray | None) -> dict[str
 
 
 def _abscissa(rho0: float, rho_n: FloatArray) -> tuple[str, dict[str, Any]]:
-    """Offset from rho0 if that is small or spans many decades, rho/rho0 if that does, else the density."""
+    """Choose the offset from rho0 if that is small or spans many decades, rho/rho0 if that does, else the density."""
     delta_n = (rho_n - rho0) / rho0
     if many_decades(delta_n) or float(np.abs(delta_n).max()) <= 1e-3:
         return "delta", scale_of(delta_n)
@@ -221,7 +239,7 @@ def _abscissa(rho0: float, rho_n: FloatArray) -> tuple[str, dict[str, Any]]:
 
 
 def _grid(values: FloatArray, scale: dict[str, Any]) -> FloatArray:
-    """Grid over the values, even on the axis they are drawn on."""
+    """Return a grid over the values, shape (`GRID`,), even on the axis they are drawn on."""
     low, high = float(values.min()), float(values.max())
     if scale["kind"] == "log":
         return np.geomspace(low, high, GRID)
@@ -244,7 +262,7 @@ def _checks(checks: list[CheckRecord]) -> dict[str, Any]:
 
 
 def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
-    """Positions of at most ``limit`` looks of an audit: the worst, others evenly over field, type and time."""
+    """Return positions of at most ``limit`` looks of an audit: the worst, others evenly over field, type and time."""
     ratio = np.array([check.max_over_bound for check in checks], float)
     ratio[np.isnan(ratio)] = np.inf  # not a number is the worst there is
     group = np.unique([f"{check.field} {check.type}" for check in checks], return_inverse=True)[1]
@@ -252,7 +270,7 @@ def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
 
 
 def _column(values: npt.ArrayLike, rough: bool = False) -> str | float:
-    """A column of atoms in as few bytes as its values need; ``rough`` keeps seven digits."""
+    """Pack a column of atoms into as few bytes as its values need; ``rough`` keeps seven digits."""
     exact = np.asarray(values, "<f8")
     if exact.size and math.isfinite(exact[0]) and bool((exact == exact[0]).all()):
         return float(exact[0])
@@ -264,7 +282,7 @@ def _column(values: npt.ArrayLike, rough: bool = False) -> str | float:
 
 
 def _fits(values: FloatArray) -> bool:
-    """Whether float32 holds values with all of its digits."""
+    """Return whether float32 holds values with all of its digits."""
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     return bool(np.all((sizes > SINGLE.tiny) & (sizes < SINGLE.max)))
 

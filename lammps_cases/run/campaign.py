@@ -63,7 +63,7 @@ class PreparedCase:
 
     @property
     def jobs(self) -> list[Job]:
-        """What LAMMPS is told: one job, or those of the original and its twin."""
+        """The jobs for LAMMPS: one, or those of the original and its twin."""
         return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
 
 
@@ -193,7 +193,7 @@ def _evaluated(
 
 
 def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: str) -> Outcomes:
-    """The answers with LAMMPS' lists of neighbours, from runs read at every step; empty if no finding follows them."""
+    """Run LAMMPS again for its neighbour lists, read at every step; nothing if no finding follows them."""
     from lammps_cases.verdict.model_cases import asks_for_lists
 
     if not any(asks_for_lists(ready.case, scene, atoms, engine) for scene, atoms in ready.sides):
@@ -227,7 +227,7 @@ def first_step_outside(site: str | None, ready: PreparedCase, engine: str, predi
 
 
 def _lost(ready: PreparedCase, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
-    """The record of a case that was not judged."""
+    """Return the record of a case that was not judged."""
     from lammps_cases.report.drawn import Drawn
     from lammps_cases.verdict.outcome import blank_record
 
@@ -243,7 +243,7 @@ def faulty(record: CaseRecord, fault: HarnessError) -> CaseRecord:
 
 
 def gone(cases: Sequence[CaseRecord]) -> list[str]:
-    """A sentence for every finding that some cases would show, and none of the run does."""
+    """Return a sentence for every finding that some cases would show, and none of the run does."""
     seen = {entry for case in cases for field in case.fields for entry in field.explained_by}
     unseen = Counter(entry for case in cases for entry in case.unseen if entry not in seen)
     return [
@@ -253,17 +253,17 @@ def gone(cases: Sequence[CaseRecord]) -> list[str]:
 
 
 def _last(case: Case) -> int:
-    """Order of submission: what may cost a worker its life late, what takes long to read last, meanwhile others run."""
+    """Return the order of submission: cases that may kill a worker late, those that take long to read last."""
     return 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
 
 
 def engine_record(engine: Engine, who: dict[str, str]) -> EngineRecord:
-    """Who answered (nothing is known of one that died), with the hash of its library."""
+    """Return who answered (nothing is known of one that died), with the hash of its library."""
     return EngineRecord(name=engine.name, library_sha256=library_sha256(who.get("library", "")), **who)
 
 
 def provenance(engine: EngineRecord, command: str) -> RunRecord:
-    """A run without cases: versions, machine, date, command."""
+    """Return a run without cases: versions, machine, date, command."""
     from importlib.metadata import version
 
     packages = {"eos-ref": "eos-ref", "numpy": "numpy", "numba": "numba", "python-flint": "python-flint"}
@@ -290,7 +290,7 @@ def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = 
 
 
 def command_line() -> str:
-    """The command as the user typed it, without the folder of the program."""
+    """Return the command as the user typed it, without the folder of the program."""
     import shlex
 
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

@@ -51,7 +51,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
 
 
 def _check_shards(shards: Sequence[str]) -> None:
-    """Parts of a run must be all of its parts; runs that are not parts may be joined freely."""
+    """Refuse an incomplete set of shards; runs that are not shards may be joined freely."""
     for count in sorted({part.partition("/")[2] for part in shards if part}):
         missing = {f"{k}/{count}" for k in range(1, int(count) + 1)} - set(shards)
         if missing:
@@ -59,7 +59,7 @@ def _check_shards(shards: Sequence[str]) -> None:
 
 
 def part_of(cases: Sequence[Case], text: str) -> list[Case]:
-    """Every n-th case, beginning with the i-th, for ``i/n``.
+    """Select every n-th case, beginning with the i-th, for ``i/n``.
 
     Raises
     ------

@@ -15,7 +15,7 @@ REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
 
 @contextmanager
 def output_folder(directory: Path) -> Iterator[Path]:
-    """A hidden folder beside ``directory`` that replaces it on success; a kill at any moment leaves a whole report.
+    """Yield a hidden folder that replaces ``directory`` on success; a kill at any moment leaves a whole report.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def output_folder(directory: Path) -> Iterator[Path]:
 
 
 def _foreign(directory: Path) -> bool:
-    """Whether a folder holds anything that is not an earlier report, which would be lost with it."""
+    """Return whether a folder holds anything that is not an earlier report, which would be lost with it."""
     names = {path.name for path in directory.iterdir()}
     if not names:
         return False

@@ -18,7 +18,7 @@ FOLDER = Path(__file__).parents[1]
 
 
 def scene_schema() -> dict[str, Any]:
-    """Schema of a case file; the scene's keys are optional in it, as patches of the matrix may bring them."""
+    """Return the schema of a case file; the scene's keys are optional, as patches of the matrix may bring them."""
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
     definitions = scene.pop("$defs")
     scene.pop("required")
@@ -36,7 +36,7 @@ def scene_schema() -> dict[str, Any]:
 
 
 def run_schema() -> dict[str, Any]:
-    """Schema of run.json; numbers that are not finite are written as strings."""
+    """Return the schema of run.json; numbers that are not finite are written as strings."""
     schema = _with_infinities(RunRecord.model_json_schema(by_alias=True, mode="serialization"))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
@@ -55,7 +55,7 @@ def _with_infinities(schema: Any) -> Any:
 
 
 def documents() -> dict[Path, str]:
-    """The schema files and their content."""
+    """Return the schema files and their content."""
     made = {"scene/scene.schema.json": scene_schema(), "records/run.schema.json": run_schema()}
     return {FOLDER / name: json.dumps(schema, indent=1, sort_keys=True) + "\n" for name, schema in made.items()}
 

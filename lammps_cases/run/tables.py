@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def fields(run: str | Path) -> pd.DataFrame:
-    """One row per compared field of a report folder: case, field, stage, verdict, errors, digits lost.
+    """Tabulate the compared fields of a report folder: case, field, stage, verdict, errors, digits lost.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def fields(run: str | Path) -> pd.DataFrame:
 
 
 def particles(run: str | Path, case: str) -> pd.DataFrame:
-    """One row per particle of a case: id, type, position, density and both sides of every compared field.
+    """Tabulate the particles of a case: id, type, position, density and both sides of every compared field.
 
     Components of vectors and tensors have columns of their own: ``f/x.lammps``, ``grad/v/xy.bound``.
     """

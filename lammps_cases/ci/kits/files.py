@@ -33,7 +33,7 @@ class Kit:
     files: Mapping[str, str]
 
     def filled(self, repository: str) -> list[KitFile]:
-        """The files, with the place that eos-ref is installed from.
+        """Return the files, with the place that eos-ref is installed from.
 
         Raises
         ------
@@ -70,7 +70,7 @@ KITS = (
 
 
 def kit(name: str) -> Kit:
-    """The kit of a name.
+    """Return the kit of a name.
 
     Raises
     ------

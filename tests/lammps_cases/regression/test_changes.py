@@ -87,7 +87,7 @@ def test_a_run_of_before_there_were_digests() -> None:
     assert one_field(old, field(), f=(sample(1.0, 0.0), sample(1.0, -0.0))).kind == "within bounds"
     unknown = one_field(old, field())
     assert (unknown.kind, unknown.step) == ("within bounds", None)
-    assert "bits not known" in unknown.note
+    assert "bits unknown" in unknown.note
     bad = field(verdict="differs", over=7.0)
     blind = one_field(field(verdict="differs", over=7.0, bits=""), bad)
     assert (blind.kind, blind.fault) == ("cannot tell", True)

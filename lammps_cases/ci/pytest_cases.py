@@ -20,7 +20,7 @@ from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -66,7 +66,7 @@ class CaseJudge:
             self._workers = self._resources.enter_context(Workers(self._engine.site, 1))
         if not self.engine.version_string:
             who = self._workers.outcome(self._workers.identify())
-            self.engine = campaign.engine_record(self._engine, {} if isinstance(who, Failure) else who)
+            self.engine = campaign.engine_record(self._engine, who)
 
     def record(self, case: Case) -> CaseRecord:
         """Run a case and judge it, after `start`.
@@ -77,20 +77,12 @@ class CaseJudge:
             The scene is no good.
         """
         assert self._workers is not None
-        limit = case.scene.engine.time_limit
         ready = campaign.prepare(case)
-        futures = [self._workers.submit(job, limit) for job in ready.jobs]
-        outcomes: campaign.Outcomes = []
-        for future in futures:
-            outcome = self._workers.outcome(future, limit)
-            outcomes.append(outcome)
-        arguments = (ready, outcomes, self.engine, self.store)
+        futures = [self._workers.submit(job, case.scene.engine.time_limit) for job in ready.jobs]
+        arguments = (ready, campaign.answers(self._workers, ready, futures), self.engine, self.store)
         judged = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))
         if isinstance(judged, Failure):
-            from lammps_cases.verdict.outcome import blank_record
-
-            lost = blank_record(case, ready.eos, ready.atoms, self.engine)
-            return campaign.faulty(lost, HarnessError(text=judged.message))
+            return campaign.unjudged(ready, judged, self.engine)
         record, arrays = judged
         if arrays and self.folder:
             write_arrays(self.folder / "fields" / f"{record.case}.npz", arrays)

@@ -121,7 +121,7 @@ def _answers(
     from lammps_cases.claims.verdicts import Names
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
-    from lammps_cases.engine.workers import Failure, Workers
+    from lammps_cases.engine.workers import Workers
     from lammps_cases.probes import manual
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.wording import folder_name
@@ -141,7 +141,7 @@ def _answers(
             run = campaign.run_cases(needed, resolved, jobs, folder, command, progress=bar, store=store)
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())
-            record = campaign.engine_record(resolved, {} if isinstance(who, Failure) else who)
+            record = campaign.engine_record(resolved, who)
             probed = campaign.provenance(record, campaign.command_line())
             probed.cases = manual.put(probes, workers, record.distribution, bar)
     write_atomically(_probes_file(folder), probed.counted().to_json())

@@ -101,10 +101,10 @@ def _stability(case: Any, ready: Any) -> list[str]:
     return advice(model, box, reference_side.state(scene, atoms, case.where), timestep)
 
 
-def _commands(told: Any) -> list[str]:
-    per_atom = f"# {len(told.id_n)} particles; {', '.join(told.per_atom)}"
-    ranks = [f"# on {told.ranks} ranks"] if told.ranks > 1 else []
-    return [*ranks, *told.setup, per_atom, *told.commands, *(run.command for run in told.runs)]
+def _commands(job: Any) -> list[str]:
+    per_atom = f"# {len(job.id_n)} particles; {', '.join(job.per_atom)}"
+    ranks = [f"# on {job.ranks} ranks"] if job.ranks > 1 else []
+    return [*ranks, *job.setup, per_atom, *job.commands, *(run.command for run in job.runs)]
 
 
 def _show(explanation: dict[str, Any]) -> None:

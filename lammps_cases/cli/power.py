@@ -65,33 +65,33 @@ def power_command(
     if fresh:
         record.planted(out).forget()
     with Bar(quiet=as_json) as bar:
-        found = collect.collect(
+        power = collect.collect(
             sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar
         )
-        record.write(found, out)
-        page.write(found, out)
+        record.write(power, out)
+        page.write(power, out)
     if as_json:
-        click.echo(json.dumps(record.document(found), indent=1))
+        click.echo(json.dumps(record.document(power), indent=1))
     else:
-        _show(found, out)
-    return int(bool(found.complaints))
+        _show(power, out)
+    return int(bool(power.complaints))
 
 
-def _show(found: Power, out: Path) -> None:
-    total = len(found.faults)
-    for control in found.controls:
-        own = [fault for fault in found.faults if fault.family == control.family]
+def _show(power: Power, out: Path) -> None:
+    total = len(power.faults)
+    for control in power.controls:
+        own = [fault for fault in power.faults if fault.family == control.family]
         caught, quick = sum(bool(fault.caught_by) for fault in own), sum(fault.quick for fault in own)
         click.echo(f"{control.family:8s} {caught:4d} of {len(own):4d} caught, {quick:4d} by quick cases")
     if total:
-        argued = sum(bool(fault.argued) for fault in found.missed)
-        text = f"{found.caught} of {total} faults caught ({found.caught / total:.1%}), {found.quick} by quick cases"
-        click.secho(f"{text} ({found.quick / total:.1%}); {argued} argued ({found.seconds:.0f} s)", bold=True)
-    for one in found.resolution:
+        argued = sum(bool(fault.argued) for fault in power.missed)
+        text = f"{power.caught} of {total} faults caught ({power.caught / total:.1%}), {power.quick} by quick cases"
+        click.secho(f"{text} ({power.quick / total:.1%}); {argued} argued ({power.seconds:.0f} s)", bold=True)
+    for one in power.resolution:
         where = f"{one.relative_change:.1e} in {one.case}" if one.relative_change is not None else "not seen"
         click.echo(f"{one.parameter:28s} {where}")
-    for run in found.alarms:
+    for run in power.alarms:
         click.echo(f"{run.kind:12s} {run.cases:4d} cases, {run.same_bits} the same bits, {run.false} false alarms")
-    for complaint in found.complaints:
+    for complaint in power.complaints:
         click.secho(f"  {complaint}", fg="red")
     click.echo(f"report: {out / 'power.html'}")

@@ -58,7 +58,7 @@ def _revision() -> str:
     if not (root / ".git").exists():
         return ""
     try:
-        said = subprocess.run(
+        described = subprocess.run(
             ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=12"],
             capture_output=True,
             text=True,
@@ -67,4 +67,4 @@ def _revision() -> str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return said.stdout.strip() if said.returncode == 0 else ""
+    return described.stdout.strip() if described.returncode == 0 else ""

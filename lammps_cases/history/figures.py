@@ -40,7 +40,10 @@ def errors(marks: Sequence[RunMark], name: str, height: int = 130) -> Markup:
         axis.plot(range(len(at)), at, color=FAINT, lw=0.8)
         for k, y in enumerate(at):
             axis.plot([k], [y], gid=f"mark-{k}", mfc=OF, **_MARK)
-    titles = {f"mark-{k}": (f"v-{m.kind.replace(' ', '-')}", _title(m)) for k, m in enumerate(marks)}
+    titles = {}
+    for k, m in enumerate(marks):
+        ratio = "" if m.ratio is None else f", difference/bound {number(m.ratio)}"
+        titles[f"mark-{k}"] = f"v-{m.kind.replace(' ', '-')}", m.says + ratio
     return themed(figure, name, "difference/bound by version", titles)
 
 
@@ -85,7 +88,3 @@ def _height(ratio: float | None, low: int, high: int) -> float:
     if not ratio:
         return low - 1.0
     return max(float(low), math.log10(ratio)) if math.isfinite(ratio) else high + 1.0
-
-
-def _title(mark: RunMark) -> str:
-    return mark.says + ("" if mark.ratio is None else f", difference/bound {number(mark.ratio)}")

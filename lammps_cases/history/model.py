@@ -6,13 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from lammps_cases.records.run_record import EngineRecord, RunRecord
-from lammps_cases.records.wording import EXPECTED_REFUSAL, kind
-
-# From best to worst; as lammps_cases.records.run_record orders verdicts, with what was skipped last.
-KINDS_OF_VERDICT = (
-    *("exact", "pass", EXPECTED_REFUSAL, "explained"),
-    *("refused", "differs", "timeout", "crashed", "error", "skipped"),
-)
+from lammps_cases.records.wording import by_severity, kind
 
 
 @dataclass(frozen=True)
@@ -51,7 +45,7 @@ class StoredRun:
     @property
     def ordered_counts(self) -> dict[str, int]:
         """The counts, from the best verdict to the worst."""
-        return {kind: self.counts[kind] for kind in KINDS_OF_VERDICT if self.counts.get(kind)}
+        return by_severity(self.counts)
 
     @property
     def made_by(self) -> tuple[str, str]:

@@ -42,10 +42,13 @@ def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
         of.setdefault(run.engine.key, []).append(run)
     groups = sorted(of.values(), key=_place)
     names = [_name(group) for group in groups]
-    return [
-        EngineRuns(group[0].engine.key, _unique(name, names.count(name), group[0]), tuple(group))
-        for name, group in zip(names, groups, strict=True)
-    ]
+    lines = []
+    for name, group in zip(names, groups, strict=True):
+        engine = group[0].engine
+        hash_digits = f" {engine.library_sha256[:_HASH]}"
+        unique = names.count(name) == 1 or name.endswith(hash_digits)
+        lines.append(EngineRuns(engine.key, name if unique else name + hash_digits, tuple(group)))
+    return lines
 
 
 def _release(group: Sequence[StoredRun]) -> str:
@@ -65,8 +68,3 @@ def _name(group: Sequence[StoredRun]) -> str:
     if engine.name.startswith("path:"):
         return f"{Path(engine.name.removeprefix('path:')).name or engine.name} {engine.library_sha256[:_HASH]}".rstrip()
     return " ".join(part for part in (engine.name, engine.version_string) if part)
-
-
-def _unique(name: str, count: int, run: StoredRun) -> str:
-    hash_digits = f" {run.engine.library_sha256[:_HASH]}"
-    return name if count == 1 or name.endswith(hash_digits) else name + hash_digits

@@ -64,8 +64,8 @@ class Document(Generic[T]):
 
     def plain(self, content: T) -> dict[str, Any]:
         """Return the document as JSON has it, for ``--json``."""
-        found: dict[str, Any] = json.loads(self.text(content))
-        return found
+        document: dict[str, Any] = json.loads(self.text(content))
+        return document
 
     def write(self, path: Path, content: T, exclude: Mapping[str, Any] | None = None) -> None:
         """Write a document, atomically."""

@@ -25,7 +25,17 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 Failed = Literal["refused", "crashed", "timeout", "error"]  # a verdict and an end in one: without an answer
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
-_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
+BY_SEVERITY: tuple[Verdict, ...] = (
+    "skipped",
+    "exact",
+    "pass",
+    "explained",
+    "refused",
+    "differs",
+    "timeout",
+    "crashed",
+    "error",
+)
 
 
 class _Record(BaseModel):
@@ -272,8 +282,8 @@ class RunRecord(_Record):
         """Return self with the summary and the number of predictions made from the cases."""
         counts = Counter(case.verdict for case in self.cases)
         self.summary = {verdict: counts[verdict] for verdict in VERDICTS if counts[verdict]}
-        made = [case.predictions for case in self.cases]
-        self.predictions = Predictions(computed=sum(p.computed for p in made), stored=sum(p.stored for p in made))
+        each = [case.predictions for case in self.cases]
+        self.predictions = Predictions(computed=sum(p.computed for p in each), stored=sum(p.stored for p in each))
         return self
 
     @property
@@ -301,15 +311,15 @@ def as_expected(verdict: Verdict, expects: str) -> bool:
 
 def worst(verdicts: list[Verdict]) -> Verdict:
     """Return the worst of some verdicts; `skipped` if there is none."""
-    return max(verdicts, key=_SEVERITY.index, default="skipped")
+    return max(verdicts, key=BY_SEVERITY.index, default="skipped")
 
 
 def digest(*parts: npt.NDArray[Any] | str) -> str:
     """Hash arrays of doubles bit by bit, or other digests: the first 64 bits of SHA-256, in hexadecimal."""
-    found = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for part in parts:
-        found.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part, float).tobytes())
-    return found.hexdigest()[:16]
+        sha256.update(part.encode() if isinstance(part, str) else np.ascontiguousarray(part, float).tobytes())
+    return sha256.hexdigest()[:16]
 
 
 def read_run(directory: Path) -> RunRecord:

@@ -61,9 +61,9 @@ def _upgrade(case: _Case) -> None:
         case |= _blamed(text)
     elif case["ended"] != "accepted":
         for sentence, fact in ((_ONLY_TWIN, {"only_twin": True}), (_PREDICTED, {}), (_OTHER_WORDS, {})):
-            if found := sentence.match(text):
+            if match := sentence.match(text):
                 case |= fact
-                text = text[found.end() :]
+                text = text[match.end() :]
         case["engine_error"] = text
 
 
@@ -111,6 +111,6 @@ def _blamed(text: str) -> _Case:
     return facts
 
 
-def _numbers(found: re.Match[str]) -> _Case:
+def _numbers(match: re.Match[str]) -> _Case:
     """Return groups as the model takes them: text that is a number is read by it."""
-    return {name: value for name, value in found.groupdict().items() if value is not None}
+    return {name: value for name, value in match.groupdict().items() if value is not None}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 from lammps_cases.records.run_record import (
-    VERDICTS,
+    BY_SEVERITY,
     Blame,
     CaseRecord,
     FieldRecord,
@@ -18,7 +18,6 @@ from lammps_cases.records.run_record import (
     OtherSteps,
     RunRecord,
     Verdict,
-    worst,
 )
 
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
@@ -95,8 +94,9 @@ def folder_name(text: str) -> str:
 
 # --- runs and cases
 
-# From best to worst, by the order in which `worst` of the records ranks them.
-SEVERITY: dict[Verdict, int] = {v: sum(worst([v, other]) == v for other in VERDICTS) for v in VERDICTS}
+SEVERITY: dict[Verdict, int] = {verdict: k for k, verdict in enumerate(BY_SEVERITY, 1)}
+_SKIPPED, _EXACT, _PASS, *_WORSE = BY_SEVERITY
+KINDS = (_EXACT, _PASS, EXPECTED_REFUSAL, *_WORSE, _SKIPPED)  # of verdicts, in the order of lists
 
 
 def kind(case: CaseRecord) -> str:
@@ -113,7 +113,7 @@ def rank(case: CaseRecord, run: RunRecord) -> int:
     """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
     if kind(case) == EXPECTED_REFUSAL:
         return SEVERITY["pass"]
-    return SEVERITY[case.verdict] + (0 if accepted(case, run) else len(VERDICTS))
+    return SEVERITY[case.verdict] + (0 if accepted(case, run) else len(BY_SEVERITY))
 
 
 def unaccepted(run: RunRecord) -> list[CaseRecord]:
@@ -123,9 +123,12 @@ def unaccepted(run: RunRecord) -> list[CaseRecord]:
 
 def counts(run: RunRecord) -> dict[str, int]:
     """Count the cases of each kind, in the order of severity; what was skipped comes last."""
-    found = Counter(kind(case) for case in run.cases)
-    first = {kind(case): rank(case, run) for case in run.cases}
-    return {name: found[name] for name in sorted(found, key=lambda name: (name == "skipped", first[name]))}
+    return by_severity(Counter(kind(case) for case in run.cases))
+
+
+def by_severity(counts_of_kinds: Mapping[str, int]) -> dict[str, int]:
+    """Sort the counts of kinds of verdicts; those of no case are left out."""
+    return {name: counts_of_kinds[name] for name in KINDS if counts_of_kinds.get(name)}
 
 
 def status(run: RunRecord) -> Literal["good", "bad", "empty"]:

@@ -154,19 +154,17 @@ def _cases(path: Path) -> dict[str, CaseOutcome]:
         rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError("baseline", f"cannot be read: {error}", where=str(path)) from None
-    skipped = sum(1 for _ in _head(rows))
+    head = sum(1 for _ in itertools.takewhile(lambda row: row.startswith("#"), rows)) + 1
     try:
-        table = list(csv.reader(rows[skipped:], delimiter="\t"))
+        columns, *table = list(csv.reader(rows[head - 1 :], delimiter="\t")) or [[]]
     except csv.Error as error:
         raise InputError("baseline", f"is damaged: {error}", where=str(path)) from None
+    if tuple(columns) != COLUMNS:
+        raise InputError("columns", f"must be {', '.join(COLUMNS)}", ", ".join(columns), f"{path}, line {head}")
     cases: dict[str, CaseOutcome] = {}
     fields: dict[str, dict[str, FieldOutcome]] = {}
-    for number, row in enumerate(table, skipped + 1):
+    for number, row in enumerate(table, head + 1):
         where = f"{path}, line {number}"
-        if number == skipped + 1:
-            if tuple(row) != COLUMNS:
-                raise InputError("columns", f"must be {', '.join(COLUMNS)}", ", ".join(row), where)
-            continue
         try:
             case = _row(row)
         except ValueError as error:
@@ -179,10 +177,6 @@ def _cases(path: Path) -> dict[str, CaseOutcome]:
         else:
             raise InputError("line", "must follow the line of its case", row[0], where)
     return {name: replace(case, fields=fields[name]) for name, case in cases.items()}
-
-
-def _head(rows: Iterable[str]) -> Iterator[str]:
-    return itertools.takewhile(lambda row: row.startswith("#"), rows)
 
 
 def _row(row: list[str]) -> CaseOutcome | FieldOutcome:
@@ -203,12 +197,9 @@ def _row(row: list[str]) -> CaseOutcome | FieldOutcome:
         how: Ended = stage  # type: ignore[assignment]
         expected = as_expected(verdict, detail)
         return CaseOutcome(name, verdict, expected, how, findings, detail)
-    steps = []
-    for at in detail.split():
-        step, of_step, bits = at.split(":")
-        steps.append(StepOutcome(int(step), _verdict(of_step), None, bits))
-    over_bound = float(ratio) if ratio else None
-    return FieldOutcome(of, verdict, findings, over_bound, digest, stage, tuple(steps))
+    steps = (at.split(":") for at in detail.split())
+    by_step = tuple(StepOutcome(int(step), _verdict(of_step), None, bits) for step, of_step, bits in steps)
+    return FieldOutcome(of, verdict, findings, float(ratio) if ratio else None, digest, stage, by_step)
 
 
 def _verdict(text: str) -> Verdict:
@@ -252,7 +243,7 @@ def check(run: RunRecord, folder: Path, baselines: Path, known: Collection[str] 
     notes = list(changes.notes)
     if not same:
         kinds = f"{base.machine}; this is {here}"
-        notes.append(f"another kind of machine made the baseline ({kinds}): other bits within bounds are told only")
+        notes.append(f"another kind of machine made the baseline ({kinds}): other bits within bounds are only reported")
     exist = known if known is not None else {case.name for case in casefile.load()}
     absent = sorted(base.cases.keys() - set(exist) - chosen)
     if absent:

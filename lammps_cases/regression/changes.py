@@ -64,8 +64,8 @@ def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
     """Name what makes a comparison say less than it seems to."""
     if a.versions != b.versions:
         names = sorted(k for k in a.versions.keys() | b.versions.keys() if a.versions.get(k) != b.versions.get(k))
-        said = ", ".join(f"{k} {a.versions.get(k, 'none')} and {b.versions.get(k, 'none')}" for k in names)
-        yield f"the references that judged differ ({said}): verdicts may differ for that, bits do not"
+        versions = ", ".join(f"{k} {a.versions.get(k, 'none')} and {b.versions.get(k, 'none')}" for k in names)
+        yield f"the references that judged differ ({versions}): verdicts may differ for that, bits do not"
     moved = any(change.kind not in (*SAME, *NEW, "missing case") for change in changes)
     if moved and a.engine.library_sha256 and a.engine.library_sha256 == b.engine.library_sha256:
         yield "both sides ran the same library: the machine, the scenes or the reference made what changed"

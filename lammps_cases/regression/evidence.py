@@ -44,15 +44,12 @@ def shown_by(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> dict[str, l
 def table(shown: Shown, ledger: Sequence[Finding] = LEDGER) -> str:
     """Return the findings as a table in Markdown, the most severe first."""
     order = get_args(Severity)
-    rows = [
-        f"| {entry.severity} | {entry.title} (`{entry.id}`) | {_wheels(entry)} | {len(shown[entry.id])} |\n"
-        for entry in sorted(ledger, key=lambda entry: (-order.index(entry.severity), entry.id))
-    ]
-    return "".join(["| severity | finding | wheels | cases |\n", "|---|---|---|---|\n", *rows])
-
-
-def _wheels(entry: Finding) -> str:
-    return "all" if entry.engines == ALL else ", ".join(engine.removeprefix("2025.7.22") for engine in entry.engines)
+    lines = ["| severity | finding | wheels | cases |\n", "|---|---|---|---|\n"]
+    for entry in sorted(ledger, key=lambda entry: (-order.index(entry.severity), entry.id)):
+        some = ", ".join(engine.removeprefix("2025.7.22") for engine in entry.engines)
+        wheels = "all" if entry.engines == ALL else some
+        lines.append(f"| {entry.severity} | {entry.title} (`{entry.id}`) | {wheels} | {len(shown[entry.id])} |\n")
+    return "".join(lines)
 
 
 def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -> dict[Path, str]:
@@ -60,10 +57,7 @@ def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -
     shown = shown_by(baselines, ledger)
     head, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)
     tail = rest.partition(END)[2]
-    return {
-        SHOWN_BY: json.dumps(shown, indent=1) + "\n",
-        README: f"{head}{BEGIN}{table(shown, ledger)}{END}{tail}",
-    }
+    return {SHOWN_BY: json.dumps(shown, indent=1) + "\n", README: f"{head}{BEGIN}{table(shown, ledger)}{END}{tail}"}
 
 
 def publish() -> None:

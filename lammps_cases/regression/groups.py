@@ -88,18 +88,15 @@ def groups(changes: Iterable[SideChange]) -> list[ChangeGroup]:
 
 def _moved(change: SideChange) -> list[tuple[str, Literal["A", "B", ""]]]:
     """List what only one of the sides shows."""
-    one, other = (_traits(change, at) for at in (0, 1))
-    if change.kind in ("within bounds", "new case", "missing case", "new field", "missing field"):
-        return [("", "")]
-    lost: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "A") for trait in sorted(one - other)]
-    gained: list[tuple[str, Literal["A", "B", ""]]] = [(trait, "B") for trait in sorted(other - one)]
-    return [*lost, *gained] or [("", "")]
-
-
-def _traits(change: SideChange, at: int) -> set[str]:
-    if change.field and change.verdicts[at] == "differs":
-        return {UNEXPLAINED}
-    return set(change.findings[at])
+    traits: list[tuple[str, Literal["A", "B", ""]]] = []
+    if change.kind not in ("within bounds", "new case", "missing case", "new field", "missing field"):
+        one, other = (
+            {UNEXPLAINED} if change.field and verdict == "differs" else set(findings)
+            for verdict, findings in zip(change.verdicts, change.findings, strict=True)
+        )
+        traits += [(trait, "A") for trait in sorted(one - other)]
+        traits += [(trait, "B") for trait in sorted(other - one)]
+    return traits or [("", "")]
 
 
 def _group(kind: ChangeKind, trait: str, side: Literal["A", "B", ""], members: Sequence[SideChange]) -> ChangeGroup:

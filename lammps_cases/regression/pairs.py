@@ -107,23 +107,22 @@ def document(comparison: SideComparison) -> dict[str, Any]:
             for label, side in comparison.sides.items()
         ],
         "notes": list(comparison.notes),
-        "pairs": [_pair(pair) for pair in comparison.pairs],
+        "pairs": [
+            {
+                "pair": pair.name,
+                "counts": pair.changes.counts,
+                "faults": len(pair.changes.faults),
+                "groups": [_group(group, pair) for group in pair.groups],
+                "time": [plain(asdict(speed)) for speed in pair.speeds],
+                "notes": list(pair.changes.notes),
+            }
+            for pair in comparison.pairs
+        ],
         "fields": [
             ({} if alone else {"pair": pair.name}) | row(change, pair.a, pair.b)
             for pair in comparison.pairs
             for change in (pair.changes.fields if alone else pair.changes.different)
         ],
-    }
-
-
-def _pair(pair: Pair) -> dict[str, Any]:
-    return {
-        "pair": pair.name,
-        "counts": pair.changes.counts,
-        "faults": len(pair.changes.faults),
-        "groups": [_group(group, pair) for group in pair.groups],
-        "time": [plain(asdict(speed)) for speed in pair.speeds],
-        "notes": list(pair.changes.notes),
     }
 
 
@@ -195,9 +194,7 @@ def fault(change: SideChange) -> str:
     where = " ".join(part for part in (change.case, change.field) if part)
     at = "" if change.step is None else f" from step {change.step}"
     was, now = (_judgement(change, side) for side in (0, 1))
-    verdicts = (
-        "" if not (was or now) else f" ({was or 'nothing'}, now {now or 'nothing'})" if was != now else f" ({was})"
-    )
+    verdicts = f" ({was or 'nothing'}, now {now or 'nothing'})" if was != now else f" ({was})" if was else ""
     note = f": {change.note}" if change.note else ""
     what = "other bits, within the bounds" if change.kind == "within bounds" else change.kind
     return f"{what}: {where}{at}{verdicts}{note}"
@@ -217,7 +214,8 @@ def summary(comparison: SideComparison) -> str:
     blocks = [f"## eos-ref compare: {STAMPS[comparison.exit_code]}", "; ".join(named) + "."]
     blocks += [f"> **Note:** {markdown.text(note)}" for note in comparison.notes]
     if not comparison.alone:
-        blocks.append(_table_of_pairs(comparison))
+        head = ("pair", "same", "within bounds", "changed", "time of second over first")
+        blocks.append(markdown.table(head, [(pair.name, *pair.tally, ratio(pair)) for pair in comparison.pairs]))
     for pair in comparison.pairs if comparison.alone else shown(comparison):
         blocks += list(_of_pair(pair, comparison.alone is None))
     return "\n\n".join(block for block in blocks if block) + "\n"
@@ -226,11 +224,6 @@ def summary(comparison: SideComparison) -> str:
 def shown(comparison: SideComparison) -> list[Pair]:
     """List the pairs that are shown in full: each side with the one before it."""
     return [pair for pair in comparison.pairs if ord(pair.b) == ord(pair.a) + 1]
-
-
-def _table_of_pairs(comparison: SideComparison) -> str:
-    head = ("pair", "same", "within bounds", "changed", "time of second over first")
-    return markdown.table(head, [(pair.name, *pair.tally, ratio(pair)) for pair in comparison.pairs])
 
 
 def ratio(pair: Pair) -> str:

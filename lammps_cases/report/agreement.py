@@ -95,18 +95,15 @@ def matrices(run: RunRecord) -> list[Matrix]:
 
 def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
     """Collect all fields that are compared at steps, in the order of a step."""
-    found: dict[str, dict[int, AgreementCell]] = {}
+    cells: dict[str, dict[int, AgreementCell]] = {}
     for case in cases:
         for record in case.fields:
             for at in record.steps:
-                found.setdefault(record.field, {}).setdefault(at.step, AgreementCell()).add(case.case, at)
-    steps = sorted({step for of_field in found.values() for step in of_field})
+                cells.setdefault(record.field, {}).setdefault(at.step, AgreementCell()).add(case.case, at)
+    steps = sorted({step for of_field in cells.values() for step in of_field})
     rows = [
-        AgreementRow(name, _stage(name), [found[name].get(step) for step in steps]) for name in in_step_order(found)
+        AgreementRow(name, FIELDS[name].stage if name in FIELDS else "", [cells[name].get(step) for step in steps])
+        for name in in_step_order(cells)
     ]
     explained = dict.fromkeys(entry for case in cases for entry in wording.explained_by(case))
     return Matrix(title, bool(cases[0].twin), len(cases), steps, rows, sorted(explained))
-
-
-def _stage(name: str) -> str:
-    return FIELDS[name].stage if name in FIELDS else ""

@@ -48,11 +48,11 @@ def case_lines(path: Path) -> dict[str, int]:
     axes = []
     for _, axis in _children(keys["matrix"][1]).values() if "matrix" in keys else ():
         axes.append({label: key.start_mark.line + 1 for label, (key, _) in _children(axis).items()})
-    telling = max(range(len(axes)), key=lambda at: len(axes[at]), default=None)
-    found = {}
-    for labels in itertools.product(*axes):
-        found[".".join((name, *labels))] = line if telling is None else axes[telling][labels[telling]]
-    return found
+    longest = max(range(len(axes)), key=lambda at: len(axes[at]), default=None)
+    return {
+        ".".join((name, *labels)): line if longest is None else axes[longest][labels[longest]]
+        for labels in itertools.product(*axes)
+    }
 
 
 def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:

@@ -45,12 +45,12 @@ class RunFinding:
 def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     """Return every finding, the most severe first; of equal severity those that the run shows first."""
     explained = [(case, set(wording.explained_by(case))) for case in run.cases]
-    found = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
-    return sorted(found, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
+    shown = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
+    return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 
 
 def _finding(entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str) -> RunFinding:
-    seen, unseen = [], []
+    showing, unseen = [], []
     for case, entries in explained:
         shown = entry.id in entries
         would = entry.id in case.unseen
@@ -59,7 +59,7 @@ def _finding(entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], e
             shown = case.verdict == "differs" and not entry.named_variant
             would = not shown
         if shown:
-            seen.append(case.case)
+            showing.append(case.case)
         elif would:
             unseen.append(case.case)
-    return RunFinding(entry, seen, unseen, entry.listed(engine))
+    return RunFinding(entry, showing, unseen, entry.listed(engine))

@@ -15,15 +15,12 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def document(run: RunRecord) -> bytes:
     """Return a run as JUnit XML: one testcase per case, in the class of the first part of its name."""
     outcomes = [_outcome(case, run) for case in run.cases]
-    totals = {
-        "tests": len(run.cases),
-        "failures": outcomes.count("failure"),
-        "errors": outcomes.count("error"),
-    }
-    attributes = {name: str(value) for name, value in totals.items()}
-    attributes |= {"skipped": str(outcomes.count("skipped")), "time": f"{run.seconds:.6f}"}
-    root = ET.Element("testsuites", {"name": "eos-ref", **attributes})
-    suite = ET.SubElement(root, "testsuite", {"name": "eos-ref", **attributes})
+    attributes = {"name": "eos-ref", "tests": str(len(run.cases))}
+    for outcome in ("failure", "error", "skipped"):
+        attributes[outcome if outcome == "skipped" else f"{outcome}s"] = str(outcomes.count(outcome))
+    attributes["time"] = f"{run.seconds:.6f}"
+    root = ET.Element("testsuites", attributes)
+    suite = ET.SubElement(root, "testsuite", attributes)
     if run.date:
         suite.set("timestamp", _legal(run.date))
     properties = ET.SubElement(suite, "properties")
@@ -45,11 +42,7 @@ def _outcome(case: CaseRecord, run: RunRecord) -> str:
 
 def _add(suite: ET.Element, case: CaseRecord, outcome: str) -> None:
     name = _legal(case.case)
-    attributes = {
-        "classname": f"eos-ref.{name.split('.')[0]}",
-        "name": name,
-        "time": f"{case.seconds.total:.6f}",
-    }
+    attributes = {"classname": f"eos-ref.{name.split('.')[0]}", "name": name, "time": f"{case.seconds.total:.6f}"}
     testcase = ET.SubElement(suite, "testcase", attributes)
     text = _text(case)
     if outcome == "passed":
@@ -79,9 +72,9 @@ def _text(case: CaseRecord) -> str:
 
 
 def _properties(run: RunRecord) -> dict[str, str]:
-    found = {f"engine.{name}": str(value) for name, value in run.engine.model_dump().items() if value}
-    found |= {f"reference.{name}": version for name, version in run.reference.items()}
-    return found | ({"command": run.command} if run.command else {})
+    properties = {f"engine.{name}": str(value) for name, value in run.engine.model_dump().items() if value}
+    properties |= {f"reference.{name}": version for name, version in run.reference.items()}
+    return properties | ({"command": run.command} if run.command else {})
 
 
 def _legal(text: str) -> str:

@@ -48,25 +48,19 @@ def _failure(case: CaseRecord) -> Sequence[str]:
         atom = "" if field.worst_id is None else str(field.worst_id)
         blame = (text(field.field), text(field.stage), atom)
     message = case.message if len(case.message) <= LONGEST else case.message[:LONGEST] + "…"
-    return (
-        code(case.case),
-        wording.kind(case),
-        *blame,
-        wording.number(wording.worst_ratio(case)),
-        text(message),
-    )
+    return (code(case.case), wording.kind(case), *blame, wording.number(wording.worst_ratio(case)), text(message))
 
 
-def _findings(found: Sequence[findings.RunFinding]) -> str:
+def _findings(of_run: Sequence[findings.RunFinding]) -> str:
     """Return one line per finding that the run shows or could have shown."""
     rows = [
         (f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.cases), len(f.unseen) or "")
-        for f in found
+        for f in of_run
         if f.status != "absent"
     ]
     if not rows:
         return ""
-    absent = sum(f.status == "absent" for f in found)
+    absent = sum(f.status == "absent" for f in of_run)
     rest = f"\n\n{absent} more of the ledger not applicable in this run." if absent else ""
     head = ("severity", "finding", "what LAMMPS does", "cases", "applies, not seen")
     return f"### Findings\n\n{table(head, rows)}{rest}"
@@ -74,12 +68,12 @@ def _findings(found: Sequence[findings.RunFinding]) -> str:
 
 def _agreement(matrix: agreement.Matrix) -> str:
     """Tabulate fields against steps: cases inside the bound with the largest difference/bound, then those outside."""
-    shown = [row for row in matrix.rows if not row.exact]
+    rows = [(text(row.field), *map(_cell, row.cells)) for row in matrix.rows if not row.exact]
     same = [row.field for row in matrix.rows if row.exact]
     blocks = [
         f"### Agreement: {matrix.title} ({matrix.cases} cases)",
-        "Cases inside the bound (largest difference/bound); explained ones: as documented, their variants are inside.",
-        table(("field", *(f"step {step}" for step in matrix.steps)), map(_fields_row, shown)) if shown else "",
+        "Cases inside the bound (largest difference/bound); of explained ones the variants are inside.",
+        table(("field", *(f"step {step}" for step in matrix.steps)), rows) if rows else "",
         f"The same bits in every case: {', '.join(map(text, same))}." if same else "",
     ]
     return "\n\n".join(block for block in blocks if block)
@@ -99,32 +93,20 @@ def _twins(matrix: agreement.Matrix) -> str:
     return f"{matrix.title} ({matrix.cases} cases), fields at steps: {counts}."
 
 
-def _fields_row(row: agreement.AgreementRow) -> Sequence[str]:
-    return (text(row.field), *("" if cell is None else _cell(cell) for cell in row.cells))
-
-
-def _cell(cell: agreement.AgreementCell) -> str:
-    words = []
-    if cell.agree:
-        words.append(f"{cell.agree} (0)" if not cell.inside.cases else f"{cell.agree} ({_ratio(cell.inside)})")
+def _cell(cell: agreement.AgreementCell | None) -> str:
+    if cell is None:
+        return ""
+    words = [f"{cell.agree} ({wording.brief(cell.inside.ratio) or 0})"] if cell.agree else []
     for name, worst in (("explained", cell.explained), ("**differ**", cell.outside)):
         if worst.cases:
-            words.append(f"{worst.cases} {name} ({_ratio(worst)})")
+            words.append(f"{worst.cases} {name} ({wording.brief(worst.ratio)})")
     return ", ".join(words)
-
-
-def _ratio(worst: agreement.WorstCase) -> str:
-    return wording.brief(worst.ratio)
 
 
 def _slowest(run: RunRecord) -> str:
     cases = sorted(run.cases, key=lambda c: -c.seconds.total)[:EXTREMES]
     rows = [
-        (
-            code(c.case),
-            c.natoms,
-            *(f"{s:.3f}" for s in (c.seconds.total, c.seconds.lammps, c.seconds.reference)),
-        )
+        (code(c.case), c.natoms, *(f"{s:.3f}" for s in (c.seconds.total, c.seconds.lammps, c.seconds.reference)))
         for c in cases
         if c.seconds.total > 0
     ]

@@ -10,6 +10,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -109,29 +110,26 @@ def run_cases(
         queue = []
         for case in sorted(cases, key=_last):
             ready = prepare(case)
-            queue.append((ready, [workers.submit(told, case.scene.engine.time_limit) for told in ready.jobs]))
+            queue.append((ready, [workers.submit(each, case.scene.engine.time_limit) for each in ready.jobs]))
         importlib.import_module("lammps_cases.report.page")  # while LAMMPS works
         who = workers.outcome(identity)
-        answering = engine_record(engine, {} if isinstance(who, Failure) else who)
+        answering = engine_record(engine, who)
         judged = []
         for ready, futures in queue:
-            outcomes: Outcomes = []
-            for future in futures:
-                outcome = workers.outcome(future, ready.case.scene.engine.time_limit)
-                outcomes.append(outcome)
+            outcomes = answers(workers, ready, futures)
             judged.append(workers.call(report, folder, ready, outcomes, answering, store, time_limit=JUDGING))
         records: list[CaseRecord] = []
         known: dict[str, Drawn] = {}
         for (ready, _), verdict in zip(queue, judged, strict=True):
-            found = workers.outcome(verdict, JUDGING)
-            record, known[ready.case.name] = _lost(ready, found, answering) if isinstance(found, Failure) else found
+            judgement = workers.outcome(verdict, JUDGING)
+            if isinstance(judgement, Failure):
+                record = unjudged(ready, judgement, answering)
+            else:
+                record, known[ready.case.name] = judgement
             records.append(record)
             complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
             progress.advance(len(records), len(queue), record.case, complaint)
-        who = workers.outcome(identity)
-        run = provenance(
-            EngineRecord(name=engine.name) if isinstance(who, Failure) else engine_record(engine, who), command
-        )
+        run = provenance(answering, command)
         run.strict, run.shard = strict, part
         run.cases = sorted(records, key=lambda record: record.case)
         run.notes = gone(run.cases)
@@ -198,7 +196,7 @@ def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engin
 
     if not any(asks_for_lists(ready.case, scene, atoms, engine) for scene, atoms in ready.sides):
         return []
-    found: Outcomes = []
+    with_lists: Outcomes = []
     for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
         if isinstance(outcome, Failure) or scene.engine.ranks > 1:
             return []
@@ -206,8 +204,8 @@ def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engin
         compared = zip(outcome.steps, outcome.snapshots, strict=True)
         if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
             return []  # another run than the one judged: its lists say nothing
-        found.append(replace(outcome, lists=again.lists))
-    return found
+        with_lists.append(replace(outcome, lists=again.lists))
+    return with_lists
 
 
 def _same(arrays: Arrays, others: Arrays) -> bool:
@@ -222,17 +220,25 @@ def first_step_outside(site: str | None, ready: PreparedCase, engine: str, predi
     from lammps_cases.verdict.model_cases import asks_for_lists, first_step
 
     lists = asks_for_lists(ready.case, scene, ready.atoms, engine)
-    told = job(scene, ready.atoms, plan(scene), every_step=True, lists=lists)
-    return first_step(ready.case, ready.atoms, solve(site, told), engine, predictor)
+    every_step = job(scene, ready.atoms, plan(scene), every_step=True, lists=lists)
+    return first_step(ready.case, ready.atoms, solve(site, every_step), engine, predictor)
 
 
-def _lost(ready: PreparedCase, failure: Failure, engine: EngineRecord) -> tuple[CaseRecord, Drawn]:
-    """Return the record of a case that was not judged."""
-    from lammps_cases.report.drawn import Drawn
+def answers(workers: Workers, ready: PreparedCase, futures: Sequence[Future[Answer]]) -> Outcomes:
+    """Wait for the runs of a case."""
+    limit = ready.case.scene.engine.time_limit
+    outcomes: Outcomes = []
+    for future in futures:
+        outcome = workers.outcome(future, limit)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def unjudged(ready: PreparedCase, failure: Failure, engine: EngineRecord) -> CaseRecord:
+    """Return the record of a case whose judgement failed."""
     from lammps_cases.verdict.outcome import blank_record
 
-    record = blank_record(ready.case, ready.eos, ready.atoms, engine)
-    return faulty(record, HarnessError(text=failure.message)), Drawn()
+    return faulty(blank_record(ready.case, ready.eos, ready.atoms, engine), HarnessError(text=failure.message))
 
 
 def faulty(record: CaseRecord, fault: HarnessError) -> CaseRecord:
@@ -244,8 +250,8 @@ def faulty(record: CaseRecord, fault: HarnessError) -> CaseRecord:
 
 def gone(cases: Sequence[CaseRecord]) -> list[str]:
     """Return a sentence for every finding that some cases would show, and none of the run does."""
-    seen = {entry for case in cases for field in case.fields for entry in field.explained_by}
-    unseen = Counter(entry for case in cases for entry in case.unseen if entry not in seen)
+    shown = {entry for case in cases for field in case.fields for entry in field.explained_by}
+    unseen = Counter(entry for case in cases for entry in case.unseen if entry not in shown)
     return [
         f"this engine no longer shows {entry} ({count} case{'s' * (count > 1)} would): take it off the ledger's list"
         for entry, count in sorted(unseen.items())
@@ -257,9 +263,10 @@ def _last(case: Case) -> int:
     return 2 * isinstance(case.scene.positions, FromFile) + (case.scene.expect is not None)
 
 
-def engine_record(engine: Engine, who: dict[str, str]) -> EngineRecord:
+def engine_record(engine: Engine, who: dict[str, str] | Failure) -> EngineRecord:
     """Return who answered (nothing is known of one that died), with the hash of its library."""
-    return EngineRecord(name=engine.name, library_sha256=library_sha256(who.get("library", "")), **who)
+    known = {} if isinstance(who, Failure) else who
+    return EngineRecord(name=engine.name, library_sha256=library_sha256(known.get("library", "")), **known)
 
 
 def provenance(engine: EngineRecord, command: str) -> RunRecord:

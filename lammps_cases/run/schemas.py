@@ -56,8 +56,8 @@ def _with_infinities(schema: Any) -> Any:
 
 def documents() -> dict[Path, str]:
     """Return the schema files and their content."""
-    made = {"scene/scene.schema.json": scene_schema(), "records/run.schema.json": run_schema()}
-    return {FOLDER / name: json.dumps(schema, indent=1, sort_keys=True) + "\n" for name, schema in made.items()}
+    schemas = {"scene/scene.schema.json": scene_schema(), "records/run.schema.json": run_schema()}
+    return {FOLDER / name: json.dumps(schema, indent=1, sort_keys=True) + "\n" for name, schema in schemas.items()}
 
 
 if __name__ == "__main__":

@@ -42,11 +42,11 @@ class Kit:
         """
         if not re.fullmatch(r"[A-Za-z0-9][\w.-]*/[\w.-]+", repository, re.ASCII):
             raise InputError("repository", "must be OWNER/NAME", repository)
-        found = []
+        filled = []
         for template, path in self.files.items():
             content = (TEMPLATES / template).read_text(encoding="utf-8").replace(REPOSITORY, repository)
-            found.append(KitFile(path, content, executable=content.startswith("#!")))
-        return found
+            filled.append(KitFile(path, content, executable=content.startswith("#!")))
+        return filled
 
     def __str__(self) -> str:
         return f"{self.name:12s}{self.about} ({', '.join(self.files.values())})"

@@ -94,7 +94,7 @@ class JudgingWorkers(Workers):
         EngineMissing
         """
         who = self.outcome(self.identify())
-        return PerturbedJudge(engine_record(self.engine, {} if isinstance(who, Failure) else who), self.store)
+        return PerturbedJudge(engine_record(self.engine, who), self.store)
 
     def judging(self, task: Callable[..., T], *arguments: Any) -> Future[T]:
         """Queue a task ``task(site, judge, *arguments)``."""

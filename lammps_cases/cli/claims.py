@@ -101,7 +101,7 @@ def claims_command(
 
 def _labels(answers: Sequence[tuple[RunRecord, Path]]) -> list[str]:
     """Return the heads of the columns: the version, with the folder where several runs are of one."""
-    versions = [run.engine.distribution or run.engine.name for run, _ in answers]
+    versions = [run.engine.label for run, _ in answers]
     return [
         f"{version} ({folder})" if versions.count(version) > 1 else version
         for version, (_, folder) in zip(versions, answers, strict=True)

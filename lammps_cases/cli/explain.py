@@ -44,11 +44,7 @@ def _explanation(case: Any) -> dict[str, Any]:
     laws = [
         {
             "type": t,
-            "style": law.style,
-            "rho0": law.rho0,
-            "cs": law.cs,
-            "parameter": law.parameter,
-            "background": law.background,
+            **{name: getattr(law, name) for name in ("style", "rho0", "cs", "parameter", "background")},
             "defined": [str(end) for end in law.defined],
             "monotone": [str(end) for end in law.monotone],
             "bound": bounds.comparison_derivation(law),

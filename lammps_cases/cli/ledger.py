@@ -26,14 +26,8 @@ def ledger_command(as_json: bool) -> int:
     shown_by = accepted_cases()
     if as_json:
         entries = [
-            {
-                "id": entry.id,
-                "title": entry.title,
-                "severity": entry.severity,
-                "engines": list(entry.engines),
-                "cases": shown_by.get(entry.id, []),
-                "variant": entry.named_variant,
-            }
+            {name: getattr(entry, name) for name in ("id", "title", "severity", "engines")}
+            | {"cases": shown_by.get(entry.id, []), "variant": entry.named_variant}
             for entry in LEDGER
         ]
         click.echo(json.dumps({"entries": entries}, indent=1))

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from markupsafe import Markup
-
 from lammps_cases.history.draw import points
 from lammps_cases.history.views import CaseView, EngineChange, RunLine
 from lammps_cases.pages import frame
@@ -33,15 +31,6 @@ class Step:
         return {kind: self.counts[kind] for kind in PARTS if kind in self.counts}
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A case with its pictures."""
-
-    view: CaseView
-    errors: Markup
-    times: Markup
-
-
 def steps(views: Sequence[CaseView]) -> list[Step]:
     """Collect the changes of some cases by the pair of engines."""
     by_engines: dict[tuple[str, str], Step] = {}
@@ -58,7 +47,14 @@ def steps(views: Sequence[CaseView]) -> list[Step]:
 def write(
     folder: Path, lines: Sequence[RunLine], views: Sequence[CaseView], labels: Sequence[str], pictured: bool
 ) -> Path:
-    """Write the page of some runs and cases; with a picture of every case, or the changes alone."""
+    """Write the page of some runs and cases; with pictures of every case, or the changes alone."""
+    pictures = []
+    if pictured:
+        from lammps_cases.history import figures
+
+        for view in views:
+            errors = figures.errors(points(view), f"errors-{view.case}")
+            pictures.append((view, errors, figures.times(view.times, f"times-{view.case}")))
     html = frame.page(
         ASSETS,
         "history",
@@ -67,7 +63,7 @@ def write(
         steps=[step for label in labels for step in steps(views) if step.engine == label],
         changed=[view for view in views if pictured or view.changes],
         total=len(views),
-        pictures=[_picture(view) for view in views] if pictured else [],
+        pictures=pictures,
         filters={"findings": findings, "error": error},
     )
     path = folder / "history.html"
@@ -83,11 +79,3 @@ def error(ratio: float | None) -> str:
 def findings(changes: Sequence[EngineChange]) -> list[tuple[str, str]]:
     """List every pair of findings before and after, once."""
     return list(dict.fromkeys((change.was, change.now) for change in changes if change.kind == "finding"))
-
-
-def _picture(view: CaseView) -> Picture:
-    from lammps_cases.history import figures
-
-    return Picture(
-        view, figures.errors(points(view), f"errors-{view.case}"), figures.times(view.times, f"times-{view.case}")
-    )

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from packaging.version import InvalidVersion, Version
 
 from lammps_cases.history.model import StoredRun
-
-_HASH = 8  # digits shown of a library's hash
+from lammps_cases.records.run_record import HASH
 
 
 @dataclass(frozen=True)
@@ -41,30 +39,21 @@ def engines(runs: Sequence[StoredRun]) -> list[EngineRuns]:
     for run in sorted(runs, key=lambda run: (run.date, run.id)):
         of.setdefault(run.engine.key, []).append(run)
     groups = sorted(of.values(), key=_place)
-    names = [_name(group) for group in groups]
+    labels = [_release(group) or group[-1].engine.label for group in groups]
     lines = []
-    for name, group in zip(names, groups, strict=True):
+    for label, group in zip(labels, groups, strict=True):
         engine = group[0].engine
-        hash_digits = f" {engine.library_sha256[:_HASH]}"
-        unique = names.count(name) == 1 or name.endswith(hash_digits)
-        lines.append(EngineRuns(engine.key, name if unique else name + hash_digits, tuple(group)))
+        hash_digits = f" {engine.library_sha256[:HASH]}"
+        unique = labels.count(label) == 1 or label.endswith(hash_digits)
+        lines.append(EngineRuns(engine.key, label if unique else label + hash_digits, tuple(group)))
     return lines
 
 
 def _release(group: Sequence[StoredRun]) -> str:
-    """Return the version of a distribution; empty for a build of one's own."""
-    return next((run.engine.distribution for run in group if not run.engine.name.startswith("path:")), "")
+    """Return the release that a library is of, under whatever name it was run; empty for a build of one's own."""
+    return next((run.engine.release for run in group if run.engine.release), "")
 
 
 def _place(group: Sequence[StoredRun]) -> tuple[object, ...]:
     release = _release(group)
     return (0, natural(release), group[0].date) if release else (1, group[0].date, group[0].engine.key)
-
-
-def _name(group: Sequence[StoredRun]) -> str:
-    engine = group[-1].engine
-    if release := _release(group):
-        return release
-    if engine.name.startswith("path:"):
-        return f"{Path(engine.name.removeprefix('path:')).name or engine.name} {engine.library_sha256[:_HASH]}".rstrip()
-    return " ".join(part for part in (engine.name, engine.version_string) if part)

@@ -22,7 +22,6 @@ class StepOutcome:
 
     step: int | None
     verdict: Verdict
-    max_over_bound: float | None
     digest: str
     max_abs: float | None = None
 
@@ -51,7 +50,7 @@ class FieldOutcome:
             max_over_bound=record.max_over_bound,
             digest=record.digest,
             stage=record.stage,
-            by_step=tuple(StepOutcome(s.step, s.verdict, s.max_over_bound, s.digest, s.max_abs) for s in record.steps),
+            by_step=tuple(StepOutcome(s.step, s.verdict, s.digest, s.max_abs) for s in record.steps),
             atom_type=record.atom_type,
             max_abs=record.max_abs,
         )
@@ -64,7 +63,7 @@ class FieldOutcome:
     @property
     def steps(self) -> tuple[StepOutcome, ...]:
         """Every step; the field as a whole where there is but one evaluation."""
-        return self.by_step or (StepOutcome(None, self.verdict, self.max_over_bound, self.digest),)
+        return self.by_step or (StepOutcome(None, self.verdict, self.digest),)
 
     @property
     def parts(self) -> dict[Part, str]:

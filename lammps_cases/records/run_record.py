@@ -24,18 +24,9 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 # other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 Failed = Literal["refused", "crashed", "timeout", "error"]  # a verdict and an end in one: without an answer
+HASH = 8  # digits shown of a library's hash
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
-BY_SEVERITY: tuple[Verdict, ...] = (
-    "skipped",
-    "exact",
-    "pass",
-    "explained",
-    "refused",
-    "differs",
-    "timeout",
-    "crashed",
-    "error",
-)
+BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
 
 
 class _Record(BaseModel):
@@ -253,6 +244,19 @@ class EngineRecord(_Record):
     def key(self) -> str:
         """Identity of the engine: the same for the same library, whatever name was given to it."""
         return self.library_sha256 or " ".join((self.name, self.distribution, self.version_string, self.git))
+
+    @property
+    def release(self) -> str:
+        """The version of a distribution; empty for a build of one's own."""
+        return "" if self.name.startswith("path:") else self.distribution
+
+    @property
+    def label(self) -> str:
+        """What tables call it: a release; a build by its folder and the hash of its library; else name and version."""
+        if self.name.startswith("path:"):
+            folder = Path(self.name.removeprefix("path:")).name or self.name
+            return f"{folder} {self.library_sha256[:HASH]}".rstrip()
+        return self.release or f"{self.name} {self.version_string}".strip()
 
     @property
     def version(self) -> tuple[str, str]:

@@ -94,7 +94,7 @@ def folder_name(text: str) -> str:
 
 # --- runs and cases
 
-SEVERITY: dict[Verdict, int] = {verdict: k for k, verdict in enumerate(BY_SEVERITY, 1)}
+SEVERITY: dict[str, int] = {verdict: k for k, verdict in enumerate(BY_SEVERITY, 1)}
 _SKIPPED, _EXACT, _PASS, *_WORSE = BY_SEVERITY
 KINDS = (_EXACT, _PASS, EXPECTED_REFUSAL, *_WORSE, _SKIPPED)  # of verdicts, in the order of lists
 

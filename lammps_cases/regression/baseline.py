@@ -198,7 +198,7 @@ def _row(row: list[str]) -> CaseOutcome | FieldOutcome:
         expected = as_expected(verdict, detail)
         return CaseOutcome(name, verdict, expected, how, findings, detail)
     steps = (at.split(":") for at in detail.split())
-    by_step = tuple(StepOutcome(int(step), _verdict(of_step), None, bits) for step, of_step, bits in steps)
+    by_step = tuple(StepOutcome(int(step), _verdict(of_step), bits) for step, of_step, bits in steps)
     return FieldOutcome(of, verdict, findings, float(ratio) if ratio else None, digest, stage, by_step)
 
 

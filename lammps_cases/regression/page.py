@@ -12,7 +12,6 @@ from lammps_cases.records import wording
 from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
 from lammps_cases.regression import pairs
 from lammps_cases.regression.change import SideChange
-from lammps_cases.regression.groups import ChangeGroup
 from lammps_cases.regression.pairs import Pair, SideComparison
 from lammps_cases.scene.fields import place
 
@@ -29,42 +28,13 @@ CLOSER = {"both": "=", "neither": "×"}
 
 
 @dataclass(frozen=True)
-class ChangeLine:
-    """A change in the list, as text."""
-
-    anchor: str
-    change: SideChange
-    a: str
-    b: str
-
-    @property
-    def difference(self) -> str:
-        """Difference of the two arrays of LAMMPS, as text."""
-        return wording.number(self.change.difference)
-
-
-@dataclass(frozen=True)
 class PairView:
-    """A pair as the page shows it."""
+    """A pair as the page shows it: the matrix of cases and fields, and every change with its anchor."""
 
     pair: Pair
     columns: list[str]
     rows: list[TableRow]
-    lines: list[ChangeLine]
-    kinds: dict[ChangeKind, int]
-    groups: list[ChangeGroup]
-    closer: dict[str, str]
-
-    @property
-    def marks(self) -> list[tuple[str, str]]:
-        """The characters of the matrix and their meaning."""
-        words = {
-            "A": f"closer: {self.pair.a}",
-            "B": f"closer: {self.pair.b}",
-            "both": "both inside",
-            "neither": "neither",
-        }
-        return [("·", "same"), ("≈", "within bounds"), *((self.closer[who], f"changed, {words[who]}") for who in words)]
+    changes: list[tuple[str, SideChange]]
 
 
 def render(comparison: SideComparison) -> str:
@@ -75,6 +45,7 @@ def render(comparison: SideComparison) -> str:
         "compare",
         "bad" if comparison.exit_code else "good",
         scripts=[frame.FILTER],
+        filters={"side": _side, "marks": _marks},
         comparison=comparison,
         stamp=pairs.STAMPS[comparison.exit_code],
         table=[(pair, *pair.tally, pairs.ratio(pair)) for pair in comparison.pairs],
@@ -83,19 +54,23 @@ def render(comparison: SideComparison) -> str:
     )
 
 
+def _marks(pair: Pair) -> list[tuple[str, str]]:
+    """Return the characters of the matrix and their meaning."""
+    changed = {pair.a: f"closer: {pair.a}", pair.b: f"closer: {pair.b}", "=": "both inside", "×": "neither"}
+    return [("·", "same"), ("≈", "within bounds"), *((mark, f"changed, {words}") for mark, words in changed.items())]
+
+
 def _view(pair: Pair) -> PairView:
-    changes = pair.changes.fields
-    columns = _columns(changes)
+    columns = _columns(pair.changes.fields)
     by_case: dict[str, dict[str, SideChange]] = {}
-    for change in changes:
+    for change in pair.changes.fields:
         by_case.setdefault(change.case, {})[change.field] = change
-    different = pair.changes.different
-    anchors = {(c.case, c.field): f"{pair.name}-{k}" for k, c in enumerate(different)}
+    changes = [(f"{pair.name}-{k}", change) for k, change in enumerate(pair.changes.different)]
+    anchors = {(change.case, change.field): anchor for anchor, change in changes}
     closer = pair.names | CLOSER
     rows = [_row(case, columns, of_case, anchors, closer) for case, of_case in sorted(by_case.items())]
-    lines = [ChangeLine(anchors[c.case, c.field], c, _side(c, 0), _side(c, 1)) for c in different]
-    lines.sort(key=lambda line: (not line.change.fault, -CHANGE_KINDS.index(line.change.kind), line.change.case))
-    return PairView(pair, columns, rows, lines, pair.changes.counts, pair.groups, closer)
+    changes.sort(key=lambda line: (not line[1].fault, -CHANGE_KINDS.index(line[1].kind), line[1].case))
+    return PairView(pair, columns, rows, changes)
 
 
 def _columns(changes: Sequence[SideChange]) -> list[str]:

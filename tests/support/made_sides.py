@@ -22,7 +22,7 @@ def field(
     findings: Sequence[str] = (),
     steps: Sequence[tuple[int, Verdict, str]] = (),
 ) -> FieldOutcome:
-    at = tuple(StepOutcome(step, of_step, None, bits_of_step) for step, of_step, bits_of_step in steps)
+    at = tuple(StepOutcome(step, of_step, bits_of_step) for step, of_step, bits_of_step in steps)
     return FieldOutcome(name, verdict, tuple(findings), over, bits, "pair", at)
 
 

@@ -44,7 +44,7 @@ class Claim(BaseModel):
     id : a stable name
     page, section : where the manual makes it
     kind : what it is about
-    text : the statement, in words of our own
+    text : the statement, paraphrased
     cases : patterns of the cases, and of the probes (``probes.ID``), that would show it to be false
     fields : the fields of these cases that carry it; all by default
     refuted_by : ids of the findings that contradict it

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lammps_cases.records.run_record import CaseRecord, RunRecord
     from lammps_cases.scene.casefile import Case
 
+PLURAL = {"holds": "hold", "does not hold": "do not hold"}
 MOST_TEXT = 160  # characters of evidence
 PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
 
@@ -193,11 +194,14 @@ def _document(columns: Sequence[Column]) -> dict[str, Any]:
 def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]]) -> None:
     """List the claims that do not hold, and probes without a claim that ended in an unforeseen way, by engine."""
     from lammps_cases.claims.verdicts import counts
-    from lammps_cases.records.wording import listed
+    from lammps_cases.records.wording import counted, listed
 
     for column in columns:
-        totals = ", ".join(f"{count} {verdict}" for verdict, count in counts(column.judged).items())
-        click.secho(f"{column.engine}: {len(column.judged)} claims: {totals}", bold=True)
+        totals = ", ".join(
+            f"{count} {verdict if count == 1 else PLURAL.get(verdict, verdict)}"
+            for verdict, count in counts(column.judged).items()
+        )
+        click.secho(f"{column.engine}: {counted(len(column.judged), 'claim')}: {totals}", bold=True)
         for judged in column.judged:
             if judged.verdict == "does not hold":
                 first, *rest = judged.evidence

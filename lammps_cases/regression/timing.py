@@ -75,7 +75,6 @@ def _timed(side: Side, name: str) -> bool:
 class Turns:
     """Wall times of LAMMPS' run commands, of every engine on every scene, in the same rounds."""
 
-    names: tuple[str, ...]
     seconds: Mapping[tuple[str, str], tuple[float, ...]]  # by scene and engine
 
     def against(self, one: str, other: str) -> list[Speed]:
@@ -128,7 +127,7 @@ def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Prog
     sums = {
         (TOTAL, name): tuple(sum(row) for row in zip(*(each[s, name] for s in jobs), strict=True)) for name in names
     }
-    return Turns(tuple(names), sums | each)
+    return Turns(sums | each)
 
 
 def spent(site: str | None, lammps_job: Job) -> float:

@@ -64,7 +64,7 @@ def test_single_calls_give_a_ratio_and_no_answer() -> None:
 
 def test_times_in_turns_are_compared_round_by_round() -> None:
     drift = tuple(1.5**k for k in range(9))
-    turns = Turns(("A", "B"), {(TOTAL, "A"): drift, (TOTAL, "B"): tuple(1.01 * t for t in drift)})
+    turns = Turns({(TOTAL, "A"): drift, (TOTAL, "B"): tuple(1.01 * t for t in drift)})
     (slower,), (faster,) = turns.against("A", "B"), turns.against("B", "A")
     assert (slower.answer, faster.answer) == ("slower", "faster")
     assert slower.sentence("old", "new").endswith("(9 rounds in turns): new is slower")
@@ -75,7 +75,7 @@ def test_a_single_scene_is_slower_only_if_every_round_says_so() -> None:
     once = (0.99, *(1.01 + 0.001 * k for k in range(8)))
     ones = (1.0,) * 9
     times = {(name, side): once if side == "B" else ones for name in (TOTAL, "shift") for side in "AB"}
-    together, shift = Turns(("A", "B"), times).against("A", "B")
+    together, shift = Turns(times).against("A", "B")
     assert (together.answer, shift.answer) == ("slower", "cannot tell")
     times["shift", "B"] = tuple(1.01 + 0.001 * k for k in range(9))
-    assert Turns(("A", "B"), times).against("A", "B")[1].answer == "slower"
+    assert Turns(times).against("A", "B")[1].answer == "slower"

@@ -65,17 +65,25 @@ def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
     theory = _theory(step)
     if measured is not None:
         fraction, text = measured
-        yield Advice(f"time step is {fraction:.2f} of the measured limit ({text}), {theory}", fraction >= NEAR)
+        text = f"time step {step.dt:.3g} is {_share_of(fraction)} the measured limit ({text}), {theory}"
+        yield Advice(text, fraction >= NEAR)
     else:
-        yield Advice(f"time step is {theory} (no measured limit)", step.fraction >= 1)
+        yield Advice(f"time step {step.dt:.3g} is {theory} (no measured limit)", step.fraction >= 1)
     yield from _sound(model, step)
 
 
 def _theory(step: Numbers) -> str:
-    parts = [f"{step.acoustic:.2f} of CFL h/4(c+U)"]
+    parts = [f"{_share_of(step.acoustic)} CFL h/4(c+U)"]
     if step.nu > 0:
-        parts.append(f"{step.viscous:.2f} of viscous h^2/8nu")
+        parts.append(f"{_share_of(step.viscous)} the viscous limit h^2/8nu")
     return ", ".join(parts)
+
+
+def _share_of(fraction: float) -> str:
+    """Put a fraction into words: 40 % of, or 2.5 times."""
+    if fraction >= 2:
+        return f"{fraction:.3g} times"
+    return f"{100 * fraction:.2g} % of" if fraction < 0.99 else f"{100 * fraction:.0f} % of"
 
 
 def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
@@ -93,7 +101,7 @@ def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
     side = "viscous" if step.viscous > step.acoustic else "sound"
     outside = "" if curve.covers(ratio) else ", beyond the viscosities measured"
     where = f"{curve.map}, {curve.layer}" if curve.layer else curve.map
-    text = f"{side}; {where}: {curve.above} from {at.low * scale:.3g} to {at.high * scale:.3g} on{outside}"
+    text = f"{at.low * scale:.3g} to {at.high * scale:.3g}, {side}; map {where}: {curve.above}{outside}"
     return fraction, text
 
 
@@ -122,7 +130,7 @@ def tension(model: Model, state: State, limits: Limits) -> Iterable[Advice]:
     fraction = lowest / nearest.high
     if fraction >= 0.01:
         yield Advice(
-            f"lowest pressure {lowest:.3g} rho0 c^2 is {fraction:.2f} of the tension at which particles clump "
+            f"lowest pressure {lowest:.3g} rho0 c^2 is {_share_of(fraction)} the tension at which particles clump "
             f"({nearest.map}{', ' * bool(nearest.layer)}{nearest.layer}: {nearest.low:.3g} to {nearest.high:.3g})",
             fraction >= NEAR,
         )

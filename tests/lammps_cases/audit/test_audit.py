@@ -72,7 +72,7 @@ FIXES = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\n
 # --- healthy decks ---
 
 # Their densities lie on both sides of rho0 at random: the audit says rightly that such a tension would clump in time.
-CLUMPING = "of the tension at which particles clump"
+CLUMPING = "the tension at which particles clump"
 
 
 @pytest.mark.parametrize("name", HEALTHY)

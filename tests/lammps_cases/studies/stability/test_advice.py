@@ -70,25 +70,27 @@ LIMIT = 1.0 * 0.9 / (4 * CS)  # 1 is halfway, in logarithms, between 2 and 0.5
 
 @pytest.mark.parametrize(("fraction", "warns"), [(0.5, False), (0.9, True), (1.5, True)])
 def test_time_step_over_the_measured_limit(fraction: float, warns: bool) -> None:
-    [first] = [line for line in advice(*parts(square(fraction * LIMIT)), LIMITS) if "time step is" in line]
-    expected = f"time step is {fraction:.2f} of the measured limit (sound; step: energy growth from 0.075 to "
+    [first] = [line for line in advice(*parts(square(fraction * LIMIT)), LIMITS) if "of the measured limit" in line]
+    expected = f"time step {fraction * LIMIT:.3g} is {100 * fraction:.0f} % of the measured limit (0.075 to "
     assert first.startswith(("warning: " if warns else "") + expected)
-    assert f"{fraction:.2f} of CFL h/4(c+U), {2 * fraction * RATIO:.2f} of viscous h^2/8nu" in first
+    assert "sound; map step: energy growth)" in first
+    viscous = f"{200 * fraction * RATIO:.0f} % of the viscous limit h^2/8nu"
+    assert f"{100 * fraction:.0f} % of CFL h/4(c+U), {viscous}" in first
     assert "beyond the viscosities" not in first
 
 
 def test_a_limit_of_lammps_goes_before_that_of_the_reference_and_the_nearest_before_others() -> None:
     [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[1:]))
-    assert "step: energy growth" in said.text
-    assert "50.00 of the measured" in said.text
+    assert "map step: energy growth" in said.text
+    assert "50 times the measured limit" in said.text
     [said, *_] = judge(*parts(square(0.5 * LIMIT)), replace(LIMITS, curves=LIMITS.curves[2:]))
-    assert "time step is 0.33 of the measured limit (sound; other, shift: clumping" in said.text
+    assert "33 % of the measured limit" in said.text and "sound; map other, shift: clumping, beyond" in said.text
 
 
 def test_beyond_the_viscosities_measured_it_says_so() -> None:
     for viscosity, dt in ((0.0, 2.0 * 0.9 / (4 * CS)), (MASS * NU * 100, 0.5 * 0.9**2 / (8 * NU * 100))):
         [said, *_] = judge(*parts(square(0.7 * dt, viscosity)), replace(LIMITS, curves=LIMITS.curves[:1]))
-        assert "time step is 0.70 of the measured limit" in said.text
+        assert "is 70 % of the measured limit" in said.text
         assert "beyond the viscosities measured" in said.text
 
 
@@ -110,8 +112,13 @@ def test_without_steps_there_is_nothing_to_say_of_them() -> None:
 
 def test_without_measured_limits_theory_speaks() -> None:
     [line, *_] = advice(*parts(square(0.4 * LIMIT)), Limits("", ()))
-    assert line == "time step is 0.40 of CFL h/4(c+U), 0.12 of viscous h^2/8nu (no measured limit)"
-    assert advice(*parts(square(1.01 * LIMIT)), Limits("", ()))[0].startswith("warning: time step is 1.01 of CFL")
+    assert (
+        line
+        == f"time step {0.4 * LIMIT:.3g} is 40 % of CFL h/4(c+U), 12 % of the viscous limit h^2/8nu (no measured limit)"
+    )
+    assert advice(*parts(square(1.01 * LIMIT)), Limits("", ()))[0].startswith(
+        f"warning: time step {1.01 * LIMIT:.3g} is 101 % of CFL"
+    )
 
 
 def test_density_near_the_end_of_a_law_warns() -> None:
@@ -234,11 +241,11 @@ def test_tension_over_the_measured_one(fraction: float, warns: bool) -> None:
     state.rho_n[7] = MASS * (1 - 0.04 * fraction)
     [said] = [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
     assert said.warns == warns
-    expected = f"is {fraction:.2f} of the tension at which particles clump (tension: -0.05 to -0.04)"
+    expected = f"is {100 * fraction:.0f} % of the tension at which particles clump (tension: -0.05 to -0.04)"
     assert said.text == f"lowest pressure {-0.04 * fraction:.3g} rho0 c^2 {expected}"
     model, *_ = parts(square(1e-3, rheo={"shift": True}))
     [said] = [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
-    assert f"is {fraction / 10:.2f} of" in said.text
+    assert f"is {10 * fraction:.0f} % of" in said.text
     state.rho_n[:] = MASS
     assert not [a for a in judge(model, box, state, dt, limits) if "tension" in a.text]
 
@@ -268,13 +275,13 @@ def test_tensions_are_the_boundaries_of_clumping_along_a_pressure() -> None:
 @pytest.mark.lammps
 def test_explain_and_audit_say_it(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
     explained = json.loads(eos_ref_command("explain", "fluids.unit", "--json").out)["cases"]
-    assert all(any(line.partition("time step is ")[1] for line in case["stability"]) for case in explained)
+    assert all(any(line.partition("time step ")[1] for line in case["stability"]) for case in explained)
     assert "\nstability:\n  " in eos_ref_command("explain", "fluids.unit").out
     # Particles that do not interact need no advice.
     assert json.loads(eos_ref_command("explain", "near-rho0.linear.2d", "--json").out)["cases"][0]["stability"] == []
     deck = Path(__file__).parents[3] / "decks" / "in.walls_corrected"
     out = eos_ref_command("audit", deck, "--steps", 3, "--out", tmp_path / "audit").out
-    assert "0.32 of CFL h/4(c+U), 0.02 of viscous h^2/8nu" in out
+    assert "32 % of CFL h/4(c+U), 1.9 % of the viscous limit h^2/8nu" in out
     assert "stability: sound waves grow: time step 0.02 > 2 nu/c^2 = 0.0147" in out
 
 
@@ -282,7 +289,8 @@ def test_an_audit_says_it_once_for_a_time_step_and_marks_what_is_near(monkeypatc
     monkeypatch.setattr("lammps_cases.studies.stability.advice.read", lambda: Limits("", ()))
     model, box, state, _ = parts(square(1e-3))
     questions = Questions()
-    for run, dt in enumerate((1e-3, 1e-3, 2 * LIMIT), 1):
+    for run, dt in enumerate((1e-3, 1e-3, 3 * LIMIT), 1):
         questions.begin(run, model, box, state, dt)
-    assert [line.partition(" of CFL")[0] for line in questions.stability] == [f"time step is {1e-3 / LIMIT:.2f}"]
-    assert questions.lines()[0].startswith("run 3: time step is 2.00 of CFL")
+    expected = [f"time step 0.001 is {0.1 / LIMIT:.2g} %"]
+    assert [line.partition(" of CFL")[0] for line in questions.stability] == expected
+    assert questions.lines()[0].startswith(f"run 3: time step {3 * LIMIT:.3g} is 3 times CFL")

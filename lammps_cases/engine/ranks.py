@@ -6,7 +6,7 @@ itself, and files carry the jobs and the answers, so that nothing here needs an 
 
 from __future__ import annotations
 
-import functools
+import atexit
 import itertools
 import os
 import pickle
@@ -18,6 +18,8 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 
@@ -38,10 +40,13 @@ def die_with(parent: int) -> None:
 
 
 class Ranks:
-    """LAMMPS on several processes of their own, which take one job after another and die with this one."""
+    """LAMMPS on several processes of their own, which take one job after another and die with this one.
+
+    A context manager, which ends them.
+    """
 
     def __init__(self, site: str | None, count: int) -> None:
-        self._count = count
+        self.count = count
         self._jobs = 0
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
         self._path = Path(self._folder.name)
@@ -57,6 +62,11 @@ class Ranks:
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
             )
 
+    @property
+    def pid(self) -> int:
+        """The id of the process that started the others."""
+        return self._process.pid
+
     def run(self, job: Job) -> Answer:
         """Run one job; after an exception the processes have ended."""
         written = self._path / "job"
@@ -64,14 +74,14 @@ class Ranks:
         written.rename(self._path / f"job.{self._jobs}")
         mask = f"rank.{self._jobs}.*"
         self._jobs += 1
-        while self._process.poll() is None and len(list(self._path.glob(mask))) < self._count:
+        while self._process.poll() is None and len(list(self._path.glob(mask))) < self.count:
             time.sleep(PAUSE)
         answers = [pickle.loads(file.read_bytes()) for file in sorted(self._path.glob(mask))]
         for outcome in answers:
             if isinstance(outcome, Exception):
                 self._process.wait()
                 raise outcome
-        if len(answers) != self._count:
+        if len(answers) != self.count:
             raise EngineCrashed(_crash_message(self._path / "output", self._process.wait()))
         return _joined(answers)
 
@@ -81,11 +91,30 @@ class Ranks:
         self._process.wait()
         self._folder.cleanup()
 
+    def __enter__(self) -> Self:
+        return self
 
-@functools.cache
-def processes(site: str | None, count: int) -> Ranks:
-    """Return the processes of this one: starting them takes as long as a dozen small jobs."""
-    return Ranks(site, count)
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.end()
+
+
+_kept: dict[tuple[str | None, int], Ranks] = {}
+
+
+def kept(site: str | None, count: int) -> Ranks:
+    """Return the ranks that this process keeps: starting them takes as long as a dozen small jobs."""
+    if (site, count) not in _kept:
+        _kept[site, count] = Ranks(site, count)
+    return _kept[site, count]
+
+
+@atexit.register
+def end_kept() -> None:
+    """End the ranks that this process keeps."""
+    while _kept:
+        _kept.popitem()[1].end()
 
 
 def solve(site: str | None, job: Job) -> Answer:
@@ -98,12 +127,11 @@ def solve(site: str | None, job: Job) -> Answer:
     EngineCrashed
         A rank died without an error message of LAMMPS.
     """
-    running = processes(site, job.ranks)
     try:
-        return running.run(job)
+        return kept(site, job.ranks).run(job)
     except Exception:
-        running.end()
-        processes.cache_clear()
+        if failed := _kept.pop((site, job.ranks), None):
+            failed.end()
         raise
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from timeit import timeit
 
 from eos_ref.errors import InputError
-from lammps_cases.engine import ranks
+from lammps_cases.engine.ranks import Ranks
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -46,25 +46,26 @@ def taylor_green(repeats: int, pysph: str | None) -> Iterator[Ratio]:
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     start = FLOWS["taylor-green"].start(EDGE, Options(kernel="quintic"))
-    peers: dict[str, Callable[[], list[float]]] = {
-        "LAMMPS": partial(_lammps, start, 1),
-        "LAMMPS, 2 ranks": partial(_lammps, start, 2),
-    }
-    if pysph:
-        peers["PySPH"] = partial(_pysph, pysph)
-    for threads in (1, 2):
-        flow = ReferenceFlow(start, partial(CompiledEvaluator, threads=threads))
-        flow.advance(WARM)
-        scene = f"Taylor-Green, {EDGE**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
-        for peer, steps in peers.items():
-            yield _against(scene, peer, partial(flow.advance, STEPS), steps, repeats)
+    with Ranks(None, 1) as one, Ranks(None, 2) as two:
+        peers: dict[str, Callable[[], list[float]]] = {
+            "LAMMPS": partial(_lammps, start, one),
+            "LAMMPS, 2 ranks": partial(_lammps, start, two),
+        }
+        if pysph:
+            peers["PySPH"] = partial(_pysph, pysph)
+        for threads in (1, 2):
+            flow = ReferenceFlow(start, partial(CompiledEvaluator, threads=threads))
+            flow.advance(WARM)
+            scene = f"Taylor-Green, {EDGE**2:,} particles" + (f", {threads} threads" if threads > 1 else "")
+            for peer, steps in peers.items():
+                yield _against(scene, peer, partial(flow.advance, STEPS), steps, repeats)
 
 
-def _lammps(start: Start, count: int) -> list[float]:
+def _lammps(start: Start, ranks: Ranks) -> list[float]:
     """Return the seconds of one step of LAMMPS on a number of ranks, after a few steps to warm up."""
     lammps_job = job(start.case.scene, start.atoms, plan(start.case.scene))
     runs = (RunCommand(f"run {WARM} post no", read=False), RunCommand(f"run {STEPS} pre no post no"))
-    answer = ranks.solve(None, replace(lammps_job, runs=runs, ranks=count))
+    answer = ranks.run(replace(lammps_job, runs=runs, ranks=ranks.count))
     return [answer.run_seconds[-1] / STEPS]
 
 

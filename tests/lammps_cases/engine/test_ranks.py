@@ -22,19 +22,18 @@ pytestmark = pytest.mark.lammps
 def job() -> Iterator[Job]:
     case = casefile.select(casefile.load(), ("twins.fluid.ranks",))[0]
     yield next(job for job in campaign.prepare(case).jobs if job.ranks > 1)
-    ranks.processes(None, 2).end()
-    ranks.processes.cache_clear()
+    ranks.end_kept()
 
 
-def _processes() -> int:
-    return ranks.processes(None, 2)._process.pid
+def _pid() -> int:
+    return ranks.kept(None, 2).pid
 
 
 def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
     first = ranks.solve(None, job)
-    began = _processes()
+    began = _pid()
     second = ranks.solve(None, job)
-    assert _processes() == began
+    assert _pid() == began
     assert np.array_equal(first.arrays["id"], job.id_n)
     for name, array in first.arrays.items():
         assert array.tobytes() == second.arrays[name].tobytes(), name
@@ -42,17 +41,28 @@ def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
 
 def test_refusal_ends_the_processes_and_costs_no_later_job(job: Job) -> None:
     right = ranks.solve(None, job)
-    began = _processes()
+    began = _pid()
     with pytest.raises(EngineRefused, match="no_such_command"):
         ranks.solve(None, replace(job, runs=(RunCommand("no_such_command"),)))
     again = ranks.solve(None, job)
-    assert _processes() != began
+    assert _pid() != began
     assert again.arrays["f"].tobytes() == right.arrays["f"].tobytes()
+
+
+def test_a_failure_ends_its_own_ranks_and_the_end_all(job: Job) -> None:
+    other = ranks.kept(None, 1)
+    with pytest.raises(EngineRefused, match="no_such_command"):
+        ranks.solve(None, replace(job, runs=(RunCommand("no_such_command"),)))
+    assert ranks.kept(None, 1) is other
+    os.kill(other.pid, 0)
+    ranks.end_kept()
+    with pytest.raises(ProcessLookupError):
+        os.kill(other.pid, 0)
 
 
 def test_death_is_a_crash_and_costs_no_later_job(job: Job) -> None:
     ranks.solve(None, job)
-    os.kill(_processes(), signal.SIGKILL)
+    os.kill(_pid(), signal.SIGKILL)
     with pytest.raises(EngineCrashed):
         ranks.solve(None, job)
     ranks.solve(None, job)

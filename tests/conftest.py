@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import yaml
 
 from lammps_cases.cli import main
 from lammps_cases.comparison import store
+from lammps_cases.engine import forkserver
 from lammps_cases.history import store as history
 from tests.support.outcome import Outcome
 
@@ -53,9 +55,15 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
+@pytest.fixture(scope="session")
+def users_store() -> Path:
+    """The folder of predictions that a user's run would take; a key holds all that a prediction depends on."""
+    return store.store_folder()
+
+
 @pytest.fixture(autouse=True, scope="session")
-def own_store(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """No test finds what an earlier run of the tests predicted."""
+def own_store(tmp_path_factory: pytest.TempPathFactory, users_store: Path) -> None:
+    """No test finds what an earlier run of the tests predicted, unless it asks for the user's store."""
     os.environ[store.VARIABLE] = str(tmp_path_factory.mktemp("predictions"))
 
 
@@ -70,6 +78,22 @@ def no_service() -> None:
 def own_history(tmp_path_factory: pytest.TempPathFactory) -> None:
     """No run of the tests is kept in the user's history."""
     os.environ[history.VARIABLE] = str(tmp_path_factory.mktemp("history") / "history.sqlite")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def server(request: pytest.FixtureRequest, own_store: None, no_service: None, own_history: None) -> None:
+    """Workers are forked from a process that has imported what judges a case, as those of ``eos-ref run`` are."""
+    items = (item for item in request.session.items if item.path == request.path)
+    if any(item.get_closest_marker("lammps") for item in items):
+        forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Programs that a test starts can be interrupted, even by a test that runs in a background job, which cannot."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what is ignored here is ignored in children
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

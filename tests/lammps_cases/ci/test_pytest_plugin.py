@@ -252,6 +252,7 @@ def alive(mark: str) -> list[int]:
 
 @pytest.mark.lammps
 @pytest.mark.slow
+@pytest.mark.usefixtures("interruptible")
 def test_interrupt_leaves_nothing(pytester: pytest.Pytester, faulty: str) -> None:
     """Ctrl-C while LAMMPS hangs: pytest ends as it does, and no process, no folder stays."""
     write("mine", {"good": {}, "hangs": of_mass(103.0)})

@@ -17,6 +17,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+from lammps_cases.comparison import store
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.run import schemas
@@ -29,11 +30,14 @@ Run = Callable[..., Outcome]
 
 
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
-    """``eos-ref run`` as a user runs it, on every case that is not long."""
+def everything(
+    tmp_path_factory: pytest.TempPathFactory, users_store: Path
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """``eos-ref run`` as a user runs it, on every case that is not long, with the predictions of an earlier run."""
     out = tmp_path_factory.mktemp("run") / "report"
     command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--out", str(out)]
-    return out, subprocess.run(command, capture_output=True, text=True, check=False)
+    environment = {**os.environ, store.VARIABLE: str(users_store)}
+    return out, subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.slow
@@ -177,15 +181,19 @@ def test_unexpected_refusal_is_exit_code_3(
     assert (code == 3) == (run.cases[0].verdict == "refused")
 
 
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_path: Path) -> None:
     out = tmp_path / "report"
     command = [sys.executable, "-m", "lammps_cases.cli.main", "run", "--out", str(out), "--jobs", "1"]
     subprocess.run([*command, "near-rho0.linear"], check=True, capture_output=True)
     before = {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's children inherit that it is ignored
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        [*command, "near-rho0", "units"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob(".report.partial/fields/*")):  # it is in the middle of its work

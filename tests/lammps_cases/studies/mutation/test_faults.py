@@ -84,8 +84,10 @@ OWN = {
 
 
 @pytest.fixture(scope="module", autouse=True)
-def clean_server() -> None:
-    """Mistakes are loaded in processes without the reference; the server of tests before these may have loaded it."""
+def server() -> Iterator[None]:
+    """Mistakes are loaded in processes without the reference, forked from a server that has not imported it either."""
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]
+    yield
     forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 

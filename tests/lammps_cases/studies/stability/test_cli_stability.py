@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import atlas, expected, inputs, maps, record, select
+from lammps_cases.studies.stability import atlas, expected, inputs, maps, probe, record, select
 from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
@@ -110,7 +111,10 @@ def test_fresh_forgets_the_cells(eos_ref_command: Run, measured: list[dict[str, 
 
 
 @pytest.mark.lammps
-def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(eos_ref_command: Run, tmp_path: Path) -> None:
+def test_a_cell_is_run_on_both_engines_and_becomes_a_deck(
+    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probe, "examine", partial(probe.examine, limit=300.0))  # its two steps may have to be compiled
     out = eos_ref_command("stability", "--cell", "made:with <shift>:1.6:0.1", "--out", tmp_path, "--json")
     document = json.loads(out.out)
     assert (document["cell"], out.code) == ("made:with <shift>:1.6:0.1", 0)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from eos_ref import EOS, EOSTable, FixRheo
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
 from eos_ref.numbers.rounded import Rounded
@@ -29,7 +30,9 @@ def pair() -> Simulation:
 def rows() -> list[str]:
     """Return the table of the page, line by line."""
     rounded = pair().rounded()
-    distance, gradient = rounded.evaluator.r[0], rounded.evaluator.gradw[0][0]
+    evaluator = rounded.evaluator
+    assert isinstance(evaluator, ArrayEvaluator)
+    distance, gradient = evaluator.r[0], evaluator.gradw[0][0]
     volume = [1.0 / Rounded(rho) for rho in (1.4, 1.35)]
     pressure = rounded.fields["pressure_used"]
     total, force = pressure[0] + pressure[1], rounded.fields["f"][0, 0]

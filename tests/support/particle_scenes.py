@@ -145,7 +145,7 @@ def scene(
         solid_n = np.arange(n) != n // 2
     fix = FixRheo(
         cut,
-        kernel,  # type: ignore[arg-type]
+        kernel,
         zmin,
         thermal=thermal is not None,
         interface_reconstruct=walls,
@@ -157,7 +157,7 @@ def scene(
         cs=CS,
     )
     model = Model(
-        dimension,  # type: ignore[arg-type]
+        dimension,
         fix,
         MASS,
         laws,

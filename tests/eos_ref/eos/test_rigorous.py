@@ -59,7 +59,7 @@ def test_the_global_precision_is_left_alone() -> None:
 
 
 def test_float32_arguments_are_exact() -> None:
-    law = EOS("linear", np.float32(0.1), np.float32(1.1))  # type: ignore[arg-type]
+    law = EOS("linear", np.float32(0.1), np.float32(1.1))
     rho = np.float32(0.7)
     true = (arb(float(rho)) - arb(float(np.float32(0.1)))) * arb(float(np.float32(1.1))) ** 2
     assert rigorous.pressure(law, float(rho)).overlaps(true)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.array_evaluator import joined
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import Box, Force
+from eos_ref.numbers.columns import joined
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.fixes import Shift
 from tests.support.particle_scenes import EPS, HOT, RECIPES, Scene, assert_same, bounded, dyadic, recipe, scene
@@ -53,6 +54,7 @@ def test_gradients_are_exact(dimension: int, kernel: str, order: int) -> None:
     x_nc = built.state.x_nc
     f_n, true_nc = polynomial(x_nc, order, np.random.default_rng(5))
     evaluator = built.simulate().evaluator
+    assert isinstance(evaluator, ArrayEvaluator)
     evaluator.move(Rounded(x_nc))
     evaluator.correct(Rounded(built.state.rho_n))
     assert evaluator.corrected_n.all()
@@ -82,6 +84,7 @@ def test_sums_of_corrected_gradients(kernel: str, dimension: int) -> None:
     r"""sum V gradW = 0 and sum V x(x)gradW = -1, on every particle, the surface's included."""
     built = free(dimension, kernel)
     evaluator = built.simulate().evaluator
+    assert isinstance(evaluator, ArrayEvaluator)
     evaluator.move(Rounded(built.state.x_nc))
     evaluator.correct(Rounded(built.state.rho_n))
     assert evaluator.corrected_n.all()
@@ -100,8 +103,9 @@ def test_zmin_decides_for_each_side(dimension: int) -> None:
     """A particle below zmin keeps the plain gradient, whatever its neighbours do."""
     count = free(dimension, "RK1").simulate(["coordination"]).evaluate()["coordination"]
     zmin = int(np.median(count))
-    evaluator = free(dimension, "RK1", zmin).simulate().evaluator
     built = free(dimension, "RK1", zmin)
+    evaluator = built.simulate().evaluator
+    assert isinstance(evaluator, ArrayEvaluator)
     evaluator.move(built.state.x_nc)
     evaluator.correct(built.state.rho_n)
     assert np.array_equal(evaluator.corrected_n, count >= zmin)
@@ -120,8 +124,10 @@ def test_too_few_neighbours_for_a_matrix(dimension: int) -> None:
     two = built.with_state(**{k: getattr(s, k)[:2] for k in ("x_nc", "v_nc", "rho_n", "type_n", "solid_n")})
     simulation = two.simulate()
     assert np.isfinite(simulation.evaluate()["f"]).all()
-    assert not simulation.evaluator.corrected_n.any()
-    assert np.array_equal(simulation.evaluator.g, simulation.evaluator.gradw)
+    evaluator = simulation.evaluator
+    assert isinstance(evaluator, ArrayEvaluator)
+    assert not evaluator.corrected_n.any()
+    assert np.array_equal(evaluator.g, evaluator.gradw)
 
 
 # --- conservation
@@ -198,7 +204,7 @@ def test_momentum_and_energy_over_steps(name: str, dimension: int) -> None:
 
 def changed(found: Field, **maps: Any) -> Field:
     """Fields, each mapped; those without a map as they are."""
-    return {name: tuple(maps.get(name, lambda a: a)(a) for a in pair) for name, pair in found.items()}  # type: ignore[misc]
+    return {name: tuple(maps.get(name, lambda a: a)(a) for a in pair) for name, pair in found.items()}
 
 
 @DIMENSIONS
@@ -375,7 +381,7 @@ def test_short_boxes_are_replicated_ones(name: str, dimension: int) -> None:
     high = tuple(float(h + (e if p else 0)) for h, e, p in zip(box.high_c, edge, box.periodic, strict=True))
     large = replace(built.with_state(x_nc=x_nc, energy_n=energy_n, **arrays), box=Box(box.low_c, high, box.periodic))
     expected = {name: tuple(np.concatenate([a] * len(copies)) for a in pair) for name, pair in bounded(built).items()}
-    assert_same(bounded(large), expected)  # type: ignore[arg-type]
+    assert_same(bounded(large), expected)
 
 
 @DIMENSIONS
@@ -435,7 +441,7 @@ def test_surfaces_of_a_half_filled_box(style: str) -> None:
     from eos_ref.syntax.fixes import SurfaceDetection
 
     limit = 22 if style == "coordination" else 1.75
-    surface = SurfaceDetection(style, limit, 3)  # type: ignore[arg-type]
+    surface = SurfaceDetection(style, limit, 3)
     built = scene(
         2, cells=(8, 9), disorder=0.05, periodic=(True, False), margin=0.0, surface=surface, cut=3.0, one_type=True
     )

@@ -56,7 +56,7 @@ def test_boxes(arguments: Any, message: str) -> None:
         (lambda: Viscosity("power", 1.0, -2.5, 1.0, 0.5), "gd0 of rheo/viscosity: must not be negative, found -2.5"),
         (lambda: Viscosity("power", 1.0, 1.0, -2.5, 0.5), "K of rheo/viscosity: must not be negative, found -2.5"),
         (lambda: Viscosity("power", 1.0, 1.0, 1.0, INF), "n of rheo/viscosity: must be a finite number, found inf"),
-        (lambda: Viscosity("bingham", 1.0), "style of rheo/viscosity: must be constant or power, found 'bingham'"),  # type: ignore[arg-type]
+        (lambda: Viscosity("bingham", 1.0), "style of rheo/viscosity: must be constant or power, found 'bingham'"),
         (lambda: Thermal(-0.5, 1.0), "conductivity: must be finite and not negative, found -0.5"),
         (lambda: Thermal(NAN, 1.0), "conductivity: .* found nan"),
         (lambda: Thermal(1.0, 0.0), "specific/heat: must be positive, found 0.0"),
@@ -66,7 +66,7 @@ def test_boxes(arguments: Any, message: str) -> None:
         (lambda: Thermal(1.0, 1.0, 2.0, NAN), "Tfreeze: must be a finite number, found nan"),
         (lambda: PairRheo(1.0, artificial_viscosity=-0.5), "artificial_viscosity of pair rheo: .* found -0.5"),
         (lambda: PairRheo(1.0, rho_damp=NAN), "rho_damp of pair rheo: must be finite and not negative, found nan"),
-        (lambda: Force("push", (0.0, 0.0)), "force: must be one of gravity, addforce, setforce, found 'push'"),  # type: ignore[arg-type]
+        (lambda: Force("push", (0.0, 0.0)), "force: must be one of gravity, addforce, setforce, found 'push'"),
         (lambda: Force("gravity", (None, -1.0)), r"gravity: needs a number for every axis .*found \(None, -1.0\)"),
         (lambda: Force("addforce", (0.0, INF)), "addforce: needs finite components, found inf"),
         (lambda: Force("setforce", (None, NAN)), "setforce: needs finite components, found nan"),

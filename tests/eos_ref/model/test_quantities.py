@@ -59,6 +59,7 @@ for _name in STAGES:
 def called(built: Scene, *fields: str) -> list[str]:
     simulation = built.simulate(fields, Spy)
     simulation.evaluate()
+    assert isinstance(simulation.evaluator, Spy)
     return list(simulation.evaluator.called)
 
 

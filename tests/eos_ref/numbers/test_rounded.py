@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import is_class
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions
@@ -175,7 +176,8 @@ def test_comparisons_are_open_within_the_errors() -> None:
     assert (a <= 1.0).open.tolist() == [True, False, False]
     assert (a >= 1.0).answer.tolist() == [True, True, True]
     assert (a > 1.0).answer.tolist() == [False, True, True]  # reflected
-    assert (np.array([1.0, 1.0, 1.0]) < a).open.tolist() == [True, False, False]
+    reflected: Any = np.array([1.0, 1.0, 1.0]) < a
+    assert reflected.open.tolist() == [True, False, False]
 
 
 def test_equality_is_a_plain_guard() -> None:
@@ -316,6 +318,7 @@ def test_an_open_surface_is_open_in_all_that_follows() -> None:
     simulation = built.simulate()
     simulation.evaluate()
     e = simulation.evaluator
+    assert isinstance(e, ArrayEvaluator)
     r_n, error_n = found["surface/r"]
     assert error_n[k] >= r_n[k] > 0  # 0 if it is a surface
     beside = e.j[e.i == k]

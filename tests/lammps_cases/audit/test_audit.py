@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from click.testing import CliRunner
 from eos_ref import EOSTable, InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
 from lammps_cases.audit.options import CommandPlace, Task
+from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import CaseRecord
 from tests.support.progress import Steps
@@ -189,7 +191,7 @@ def _stiffer(task: Task, connection: Connection) -> None:
         one, two = table.laws
         return EOSTable((one, replace(two, cs=two.cs * (1 + 1e-12))))
 
-    deck.Deck.laws = wrong  # type: ignore[method-assign]
+    deck.Deck.laws = wrong
     child.main(task, connection)
 
 
@@ -202,7 +204,7 @@ def _at_each_look(act: Callable[[Any, int, int], None], task: Task, connection: 
         act(self.lmp, step, len(tag_n))
         right(self, run, table, step, tag_n, x_nc)
 
-    watch.DeckWatch._sample = wrong  # type: ignore[method-assign]
+    watch.DeckWatch._sample = wrong
     child.main(task, connection)
 
 
@@ -273,11 +275,23 @@ def test_quit_inside_a_run_ends_only_the_child() -> None:
     assert max(check.step for check in case.checks) >= 60
 
 
-@pytest.mark.slow
 def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time limit passes when LAMMPS hangs, however long it took to start."""
+    ahead = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: time.monotonic() + ahead[0], perf_counter=time.perf_counter)
+    take = Findings.take
+
+    def taken(findings: Findings, message: object) -> None:
+        take(findings, message)
+        ahead[0] = 300.0
+
+    monkeypatch.setattr(supervise, "time", clock)
+    monkeypatch.setattr(Findings, "take", taken)
     monkeypatch.setattr(supervise, "ENTRY", _hang)
-    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(timeout=3.0)))
-    assert case.verdict == "timeout" and "run 45 (in.plain:7)" in case.message
+    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(timeout=300.0)))
+    assert case.verdict == "timeout" and case.message == (
+        "stopped after 300 s, after step 0 of the audit, in: run 45 (in.plain:7)"
+    )
 
 
 def test_error_inside_a_look_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:

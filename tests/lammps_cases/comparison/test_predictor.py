@@ -283,7 +283,7 @@ def test_entries_keep_type_shape_and_bits() -> None:
     assert list(found) == list(arrays)
     for name, array in arrays.items():
         assert found[name].dtype == np.asarray(array).dtype
-        assert found[name].shape == np.shape(array)
+        assert found[name].shape == np.asarray(array).shape
         assert np.array_equal(found[name], array, equal_nan=np.asarray(array).dtype.kind == "f")
     assert np.signbit(found["special"][2])
     assert store.unpacked("other", store.packed("name", arrays)) is None

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem, visit, wanted
@@ -294,6 +295,7 @@ def test_first_of_a_pair_keeps_what_the_second_has(seen: Callable[..., Seen], ne
     plain = Simulation(problem.model, problem.box, problem.state, wanted(problem))
     plain.setup()
     assert np.array_equal(plain.fields["f"], sim.fields["f"])  # only what is kept is another
+    assert isinstance(plain.evaluator, ArrayEvaluator)
     assert np.array_equal(plain.evaluator.g, e.g)
     assert np.abs(plain.pressure_force_nc - expected_nc).max() > 1e-3
 

@@ -106,7 +106,7 @@ def said(probe: ManualProbe, *replies: Reply) -> str:
 
 def test_inputs_are_the_deck_the_other_and_the_control() -> None:
     probe = BY_ID["rheo-unit-cut"]
-    edits = [line for deck in probe.inputs for line in deck if line.startswith("fix 1")]  # type: ignore[union-attr]
+    edits = [line for deck in probe.inputs for line in deck if line.startswith("fix 1")]
     assert [line.split()[4:8] for line in edits] == [
         ["3.0", "quintic", "0", "shift"],
         ["6.0", "quintic", "0", "shift"],

@@ -286,8 +286,11 @@ def parsed(source: str) -> Iterator[int]:
                 yield node.lineno
             if _named(of) == "re" and any(_named(argument) in SENTENCE for argument in node.args):
                 yield node.lineno
-        searched = isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn)
-        if searched and any(_named(side) == "message" for side in node.comparators):
+        if (
+            isinstance(node, ast.Compare)
+            and isinstance(node.ops[0], ast.In | ast.NotIn)
+            and any(_named(side) == "message" for side in node.comparators)
+        ):
             yield node.lineno
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from lammps_cases.records import progress
@@ -12,7 +14,7 @@ def test_lines_are_rare_but_complaints_are_not(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = 0.0
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    monkeypatch.setattr(time, "monotonic", lambda: now)
     with Bar(prefix="env: ", complaints=True) as bar:
         bar.advance(1, 3, "a")
         now = 1.0

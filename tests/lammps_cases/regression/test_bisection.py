@@ -47,7 +47,7 @@ def test_where_nothing_changed_only_the_ends_are_run() -> None:
 
 def test_beyond_bounds_passes_over_other_bits() -> None:
     sides = [
-        side(case("one", field(bits=bits, verdict=verdict)))  # type: ignore[arg-type]
+        side(case("one", field(bits=bits, verdict=verdict)))
         for bits, verdict in (("aa", "pass"), ("bb", "pass"), ("cc", "differs"), ("cc", "differs"))
     ]
     assert _search(sides)[0].first == 1

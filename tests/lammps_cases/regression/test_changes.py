@@ -162,7 +162,7 @@ def test_every_kind_is_explained_and_counted() -> None:
 def test_other_references_are_told() -> None:
     a, b = side(case("one", field())), side(case("one", field()))
     assert compare(a, b, LENIENT).notes == ()
-    b.versions["eos-ref"] = "0.2.0"  # type: ignore[index]
+    b.versions["eos-ref"] = "0.2.0"
     assert "eos-ref 0.1.0 and 0.2.0" in compare(a, b, LENIENT).notes[0]
 
 

@@ -13,7 +13,7 @@ from tests.support.made_sides import case, ended, field, side
 def _sides() -> tuple[Side, Side]:
     before = [case(f"c{k:03}", field("f"), field("v"), field("x")) for k in range(100)]
     found = {"verdict": "explained", "bits": "bb", "over": 1e9, "findings": ["heavy"]}
-    after = [case(f"c{k:03}", *(field(n, **found) for n in "fvx")) for k in range(100)]  # type: ignore[arg-type]
+    after = [case(f"c{k:03}", *(field(n, **found) for n in "fvx")) for k in range(100)]
     one = case("odd", field("f", verdict="differs", over=2.0, bits="cc"))
     refused = ended("refused", "refused", name="shut")
     return side(*before, case("odd", field("f")), case("shut", field())), side(*after, one, refused)

@@ -84,7 +84,7 @@ def scene(
     id_n, mass_n = np.arange(1, count + 1), np.full(count, 1.5)
     energy_n = None if e_n is None else e_n * mass_n
     state = compare.EosState(id_n, type_n, rho_n, mass_n, energy_n)
-    bound_n = compare.bounds.comparison(table, rho_n, type_n, state.e_n)
+    bound_n = bounds.comparison(table, rho_n, type_n, state.e_n)
     wiggle = np.random.default_rng(7).uniform(-noise, noise, count)
     lammps_n = table.pressure(rho_n, type_n, state.e_n) + wiggle * bound_n
     for at, value in (spoil or {}).items():

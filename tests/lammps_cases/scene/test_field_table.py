@@ -147,7 +147,7 @@ def _add(monkeypatch: pytest.MonkeyPatch, formula: Callable[[ArrayEvaluator, Any
     def properties(self: Simulation) -> None:
         evaluate(self)
         if NEW in self.plan:
-            self.fields[NEW] = self.evaluator.compression(self.state.rho_n)
+            self.fields[NEW] = getattr(self.evaluator, NEW)(self.state.rho_n)
 
     monkeypatch.setattr(Simulation, "properties", properties)
 

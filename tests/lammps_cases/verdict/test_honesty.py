@@ -67,6 +67,7 @@ def test_planted_mistake_turns_a_case_red(mistake: str, solved: Solved, monkeypa
     assert "first atom" in red[0].message
 
 
+laws_right = {name: getattr(laws, name) for name in ("linear", "cubic", "tait_water", "tait_general", "ideal_gas")}
 LAW_FAULTS: dict[str, tuple[str, Callable[..., Any]]] = {
     "a constant off by 1e-12": (
         "tait_water",
@@ -78,7 +79,6 @@ LAW_FAULTS: dict[str, tuple[str, Callable[..., Any]]] = {
     "gamma for gamma - 1": ("ideal_gas", lambda rho, e, g: g * rho * e),
     "one constant of water": ("tait_water", lambda rho, rho0, cs: laws_right["tait_general"](rho, rho0, cs, 7.001)),
 }
-laws_right = {name: getattr(laws, name) for name in ("linear", "cubic", "tait_water", "tait_general", "ideal_gas")}
 
 
 @pytest.mark.lammps

@@ -166,8 +166,8 @@ def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: py
 
     def disturbed(self: time_step.Simulation, dt: float) -> None:
         right(self, dt)
-        self.taken = getattr(self, "taken", 0) + 1
-        if self.taken == 4:
+        self.taken = getattr(self, "taken", 0) + 1  # type: ignore[attr-defined]
+        if self.taken == 4:  # type: ignore[attr-defined]
             self.state.v_nc[7, 1] += 1e-7
 
     # The reference takes over LAMMPS' known fault, so that nothing else is red.

@@ -33,7 +33,7 @@ def test_interval_encloses_the_median_as_often_as_it_says(n: int) -> None:
     assert found.high == n + 1 - rank
 
     def missed(k: int) -> float:
-        return 2 * sum(math.comb(n, i) for i in range(k)) / 2**n
+        return float(2 * sum(math.comb(n, i) for i in range(k)) / 2**n)
 
     assert rank == 1 or missed(rank) <= 1 - CONFIDENCE
     assert missed(rank + 1) > 1 - CONFIDENCE or rank + 1 > n // 2

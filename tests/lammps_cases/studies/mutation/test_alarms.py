@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ import pytest
 
 from lammps_cases.comparison.store import VARIABLE
 from lammps_cases.engine import installations, ranks
-from lammps_cases.engine.session import Answer
+from lammps_cases.engine.session import Answer, EngineCrashed
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import campaign
@@ -135,7 +136,7 @@ def test_only_what_a_finding_predicts_is_called_known(kind: Kind, case: str, ver
 
 def test_death_by_a_signal_has_one_name_on_one_rank_and_on_several() -> None:
     job = replace(campaign.prepare(CASES["refused.range-two-stars"]).jobs[0], ranks=2)
-    with pytest.raises(ranks.EngineCrashed, match="killed by SIGABRT"):
+    with pytest.raises(EngineCrashed, match="killed by SIGABRT"):
         ranks.solve(None, job)
 
 
@@ -144,13 +145,13 @@ def test_death_by_a_signal_has_one_name_on_one_rank_and_on_several() -> None:
 
 def test_another_machine_is_green_and_computes_all_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[dict[str, str]] = []
-    right = machines.subprocess.Popen
+    right = subprocess.Popen
 
     def popen(program: list[str], env: dict[str, str], **options: object) -> object:
         given.append(env)
         return right(program, env=env, **options)  # type: ignore[call-overload]
 
-    monkeypatch.setattr(machines.subprocess, "Popen", popen)
+    monkeypatch.setattr(subprocess, "Popen", popen)
     found = alarms.measure([CASES[FLUID]], installations.Engine(), ("machine",), jobs=1)
     run = next(run for run in found if run.kind == "machine")
     assert (run.cases, run.alarms) == (1, ())

@@ -101,9 +101,9 @@ class Threshold:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_bisection_ends_within_a_factor(size: float, guess: float, sign: int) -> None:
     case = Threshold(size)
-    number = Number("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[arg-type, return-value]
+    number = Number("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", min(size * guess, 1.0), whole=False, decides=False)
-    found = resolution._bisected(case, number, sign, probe)  # type: ignore[arg-type]
+    found = resolution._bisected(case, number, sign, probe)
     assert found is not None
     assert math.copysign(1, found.change) == sign
     assert found.unseen < size <= found.relative_change <= resolution.CLOSE * max(found.unseen, size / resolution.CLOSE)
@@ -112,19 +112,19 @@ def test_bisection_ends_within_a_factor(size: float, guess: float, sign: int) ->
 
 def test_change_of_less_than_an_ulp_is_none_and_one_ulp_ends_the_search() -> None:
     case = Threshold(0.0)
-    number = Number("cs", "type 1", 1.3, lambda value: value - 1.3)  # type: ignore[arg-type, return-value]
+    number = Number("cs", "type 1", 1.3, lambda value: value - 1.3)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", resolution.FLOOR, whole=False, decides=False)
-    case.moved = lambda change: {"pressure": 1.0}  # type: ignore[method-assign]
-    found = resolution._bisected(case, number, 1, probe)  # type: ignore[arg-type]
+    case.moved = lambda change: {"pressure": 1.0}
+    found = resolution._bisected(case, number, 1, probe)
     assert found is not None
     assert found.change == math.ulp(1.3)
     assert found.unseen == 0
 
 
 def test_what_is_never_seen_is_said() -> None:
-    number = Number("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[arg-type, return-value]
+    number = Number("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", 0.1, whole=False, decides=False)
-    assert resolution._bisected(Threshold(5.0), number, 1, probe) is None  # type: ignore[arg-type]
+    assert resolution._bisected(Threshold(5.0), number, 1, probe) is None
     assert resolution._resolution("cs", {"a": [probe]}, [], set()) == Resolution(
         "cs", "", None, 1, 1, None, None, "no case sees it"
     )

@@ -45,7 +45,7 @@ def plain(axis: Axis = LINEAR, coarse: int = 4, **more: object) -> StabilityMap:
     made = StabilityMap(
         "m", "", "", axis, LINEAR, (0.0, 1.0), lambda cell: resting(1), lambda cell: FailureCriteria(), coarse=coarse
     )
-    return replace(made, **more)  # type: ignore[arg-type]
+    return replace(made, **more)
 
 
 def bisected(of: StabilityMap, kind: Callable[[float], Kind]) -> dict[float, Kind]:
@@ -98,7 +98,7 @@ def test_a_third_kind_that_bisection_meets_has_both_its_edges() -> None:
 )
 def test_engines_agree_within_the_width(edge: float, verdict: str) -> None:
     of = plain()
-    ours, theirs = (bisected(of, lambda x, e=e: "stable" if x < e else "overflow") for e in (0.39, edge))  # type: ignore[misc]
+    ours, theirs = (bisected(of, lambda x, e=e: "stable" if x < e else "overflow") for e in (0.39, edge))
     found = agreement(of, "", 0.0, ours, theirs)
     assert found.verdict == verdict
     assert [len(side) for side in found.boundaries] == [1, 0 if edge > 1 else 1]
@@ -106,9 +106,9 @@ def test_engines_agree_within_the_width(edge: float, verdict: str) -> None:
 
 def test_other_kinds_at_the_same_place_differ() -> None:
     of = plain()
-    ours, theirs = (bisected(of, lambda x, k=k: "stable" if x < 0.4 else k) for k in ("overflow", "non-finite"))  # type: ignore[misc]
+    ours, theirs = (bisected(of, lambda x, k=k: "stable" if x < 0.4 else k) for k in ("overflow", "non-finite"))
     assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
-    ours, theirs = ({0.0: k, 1.0: k} for k in ("stable", "error"))  # type: ignore[misc]
+    ours, theirs = ({0.0: k, 1.0: k} for k in ("stable", "error"))
     assert agreement(of, "", 0.0, ours, theirs).verdict == "differs"
 
 
@@ -152,7 +152,7 @@ def surveyed(source: Threads, out: Path) -> Atlas:
     of = viscous(1.0)
     lines = [MapLine(of.id, "", y, side) for y in of.lines for side in ENGINES]
     out.mkdir(exist_ok=True)
-    found = Survey({of.id: of}, lines, source, out, SILENT).run(2)  # type: ignore[arg-type]
+    found = Survey({of.id: of}, lines, source, out, SILENT).run(2)
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
 
 

@@ -118,7 +118,7 @@ def test_the_worst_comes_first() -> None:
 
 
 def test_detectors_stand_in_the_order_of_the_kinds() -> None:
-    order = [KINDS.index(seen(look()[0]).kind) for look in PLANTED.values()]  # type: ignore[union-attr]
+    order = [KINDS.index(seen(look()[0]).kind) for look in PLANTED.values()]
     assert order == sorted(order, reverse=True)
 
 

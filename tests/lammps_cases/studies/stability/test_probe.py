@@ -151,7 +151,7 @@ def test_particles_that_leave_an_open_box_are_lost(side: Engine, living: Instanc
 def test_positions_that_are_no_numbers_are_seen_in_the_step_that_made_them(living: Instance) -> None:
     """The reference stops in the middle of a step; what it has by then is looked at."""
     start = unstable(0.3)
-    huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))  # type: ignore[operator]
+    huge = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * 1e200))
     outcome = followed(huge, FailureCriteria(), "reference", living).outcome
     assert outcome.kind in ("non-finite", "lost particles", "negative density")
     assert outcome.step == 1

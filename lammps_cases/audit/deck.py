@@ -102,7 +102,7 @@ class Deck:
         return resolve(parse_fix_rheo_pressure(command), ntypes, fix.rho0, fix.cs, command)
 
     def changes_laws(self, values: list[str]) -> bool:
-        """Whether a command would change the equations of state."""
+        """Return whether a command would change the equations of state."""
         match values:
             case ["fix", _, _, style, *_]:
                 return style in _LAWS
@@ -112,7 +112,7 @@ class Deck:
                 return values[0] == "clear"
 
     def sums_walls(self) -> bool:
-        """Whether densities of walls are summed, then reconstructed."""
+        """Return whether densities of walls are summed, then reconstructed."""
         words = self.fix("rheo") or []
         return "rho/sum" in words and "interface/reconstruct" in words
 

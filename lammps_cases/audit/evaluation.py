@@ -50,7 +50,7 @@ class ParticleSample:
 
 
 class _GivenDensities(ArrayEvaluator):
-    """Evaluator that take the densities as they are given; their sum is kept beside them."""
+    """Evaluator that takes the densities as given, and keeps their sum beside them."""
 
     given_n: Any
     summed_n: Any = None
@@ -61,7 +61,7 @@ class _GivenDensities(ArrayEvaluator):
         return self.given_n
 
     def correct(self, rho_n: Any) -> None:
-        """See `ArrayEvaluator.correct`; solids of both keywords take their sums, before the reconstruction."""
+        """Correct as `ArrayEvaluator` does; with both keywords, solids take their sums, before the reconstruction."""
         fix = self.model.fix
         both = fix.rho_sum and fix.interface_reconstruct
         super().correct(where(self.solid_n, self.summed_n, rho_n) if both else rho_n)

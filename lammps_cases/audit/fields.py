@@ -104,7 +104,7 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
 
 
 def needs(name: str, quantity: str, model: Model) -> bool:
-    """Whether a field follows from a quantity of the evaluation."""
+    """Return whether a field follows from a quantity of the evaluation."""
     return quantity in required(model, (name,))
 
 
@@ -125,5 +125,5 @@ def _of_pairs(name: str, model: Model, setting: Setting) -> str:
 
 
 def corrected_by_hidden_densities(model: Model) -> bool:
-    """Whether the matrices of reproducing kernels held densities of walls that LAMMPS never shows."""
+    """Return whether the matrices of reproducing kernels held densities of walls that LAMMPS never shows."""
     return model.corrects_gradients and model.fix.interface_reconstruct and not model.fix.rho_sum

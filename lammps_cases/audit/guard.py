@@ -45,7 +45,7 @@ def nested(command: list[text.Word]) -> list[str]:
 
 
 def is_open(values: list[str]) -> bool:
-    """Whether a command that LAMMPS substitutes later may still become one that `fault` refuses."""
+    """Return whether a command that LAMMPS substitutes later may still become one that `fault` refuses."""
     name, arguments = values[0], values[1:]
     if name.startswith(("write_", "dump", "restart", "log", "fix", "pair_style")):
         return any("$" in word for word in arguments)
@@ -53,7 +53,7 @@ def is_open(values: list[str]) -> bool:
 
 
 def _leaves(word: str) -> bool:
-    """Whether a word is a path out of the current folder."""
+    """Return whether a word is a path out of the current folder."""
     if any(c.isspace() for c in word) or not word.strip("/"):
         return False
     return word.startswith("/") or os.path.normpath(word).split("/")[0] == ".."

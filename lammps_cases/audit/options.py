@@ -62,7 +62,7 @@ class AuditOptions:
         object.__setattr__(self, "fields", chosen(self.fields))
 
     def words(self) -> list[str]:
-        """The options as words of the command line."""
+        """Return the options as words of the command line."""
         words = ["--every", str(self.every)]
         words += [] if self.steps is None else ["--steps", str(self.steps)]
         words += [] if self.fields == DEFAULT else ["--fields", ",".join(self.fields)]

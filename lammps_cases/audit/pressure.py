@@ -102,12 +102,6 @@ def read(lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Arra
 def load_compiled(table: EOSTable) -> None:
     """Load the compiled loops before the run, not in its first sample."""
     types_n, ones_n = np.arange(1, len(table) + 1, dtype=np.int32), np.ones(len(table))
-    arrays: dict[str, Array] = {
-        "id": types_n,
-        "type": types_n,
-        "rho": ones_n,
-        "p": ones_n,
-        "mass": ones_n,
-        "energy": ones_n,
-    }
+    arrays: dict[str, Array] = {"id": types_n, "type": types_n}
+    arrays |= dict.fromkeys(("rho", "p", "mass", "energy"), ones_n)
     PressureSample(table, np.zeros((2, 3)), 0, arrays).compare()

@@ -22,7 +22,7 @@ from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import SILENT
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.records.run_record import EngineRecord, RunRecord
 
 PATIENCE = 0.5  # seconds between two checks of the time limit
 
@@ -79,19 +79,16 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     case = findings.case(name, failure)
     case.source = str(deck)
     case.reproduce = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
-    _require_something(findings, case, deck)
+    if findings.ended is not None and not findings.checks and case.verdict == "skipped":
+        rule = (
+            "must define fix rheo and fix rheo/pressure before a run"
+            if findings.ended.runs
+            else "must reach a run command"
+        )
+        raise InputError("deck", rule, where=str(deck))
     case.seconds.total = time.perf_counter() - begin
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
     return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
-
-
-def _require_something(findings: Findings, case: CaseRecord, deck: Path) -> None:
-    if findings.checks or case.verdict != "skipped":
-        return
-    assert findings.ended is not None
-    if not findings.ended.runs:
-        raise InputError("deck", "must reach a run command", where=str(deck))
-    raise InputError("deck", "must define fix rheo and fix rheo/pressure before a run", where=str(deck))
 
 
 def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Failure | None]:
@@ -165,7 +162,7 @@ def _death(code: int | None) -> str:
 
 
 def _tail(output: Path) -> str:
-    """The last line that the dying process printed."""
+    """Return the last line that the dying process printed."""
     lines = output.read_text(errors="replace").split("\n") if output.exists() else []
     printed = [line.strip() for line in lines if line.strip()]
     return f": {printed[-1][:300]}" if printed else ""

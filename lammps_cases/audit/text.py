@@ -5,10 +5,14 @@ As the manual's page on parsing rules says; what it leaves open was determined b
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
-QUOTES = ('"""', '"', "'")
+# Three quotes are never read as one quote and two more, hence the atomic group; nor is a quoted text taken up again.
+_QUOTE = r"""(?>(?P<quote>\"{3}|\"|'))"""
+_BEFORE_COMMENT = re.compile(rf"""((?:[^#"']|{_QUOTE}.*?(?P=quote))*+)#""", re.DOTALL)
+_WORD = re.compile(rf"{_QUOTE}(?P<inner>.*?)(?:(?P=quote)|\Z)|\S+", re.DOTALL)
 
 
 class LogicalLine(NamedTuple):
@@ -48,53 +52,23 @@ def logical_lines(text: str) -> list[LogicalLine]:
 
 
 def read_lines(path: Path) -> list[LogicalLine]:
-    """Logical lines of a file."""
+    """Return the logical lines of a file."""
     return logical_lines(path.read_text(encoding="utf-8", errors="replace"))
-
-
-def _quote_at(text: str, position: int) -> str:
-    return next((quote for quote in QUOTES if text.startswith(quote, position)), "")
 
 
 def without_comment(text: str) -> str:
     """Cut from the first ``#`` outside quotes; a text with an unmatched quote is left as it is."""
-    position = 0
-    while position < len(text):
-        if text[position] == "#":
-            return text[:position].strip()
-        quote = _quote_at(text, position)
-        if quote:
-            end = text.find(quote, position + len(quote))
-            if end < 0:
-                return text.strip()
-            position = end
-        position += len(quote) or 1
-    return text.strip()
+    before = _BEFORE_COMMENT.match(text)
+    return (before[1] if before else text).strip()
 
 
 def words(text: str) -> list[Word]:
-    """Split at blanks; a word that begins with a quote goes on to the next quote of its kind."""
-    split: list[Word] = []
-    position = 0
-    while position < len(text):
-        if text[position].isspace():
-            position += 1
-            continue
-        begin, quote = position, _quote_at(text, position)
-        if quote:
-            end = text.find(quote, begin + len(quote))
-            end = len(text) if end < 0 else end
-            position = end + len(quote)
-            split.append(Word(text[begin:position], text[begin + len(quote) : end]))
-        else:
-            while position < len(text) and not text[position].isspace():
-                position += 1
-            split.append(Word(text[begin:position], text[begin:position]))
-    return split
+    """Split at blanks; a word that begins with a quote goes on to the next quote of its kind, or to the end."""
+    return [Word(word[0], word["inner"] if word["quote"] else word[0]) for word in _WORD.finditer(text)]
 
 
 def branches(command: list[Word]) -> tuple[list[str], list[list[str]]]:
-    """Conditions (as written) and commands of an ``if`` command; the last branch has no condition if it is ``else``.
+    """Split an ``if`` command into conditions (as written) and commands; an ``else`` branch has no condition.
 
     Raises
     ------

@@ -80,7 +80,7 @@ class Questions:
             self._rho_set = True
 
     def unwatched(self, run: int) -> None:
-        """A run without laws."""
+        """Note a run without laws."""
         self._lines.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
 
     def take(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:

@@ -62,7 +62,8 @@ class Finding:
     scene : the smallest scene that shows it
     law_variant : replaces the reference's pressure, for a finding in an equation of state
     model_variant : the variant of the particle model, for a finding in its fields
-    outcome, ended, engine_error : verdict, end and part of LAMMPS' error that it predicts, for a finding in refusals
+    outcome, ended, engine_error : verdict, end (if it has another name) and part of LAMMPS' error that it predicts,
+        for a finding in refusals
     differing : field in which it predicts that the two decks of a probe differ
     replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
     expected_in_maps, expected_in_alarms : where else the engines differ by it
@@ -77,7 +78,7 @@ class Finding:
     observed: str
     argument: str
     workaround: str
-    engines: tuple[str, ...]
+    engines: tuple[str, ...] = ALL
     applies_to: tuple[str, ...] = ()
     scene: str = ""
     law_variant: Law | None = None
@@ -93,13 +94,13 @@ class Finding:
 
     @property
     def named_variant(self) -> str:
-        """What reproduces or predicts it: a variant's name, or the outcome of a run."""
+        """Return the name of the variant that reproduces it, or the outcome that it predicts."""
         model = self.model_variant
         part = self.law_variant or (model and (model.stages or model.stepping))
         return part.__name__ if part else (self.outcome or "")
 
     def covers(self, case: str, engine: str) -> bool:
-        """Whether the entry speaks of a case on an engine, given by its distribution's version.
+        """Return whether the entry speaks of a case on an engine, given by its distribution's version.
 
         A finding is explained on the engines it was seen on, and nowhere else: where it comes back, or is met for the
         first time, it is red. A build without a distribution is taken as the newest.
@@ -107,11 +108,12 @@ class Finding:
         return self.listed(engine) and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.applies_to)
 
     def predicts(self, record: CaseRecord) -> bool:
-        """Whether a case ended without numbers as the entry says."""
-        if self.outcome != record.verdict or self.ended != record.ended or self.engine_error not in record.engine_error:
+        """Return whether a case ended without numbers as the entry says."""
+        ended = self.ended or self.outcome
+        if self.outcome != record.verdict or ended != record.ended or self.engine_error not in record.engine_error:
             return False
         return not self.differing or (record.mismatch is not None and self.differing in record.mismatch.fields)
 
     def listed(self, engine: str) -> bool:
-        """Whether an engine, given by its distribution's version, is known to have the fault."""
+        """Return whether an engine, given by its distribution's version, is known to have the fault."""
         return engine in self.engines or (not engine and NEWEST in self.engines)

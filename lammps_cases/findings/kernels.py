@@ -8,7 +8,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.numbers.columns import Number
 from eos_ref.numbers.rounded import Decision, Rounded
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import ALL, Finding, MapDifference
+from lammps_cases.findings.entry import Finding, MapDifference
 from lammps_cases.findings.variants import Variant
 
 UNDEFINED = np.inf  # bound of what no reference can predict
@@ -52,7 +52,6 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     "another one after a different scene. In a free surface, where particles run out of neighbours, forces there "
     "are arbitrary. The variant predicts all particles with zmin neighbours or more, and no value for the rest.",
     workaround="zmin 0, if the fluid has no free surface; else the quintic kernel.",
-    engines=ALL,
     scene="two particles, RK1, zmin 5",
     model_variant=Variant(falls_back, StaleGradient, undefined=True),
     expected_in_maps=(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lammps_cases.findings.entry import ALL, BEFORE_2, Finding, MapDifference
+from lammps_cases.findings.entry import BEFORE_2, Finding, MapDifference
 
 ENTRIES: tuple[Finding, ...] = (
     Finding(
@@ -17,9 +17,7 @@ ENTRIES: tuple[Finding, ...] = (
         "the output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
         workaround="Define fix rheo/pressure before the first run.",
         applies_to=("refused.no-fix-pressure-read",),
-        engines=ALL,
         outcome="crashed",
-        ended="crashed",
         engine_error="SIGSEGV",
     ),
     Finding(
@@ -34,9 +32,7 @@ ENTRIES: tuple[Finding, ...] = (
         "A crash loses the output buffers and, where LAMMPS is a library, the host program.",
         workaround="Name pressure among the inputs of the same compute.",
         applies_to=("strain.unasked.*",),
-        engines=ALL,
         outcome="crashed",
-        ended="crashed",
         engine_error="SIGSEGV",
     ),
     Finding(
@@ -53,11 +49,9 @@ ENTRIES: tuple[Finding, ...] = (
         "equation of state multiplies by c^2.",
         workaround="Equal masses of all types, or densities by continuity.",
         applies_to=("undocumented.self-mass",),
-        engines=ALL,
         expected_inputs=("self-mass-alone",),
         expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),
         outcome="refused",
-        ended="refused",
         engine_error="Illegal fix rheo command: self/mass",
     ),
     Finding(
@@ -71,9 +65,7 @@ ENTRIES: tuple[Finding, ...] = (
         argument="Types 1 and 3 of three cannot be excluded together, as no range holds just these two.",
         workaround="Order the types so that those excluded are adjacent, and write a range.",
         applies_to=("undocumented.exclude-list",),
-        engines=ALL,
         outcome="refused",
-        ended="refused",
         engine_error="Illegal fix rheo command: 2",
     ),
     Finding(
@@ -88,9 +80,7 @@ ENTRIES: tuple[Finding, ...] = (
         "has one. A fluid with a cubic law over linear walls needs no inverse of it at all.",
         workaround="tait/general with an exponent of the same curvature, or linear.",
         applies_to=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
-        engines=ALL,
         outcome="refused",
-        ended="refused",
         engine_error="incompatible with pressure equation of state",
     ),
     Finding(
@@ -105,10 +95,8 @@ ENTRIES: tuple[Finding, ...] = (
         "uses LAMMPS as a library, and no message names the line of the input.",
         workaround="Write a single star.",
         applies_to=("refused.range-two-stars",),
-        engines=ALL,
         expected_inputs=("range-of-two-stars",),
         outcome="crashed",
-        ended="crashed",
         engine_error="SIGABRT",
     ),
     Finding(
@@ -123,10 +111,8 @@ ENTRIES: tuple[Finding, ...] = (
         "uses LAMMPS as a library, and no message names the line of the input.",
         workaround="Check ranges that are computed before they are written.",
         applies_to=("refused.range-20-digits",),
-        engines=ALL,
         expected_inputs=("range-of-20-digits",),
         outcome="crashed",
-        ended="crashed",
         engine_error="SIGABRT",
     ),
     Finding(
@@ -141,7 +127,6 @@ ENTRIES: tuple[Finding, ...] = (
         "stiffness by any factor, while '1;2' or '0*' are refused as invalid.",
         workaround="Write 1*2.",
         applies_to=("refused.range-hyphen",),
-        engines=ALL,
         expected_inputs=("range-with-hyphen",),
         outcome="differs",
         ended="accepted",
@@ -176,7 +161,6 @@ ENTRIES: tuple[Finding, ...] = (
         "where the check for a negative value shows that the error was meant to be caught.",
         workaround="Check the value before it is used.",
         applies_to=("probes.specific-heat-zero",),
-        engines=ALL,
         expected_inputs=("specific-heat-zero",),
         outcome="differs",
         ended="accepted",
@@ -192,9 +176,7 @@ ENTRIES: tuple[Finding, ...] = (
         "has no third. LAMMPS follows the syntax: the example is wrong.",
         workaround="Add a limit for splashes: surface/detection coordination 40 12.",
         applies_to=("examples.rheo-2",),
-        engines=ALL,
         outcome="refused",
-        ended="refused",
         engine_error="surface/detection command: missing argument",
     ),
     Finding(
@@ -208,9 +190,7 @@ ENTRIES: tuple[Finding, ...] = (
         "example is wrong, and would be refused for its self/mass too (self-mass-missing).",
         workaround="Write rho/sum.",
         applies_to=("examples.rheo-3",),
-        engines=ALL,
         outcome="refused",
-        ended="refused",
         engine_error="Illegal fix rheo command: rhosum",
     ),
     Finding(
@@ -224,9 +204,7 @@ ENTRIES: tuple[Finding, ...] = (
         "sentence is wrong.",
         workaround="Write tait/water.",
         applies_to=("probes.pressure-taitwater",),
-        engines=ALL,
         outcome="refused",
-        ended="refused",
         engine_error="Illegal fix command",
     ),
     Finding(
@@ -240,9 +218,7 @@ ENTRIES: tuple[Finding, ...] = (
         "LAMMPS follows the description: the syntax is wrong.",
         workaround="Give one value per type.",
         applies_to=("probes.rheo-sound-cs0-to-csn",),
-        engines=ALL,
         outcome="refused",
-        ended="refused",
         engine_error="Illegal fix rheo command",
     ),
     Finding(
@@ -257,7 +233,6 @@ ENTRIES: tuple[Finding, ...] = (
         "SI to cgs units by the syntax is off by a factor of ten in the cubic term.",
         workaround="Convert A3 as 1/density^2.",
         applies_to=("probes.pressure-unit-a3",),
-        engines=ALL,
         outcome="differs",
         ended="answered",
         differing="pressure",
@@ -273,7 +248,6 @@ ENTRIES: tuple[Finding, ...] = (
         "LAMMPS sums has one length more (cross-type-support), which is no pure number either.",
         workaround="Scale wmin with the kernel.",
         applies_to=("probes.rheo-unit-wmin",),
-        engines=ALL,
         outcome="differs",
         ended="answered",
         differing="q",

@@ -12,7 +12,7 @@ from eos_ref.numbers.columns import Axes, Number, axes, dot
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import ALL, AlarmDifference, Finding
+from lammps_cases.findings.entry import AlarmDifference, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
 
 
@@ -95,7 +95,6 @@ CROSS_TYPE_SUPPORT = Finding(
     "twice the spacing, everything else scaled, shifting goes on and off at other particles. The nearest "
     "neighbours, which support most, count least.",
     workaround="Multiply wmin by the mean distance of neighbours weighted by W, about 0.4 times the cutoff.",
-    engines=ALL,
     scene="two types in disorder, wmin of half the full support",
     model_variant=Variant(asks_for_support, SupportTimesDistance),
     replaces=("same_type_support",),
@@ -117,7 +116,6 @@ CROSS_TYPE_NORMAL = Finding(
     "the atoms turns the direction, although nothing physical has changed; so does another skin or number of "
     "ranks.",
     workaround="Do not use scale/cross/type; exclude/type is not affected.",
-    engines=ALL,
     scene="two types in disorder, shiftscale 0",
     model_variant=Variant(scales_across_types, NormalOfLastPair, fit=last_pair),
     replaces=("cross_type_normal",),

@@ -10,7 +10,7 @@ from eos_ref.evaluation.time_step import BULK, LAYER
 from eos_ref.model.parameters import BoolArray
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import ALL, AlarmDifference, Finding
+from lammps_cases.findings.entry import AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -56,7 +56,6 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
     argument="With newton off, or on two ranks, other particles of the same state have the status. With the order "
     "of LAMMPS' own lists every status is predicted; on several ranks these are not read.",
     workaround="surface/r for the layer.",
-    engines=ALL,
     scene="a block of fluid beside vacuum",
     model_variant=Variant(
         shows_layers,

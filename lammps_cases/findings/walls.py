@@ -15,7 +15,7 @@ from eos_ref.numbers.columns import Number, axes, dot
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import ALL, BEFORE_2, AlarmDifference, Finding
+from lammps_cases.findings.entry import BEFORE_2, AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -131,7 +131,6 @@ WALL_VELOCITY_LOST = Finding(
     "sees the wall at 0 in place of U. A wall moved at U drags the fluid towards U d_s/(d_s + d_f), not U, so "
     "that a Couette flow depends on how the particles of the wall lie. Not Galilean invariant.",
     workaround="Keep walls at rest: choose the frame of the wall, or drive the fluid by addforce.",
-    engines=ALL,
     scene="fluid at rest over one row of solid particles that moves",
     model_variant=Variant(has_moving_walls, WallVelocityLost),
 )
@@ -149,7 +148,6 @@ WALLS_SUMMED_AFTER_SETUP = Finding(
     argument="Output and forces of one step belong to different densities: a restart or a check of P(rho) after "
     "run 0 sees a state that the dynamics never had.",
     workaround="Look at solids from the first step on.",
-    engines=ALL,
     scene="fluid over solid particles with rho/sum, run 0",
     model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup),
 )
@@ -172,7 +170,6 @@ WALLS_AFTER_REBUILD = Finding(
     "over 200 steps with 35 changes of the list; slots beyond those of the old list hold zeros. Lists that are "
     "rebuilt with the same images in the same order do no harm.",
     workaround="A large skin, so that lists are rebuilt seldom.",
-    engines=ALL,
     scene="fluid over fixed solids under gravity, periodic along the wall, lists rebuilt every step",
     model_variant=Variant(
         has_kept_images,

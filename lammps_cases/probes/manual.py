@@ -65,19 +65,19 @@ class ManualProbe(Probe):
 
     @property
     def name(self) -> str:
-        """The name of its record."""
+        """Return the name of its record."""
         return PREFIX + self.id
 
     @property
     def inputs(self) -> list[Input]:
-        """The deck itself, that which must give the same, that which must not pass."""
+        """Return the deck itself, that which must give the same, that which must not pass."""
         same = [] if self.same is None else [edited(self.same_base or self.base, self.same)]
         return [self.input, *same, *([] if self.control is None else [edited(self.base, self.control)])]
 
 
 @functools.cache
 def probes() -> tuple[ManualProbe, ...]:
-    """All probes, in the order of the file."""
+    """Return all probes, in the order of the file."""
     return load(FILE, ManualProbe)
 
 
@@ -95,7 +95,7 @@ def judge(probe: ManualProbe, replies: Sequence[Reply], version: str) -> CaseRec
     compared = replies if probe.control is None else replies[:-1]
     worst = next((reply for reply in compared if reply.ended != "answered"), compared[0])
     accepted = worst.ended == "answered" and probe.refused
-    made = CaseRecord(
+    record = CaseRecord(
         case=probe.name,
         tags=["probe"],
         about=probe.about,
@@ -107,27 +107,27 @@ def judge(probe: ManualProbe, replies: Sequence[Reply], version: str) -> CaseRec
         source=FILE,
         reproduce=f"eos-ref claims {probe.name}",
     )
-    made.verdict = _verdict(made)
-    entry = explain_outcome(made, version) if made.verdict != "pass" else None
+    record.verdict = _verdict(record)
+    entry = explain_outcome(record, version) if record.verdict != "pass" else None
     if entry is not None:
-        made.verdict, made.explained_by = "explained", [entry.id]
-    made.message = wording.message(made)
-    return made
+        record.verdict, record.explained_by = "explained", [entry.id]
+    record.message = wording.message(record)
+    return record
 
 
-def _verdict(made: CaseRecord) -> Verdict:
-    match made.ended:
+def _verdict(record: CaseRecord) -> Verdict:
+    match record.ended:
         case "answered":
-            return "differs" if made.mismatch else "pass"
-        case "refused" if made.expects:
-            return "pass" if made.expects in made.engine_error else "differs"
+            return "differs" if record.mismatch else "pass"
+        case "refused" if record.expects:
+            return "pass" if record.expects in record.engine_error else "differs"
         case "refused" | "crashed" | "timeout" | "error":
-            return made.ended
+            return record.ended
     return "differs"
 
 
 def _mismatch(probe: ManualProbe, replies: Sequence[Reply]) -> Mismatch | None:
-    """What is wrong with decks that ran, or with their control."""
+    """Return what is wrong with decks that ran, or with their control."""
     other = replies[0 if probe.same is None else 1]
     wrong = _against(probe, replies[0], other)
     if wrong is not None or probe.control is None:
@@ -138,17 +138,13 @@ def _mismatch(probe: ManualProbe, replies: Sequence[Reply]) -> Mismatch | None:
     return Mismatch(kind="blind", text=wording.error_text(control.error) or "no difference")
 
 
-def _not_finite(reply: Reply) -> Mismatch | None:
-    bad = [name for name, values_n in reply.arrays.items() if not np.isfinite(values_n).all()]
-    return Mismatch(kind="not finite", fields=bad) if bad else None
-
-
 def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:
-    """The expectation of a deck that ran."""
+    """Return how a deck that ran breaks its expectation; None if it does not."""
     if probe.lacks:
         return Mismatch(kind="logged", text=probe.lacks) if probe.lacks in reply.log else None
     if probe.same is None:
-        return _not_finite(reply)
+        bad = [name for name, values_n in reply.arrays.items() if not np.isfinite(values_n).all()]
+        return Mismatch(kind="not finite", fields=bad) if bad else None
     for name in probe.fields or tuple(reply.arrays):
         ours_n, theirs_n = reply.arrays[name] * (probe.times or {}).get(name, 1.0), other.arrays[name]
         if ours_n.shape != theirs_n.shape:

@@ -49,7 +49,7 @@ class Probe(BaseModel):
 
     @property
     def input(self) -> Input:
-        """What LAMMPS is given.
+        """Return what LAMMPS is given.
 
         Raises
         ------

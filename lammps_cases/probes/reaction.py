@@ -17,12 +17,12 @@ Reaction = Literal["clear error", "misleading error", "silent acceptance", "sile
 
 
 def said(error: str) -> str:
-    """LAMMPS' own words of an error: without the place in its source, nor the command, which it repeats."""
+    """Return LAMMPS' own words of an error: without the place in its source, nor the command, which it repeats."""
     return one_line(re.sub(r"ERROR( on proc \d+)?:|For more information see \S+", "", error_text(error)))
 
 
 def offending(probe: Probe) -> tuple[str, ...]:
-    """Words of an input that the base has not; a single digit names nothing, as many texts hold one."""
+    """Return the words of an input that its base lacks, without single digits, which many texts hold."""
     before = commands(base(probe.base))
     present = set(" ".join(before).split())
     new = [word for line in probe.add for word in line.split() if word not in present]
@@ -34,7 +34,7 @@ def offending(probe: Probe) -> tuple[str, ...]:
 
 
 def names_it(text: str, names: Sequence[str]) -> bool:
-    """Whether a text holds one of the words, whole and in any case; the manual's latent/heat may be latent heat."""
+    """Return whether a text holds one of the words, whole and in any case; latent/heat may be spelt latent heat."""
 
     def held(name: str) -> bool:
         spelt = "[/_ ]".join(map(re.escape, re.split("[/_ ]", name)))
@@ -44,7 +44,7 @@ def names_it(text: str, names: Sequence[str]) -> bool:
 
 
 def reaction(reply: Reply, names: Sequence[str]) -> tuple[Reaction, str]:
-    """Class of what LAMMPS did with an input, and its text.
+    """Return the class of what LAMMPS did with an input, and its text.
 
     An error is clear if it holds one of the names of what is wrong, else misleading; silence is NaN if any number of
     the particles after the last step is not finite.

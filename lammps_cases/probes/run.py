@@ -55,15 +55,13 @@ def put(workers: Workers, inputs: Sequence[Input], time_limit: float) -> Iterato
 
 
 def ask(site: str | None, given: Input) -> Reply:
-    """Task of a worker: run an input on a LAMMPS that no other has touched."""
+    """Task: run an input on a LAMMPS that no other has touched."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         lmp = session.open_lammps(site)
         try:
-            return (
-                Reply("answered", arrays=session.run(lmp, given).arrays)
-                if isinstance(given, Job)
-                else _deck(lmp, given)
-            )
+            if isinstance(given, Job):
+                return Reply("answered", arrays=session.run(lmp, given).arrays)
+            return _deck(lmp, given)
         except session.EngineRefused as error:
             return Reply("refused", str(error))
         finally:

@@ -1,8 +1,8 @@
 """False alarms: nothing is wrong, so nothing may turn red.
 
-Every kind asks LAMMPS for the same physics in other words (other labels, another order, other lists, two ranks), or
-asks both sides for another scene of the same description (another seed), or runs both on another machine. What comes
-back is judged as always, by the same bounds.
+Every kind restates the same physics for LAMMPS (other labels, another order, other lists, two ranks), gives both sides
+another scene of the same description (another seed), or runs both on another machine. The answers are judged as
+always, by the same bounds.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
@@ -36,20 +36,7 @@ from lammps_cases.studies.mutation.perturbed import (
 )
 from lammps_cases.verdict.particle_model import Reason
 
-Kind = Literal[
-    "as given",
-    "relabelled",
-    "renamed",
-    "reordered",
-    "unsorted",
-    "newton",
-    "skin",
-    "rebuilt",
-    "ranks",
-    "seed",
-    "machine",
-]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+Kind = str
 WHAT: dict[Kind, str] = {
     "as given": "the control: asked as every run asks",
     "relabelled": "other ids, dealt out at random, and with them another order of creation",
@@ -63,6 +50,7 @@ WHAT: dict[Kind, str] = {
     "seed": "another scene of the same description, on both sides: disorder, order of values, velocities",
     "machine": "newer instructions switched off in the C library, numpy, numba and OpenBLAS; predictions made anew",
 }
+KINDS = tuple(WHAT)
 AHEAD = 40  # cases prepared before they are judged
 Records = dict[str, CaseRecord]
 
@@ -86,7 +74,7 @@ class Alarm:
 
 @dataclass(frozen=True)
 class AlarmRun:
-    """All cases asked in one kind of other words.
+    """All cases restated in one way.
 
     Attributes
     ----------
@@ -110,7 +98,7 @@ class AlarmRun:
 
     @property
     def false(self) -> int:
-        """Reds that no finding explains."""
+        """Return the number of alarms that no finding explains."""
         return sum(not alarm.finding for alarm in self.alarms)
 
 
@@ -260,7 +248,7 @@ def _alarm(kind: Kind, case: Case, record: CaseRecord, workers: JudgingWorkers |
 
 
 def _explanation(kind: Kind, scene: Scene, record: CaseRecord) -> tuple[str, str]:
-    """Return the finding that makes LAMMPS differ in this kind of words alone, and why; empty: none."""
+    """Return the finding that makes LAMMPS differ under this restatement alone, and why; empty: none."""
     for entry in LEDGER if record.verdict == "differs" else ():
         for expected in entry.expected_in_alarms:
             if kind in expected.kinds and expected.applies(scene):

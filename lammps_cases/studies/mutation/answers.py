@@ -26,7 +26,7 @@ class AnsweredCase:
 
     @property
     def sides(self) -> list[tuple[Scene, Atoms, Answer]]:
-        """Scene, particles and LAMMPS' answer; only of cases that were answered."""
+        """Return scene, particles and LAMMPS' answer of each job; only of cases that were answered."""
         answers = [ended for ended in self.outcomes if isinstance(ended, Answer)]
         return [(scene, atoms, answer) for (scene, atoms), answer in zip(self.ready.sides, answers, strict=True)]
 

@@ -34,7 +34,7 @@ class MachineRun:
 
 
 def older() -> dict[str, str]:
-    """Environment variables that switch off what newer processors have; a library that knows them not ignores them."""
+    """Return environment variables that switch off what newer processors have; other libraries ignore them."""
     simd: Any = np.show_config(mode="dicts")
     extensions = simd["SIMD Extensions"].get("found", [])
     switches = {

@@ -71,7 +71,7 @@ def _facts(power: Power) -> Iterator[tuple[str, str]]:
 
 
 def _table(faults: Sequence[FaultRecord]) -> Iterator[tuple[str, list[tuple[int, int, int]]]]:
-    """By kind and family: caught, planted, caught by a quick case."""
+    """Yield rows by kind, with caught, planted and caught by a quick case for each family."""
 
     def cell(chosen: list[FaultRecord]) -> tuple[int, int, int]:
         return sum(bool(f.caught_by) for f in chosen), len(chosen), sum(f.quick for f in chosen)

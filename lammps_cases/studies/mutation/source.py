@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -161,10 +162,11 @@ def faults() -> dict[str, SourceFault]:
     planted: dict[str, SourceFault] = {}
     for module, count in MODULES.items():
         tree = ast.parse(text_of(module))
-        _check_names(module, tree)
+        for function in (*excluded(module), *ONLY.get(module, ())):  # refuse names that the module no longer has
+            definition(tree, function, f"exclusions of eos_ref.{module}")
         places = names(module, tree)
         chosen = sorted(places, key=lambda name: hashlib.sha256(name.encode()).digest())[:count]
-        planted |= {name: _made(module, name, places[name]) for name in sorted(chosen)}
+        planted |= {name: source_fault(module, name, places[name]) for name in sorted(chosen)}
     return planted
 
 
@@ -201,24 +203,19 @@ def _assigns(node: ast.AST, target: str) -> bool:
     return isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).strip("()") == target
 
 
-def _check_names(module: str, tree: ast.Module) -> None:
-    """Refuse names of functions that the module no longer has."""
-    for name in (*excluded(module), *ONLY.get(module, ())):
-        definition(tree, name, f"exclusions of eos_ref.{module}")
-
-
 def names(module: str, tree: ast.Module) -> dict[str, int]:
     """Return everything that can be changed in a module: id, and place in the order of the source."""
     by_id: dict[str, int] = {}
-    count: dict[str, int] = {}
+    count: Counter[str] = Counter()
     for place, (where, how, _, _) in enumerate(_changes(module, tree)):
         name = f"source.{_in_ids(module, where)}.{how}"
-        count[name] = count.get(name, 0) + 1
+        count[name] += 1
         by_id[f"{name}-{count[name]}"] = place
     return by_id
 
 
-def _made(module: str, name: str, place: int) -> SourceFault:
+def source_fault(module: str, name: str, place: int) -> SourceFault:
+    """Return the fault of an id and a place that `names` gives."""
     tree = ast.parse(text_of(module))
     where, how, statement, change = next(islice(_changes(module, tree), place, None))
     before = _line(statement)
@@ -248,7 +245,7 @@ def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
     left_out = excluded_assignments(module, tree)
     for name, function in _functions(module, tree):
         droppable = function.name not in ("__init__", "move")  # what is missing there ends every run at once
-        for body, at in _statements(function):
+        for body, at in _statements(function.body):
             statement = body[at]
             if statement in left_out or (isinstance(statement, ast.If) and _of_type(statement.test)):
                 continue
@@ -267,34 +264,28 @@ def _functions(module: str, tree: ast.Module) -> Iterator[tuple[str, ast.Functio
     for node in tree.body:
         inner = [(f"{node.name}.", part) for part in node.body] if isinstance(node, ast.ClassDef) else [("", node)]
         for parent, function in inner:
-            if not isinstance(function, ast.FunctionDef) or _is_abstract(function):
-                continue
-            name = parent + function.name
-            if name not in left_out and (only is None or name in only):
-                yield name, function
+            if isinstance(function, ast.FunctionDef):
+                abstract = any(
+                    getattr(decorator, "id", "") == "abstractmethod" for decorator in function.decorator_list
+                )
+                name = parent + function.name
+                if not abstract and name not in left_out and (only is None or name in only):
+                    yield name, function
 
 
-def _is_abstract(function: ast.FunctionDef) -> bool:
-    return any(getattr(decorator, "id", "") == "abstractmethod" for decorator in function.decorator_list)
-
-
-def _statements(function: ast.FunctionDef) -> Iterator[tuple[list[ast.stmt], int]]:
+def _statements(body: list[ast.stmt]) -> Iterator[tuple[list[ast.stmt], int]]:
     """Yield the statements with the list that holds them, of all depths, but for texts and checks of input."""
-
-    def within(body: list[ast.stmt]) -> Iterator[tuple[list[ast.stmt], int]]:
-        for at, statement in enumerate(body):
-            text = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
-            refuses = isinstance(getattr(statement, "body", [statement])[-1], ast.Raise)
-            if text or refuses or isinstance(statement, ast.Assert | ast.Import | ast.ImportFrom | ast.FunctionDef):
-                continue
-            yield body, at
-            for name in ("body", "orelse"):
-                if not (name == "body" and isinstance(statement, ast.If) and _of_type(statement.test)):
-                    yield from within(getattr(statement, name, []))
-            for case in getattr(statement, "cases", []):
-                yield from within(case.body)
-
-    yield from within(function.body)
+    for at, statement in enumerate(body):
+        text = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+        refuses = isinstance(getattr(statement, "body", [statement])[-1], ast.Raise)
+        if text or refuses or isinstance(statement, ast.Assert | ast.Import | ast.ImportFrom | ast.FunctionDef):
+            continue
+        yield body, at
+        if not (isinstance(statement, ast.If) and _of_type(statement.test)):
+            yield from _statements(getattr(statement, "body", []))
+        yield from _statements(getattr(statement, "orelse", []))
+        for case in getattr(statement, "cases", []):
+            yield from _statements(case.body)
 
 
 def _of_statement(body: list[ast.stmt], at: int, droppable: bool) -> Iterator[tuple[str, Callable[[], None]]]:
@@ -355,7 +346,7 @@ def _of_expression(node: ast.AST) -> Iterator[tuple[str, Callable[[], None]]]:
     if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
         yield "number", lambda: setattr(node, "value", _other(node.value))  # type: ignore[arg-type]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Invert):
-        yield "sign", lambda: setattr(node, "op", ast.UAdd()) if isinstance(node.op, ast.USub) else _positive(node)
+        yield "sign", _without_sign(node)
     if isinstance(node, ast.BoolOp):
         other = ast.Or if isinstance(node.op, ast.And) else ast.And
         yield "logic", lambda: setattr(node, "op", other())
@@ -380,12 +371,11 @@ def _of_call(node: ast.Call) -> Iterator[tuple[str, Callable[[], None]]]:
         and getattr(function, name, "") not in {*CALLED, *SYMMETRIC}
         and not any(isinstance(argument, ast.Starred) for argument in node.args)
     ):
-        first = len(node.args) - 2
-        yield "arguments", lambda: _exchange_items(node.args, first, first + 1)
+        yield "arguments", lambda: node.args.__setitem__(slice(-2, None), [node.args[-1], node.args[-2]])
 
 
 def _other(value: float) -> float:
-    """Another number: the next whole one; twice a fraction."""
+    """Return another number: the next whole one; twice a fraction."""
     if isinstance(value, bool):
         return not value
     return value + 1 if isinstance(value, int) or value == 0 else 2 * value
@@ -397,10 +387,8 @@ def _exchange(node: ast.AST, one: str, other: str) -> None:
     setattr(node, other, first)
 
 
-def _exchange_items(items: list[ast.expr], one: int, other: int) -> None:
-    items[one], items[other] = items[other], items[one]
-
-
-def _positive(node: ast.UnaryOp) -> None:
-    """Take ``~`` away, by one more of them."""
-    node.operand = ast.UnaryOp(ast.Invert(), node.operand)
+def _without_sign(node: ast.UnaryOp) -> Callable[[], None]:
+    """Return what takes ``-`` away, or ``~`` by one more of them."""
+    if isinstance(node.op, ast.USub):
+        return lambda: setattr(node, "op", ast.UAdd())
+    return lambda: setattr(node, "operand", ast.UnaryOp(ast.Invert(), node.operand))

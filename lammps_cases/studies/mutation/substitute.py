@@ -103,7 +103,7 @@ class _Loader(importlib.machinery.SourceFileLoader):
 def answer_cases(
     mutation: Mutation, folder: Path, names: Sequence[str], engine: str, enough: int, limit: float
 ) -> list[Substitution]:
-    """Task, in a fresh process: answer cases until some answers differ from those without the mutation.
+    """Answer cases until some answers differ from those without the mutation; a task for a fresh process.
 
     Parameters
     ----------

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import math
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref import InputError
+from lammps_cases.records.files import read_arrays
 from lammps_cases.records.outcome import CRASHES, CaseOutcome, FieldOutcome
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, digest, read_run
 
@@ -46,9 +44,8 @@ class Samples:
         self._path, self._side, self._steps = path, side, steps
 
     @cached_property
-    def _arrays(self) -> Any:
-        # From memory: np.load of a damaged file would leave it open.
-        return np.load(io.BytesIO(self._path.read_bytes())) if self._path and self._path.exists() else {}
+    def _arrays(self) -> Mapping[str, npt.NDArray[Any]]:
+        return read_arrays(self._path) if self._path and self._path.exists() else {}
 
     def of(self, field: str) -> Sample | None:
         """Return the arrays of a field; None if there are none.
@@ -58,12 +55,13 @@ class Samples:
         InputError
             The file is damaged.
         """
+        arrays = self._arrays
+        if f"{field}.bound" not in arrays:
+            return None
         try:
-            if f"{field}.bound" not in self._arrays:
-                return None
-            values_n, bound_n = self._arrays[f"{field}{self._side}"], self._arrays[f"{field}.bound"]
-            step = int(self._arrays[f"{field}.step"]) if self._steps is None else self._steps.get(field)
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            values_n, bound_n = arrays[f"{field}{self._side}"], arrays[f"{field}.bound"]
+            step = int(arrays[f"{field}.step"]) if self._steps is None else self._steps.get(field)
+        except (KeyError, ValueError) as error:
             raise InputError("arrays", f"are damaged: {error}", where=str(self._path)) from None
         numbers = all(np.issubdtype(array.dtype, np.number) for array in (values_n, bound_n))
         if not numbers or values_n.shape != bound_n.shape or not values_n.ndim:

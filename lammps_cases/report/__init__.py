@@ -53,11 +53,10 @@ def write_report(
     """
     from lammps_cases.findings import LEDGER
     from lammps_cases.report import junit, markdown, page
-    from lammps_cases.report.content import Content
 
-    content = Content.of(run, LEDGER if ledger is None else ledger)
-    write_atomically(directory / "summary.md", markdown.summary(content))
+    entries = LEDGER if ledger is None else ledger
+    write_atomically(directory / "summary.md", markdown.summary(run, entries))
     write_atomically(directory / "junit.xml", junit.document(run))
     path = directory / "report.html"
-    write_atomically(path, page.render(content, directory / "fields", known, history))
+    write_atomically(path, page.render(run, entries, directory / "fields", known, history))
     return path

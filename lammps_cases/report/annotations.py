@@ -191,11 +191,10 @@ def _say(lines: Iterable[str]) -> None:
 
 def _summary(run: RunRecord, directory: Path) -> str:
     from lammps_cases.findings import LEDGER
-    from lammps_cases.report.content import Content
     from lammps_cases.report.markdown import summary
 
     written = directory / "summary.md"
-    return written.read_text(encoding="utf-8") if written.is_file() else summary(Content.of(run, LEDGER))
+    return written.read_text(encoding="utf-8") if written.is_file() else summary(run, LEDGER)
 
 
 def _append(file: Path, summary: str) -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from markupsafe import Markup
 
 from eos_ref.eos.table import FloatArray
+from lammps_cases.comparison.compare import excess, worst_component
+from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report import plots
-from lammps_cases.report.arrays import one_per_atom, read_arrays
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,21 @@ def drawn_from(case: CaseRecord, fields: Path) -> Drawn:
     """Return what is shown of the arrays of a case in the folder ``fields``."""
     path = fields / f"{case.case}.npz"
     return drawn(case, read_arrays(path) if case.fields and path.is_file() else {})
+
+
+def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Let the component closest to its bound stand for every vector and tensor of a compared field."""
+    reduced = dict(arrays)
+    for name in arrays:
+        field, _, side = name.rpartition(".")
+        sides = [f"{field}.{of}" for of in ("lammps", "reference", "bound")]
+        if side != "lammps" or arrays[name].ndim == 1 or not all(of in arrays for of in sides):
+            continue
+        lammps_n, reference_n, bound_n = (np.asarray(arrays[of], float) for of in sides)
+        ratio_n = excess(lammps_n, reference_n, bound_n)[1]
+        for of, values_n in zip(sides, (lammps_n, reference_n, bound_n), strict=True):
+            reduced[of] = worst_component(values_n, ratio_n)
+    return reduced
 
 
 def embedded(data: Any) -> Markup:

@@ -5,26 +5,25 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
+from lammps_cases.findings import Finding
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
 from lammps_cases.report import agreement, findings
-from lammps_cases.report.content import Content
 
 LISTED = 100  # rows of the table of failures: GitHub refuses summaries above 1 MiB
 LONGEST = 300  # characters of a message
 EXTREMES = 5  # rows of the tables of extremes
 
 
-def summary(content: Content) -> str:
+def summary(run: RunRecord, ledger: Sequence[Finding]) -> str:
     """Return a run as GitHub-flavoured Markdown."""
-    run = content.run
     blocks = [
         f"## eos-ref: {wording.stamp(run)}",
         text(wording.sentence(run)),
         "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
         _failures(run),
-        _findings(content.findings),
-        *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in content.matrices),
+        _findings(findings.of_run(run, ledger)),
+        *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in agreement.matrices(run)),
         _slowest(run),
         _worst_conditioned(run),
         _provenance(run),

@@ -6,18 +6,18 @@ import importlib.util
 import itertools
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
+from lammps_cases.findings import Finding
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
-from lammps_cases.report import plots
-from lammps_cases.report.content import Content
+from lammps_cases.report import agreement, findings, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
 
 ASSETS = Path(__file__).parent / "assets"
@@ -49,10 +49,14 @@ class CaseEntry:
 
 
 def render(
-    content: Content, fields: Path, known: Mapping[str, Drawn] | None = None, history: Past | None = None
+    run: RunRecord,
+    ledger: Sequence[Finding],
+    fields: Path,
+    known: Mapping[str, Drawn] | None = None,
+    history: Past | None = None,
 ) -> str:
     """Return the page of a run; arrays of cases that are not in ``known`` are read from the folder ``fields``."""
-    run, at_hand = content.run, known or {}
+    at_hand, of_run = known or {}, findings.of_run(run, ledger)
     tags = Counter(tag for case in run.cases for tag in set(case.tags))
     return frame.page(
         ASSETS,
@@ -65,9 +69,9 @@ def render(
         wording=wording,
         entries=[_entry(case, run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases],
         tags={tag: tags[tag] for tag in sorted(tags)},
-        matrices=content.matrices,
-        findings=content.findings,
-        known={finding.entry.id for finding in content.findings},
+        matrices=agreement.matrices(run),
+        findings=of_run,
+        known={finding.entry.id for finding in of_run},
         claims=verdicts.summary(run),
         provenance=dict(_provenance(run)),
         seeds={case.case: case.seed for case in run.cases if case.seed is not None},

@@ -6,9 +6,9 @@ import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import numpy.typing as npt
 
+from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import read_run
 
 if TYPE_CHECKING:
@@ -47,12 +47,12 @@ def particles(run: str | Path, case: str) -> pd.DataFrame:
     """
     import pandas as pd
 
-    with np.load(Path(run) / "fields" / f"{case}.npz") as arrays:
-        columns: dict[str, npt.NDArray[Any]] = {}
-        for name in arrays.files:
-            if name not in ("box", "x"):
-                columns |= _columns(name, arrays[name])
-        columns |= dict(zip("xyz", arrays["x"].T, strict=True))
+    arrays = read_arrays(Path(run) / "fields" / f"{case}.npz")
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for name in arrays:
+        if name not in ("box", "x"):
+            columns |= _columns(name, arrays[name])
+    columns |= dict(zip("xyz", arrays["x"].T, strict=True))
     return pd.DataFrame(columns).sort_values("id", ignore_index=True)
 
 

@@ -22,6 +22,7 @@ from lammps_cases.comparison import compare
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records import files, wording
+from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import (
     Blame,
     CaseRecord,
@@ -34,8 +35,6 @@ from lammps_cases.records.run_record import (
     StepRecord,
 )
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
-from lammps_cases.report.arrays import read_arrays
-from lammps_cases.report.content import Content
 from lammps_cases.scene.fields import in_step_order
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
@@ -477,7 +476,7 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert "<script>alert" not in html
     assert not any(name.startswith("on") for _, attributes in parsed.elements for name in attributes)
     assert parsed.scripts == 3 + len(parsed.data)
-    text = (Path("x") / markdown.summary(Content.of(run, LEDGER))).as_posix()
+    text = (Path("x") / markdown.summary(run, LEDGER)).as_posix()
     assert "<img" not in text and "<script" not in text
     assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
     assert json.loads(drawn.embedded({"a": "</script>&"})) == {"a": "</script>&"}

@@ -8,13 +8,12 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lammps_cases.history.reported import Past
-    from lammps_cases.history.store import History
     from lammps_cases.records.run_record import RunRecord
 
 
@@ -23,30 +22,32 @@ def collect(run: RunRecord, directory: Path | None = None) -> None:
 
     ``directory`` is its report folder, if it has one: making its run.json again takes half of the time.
     """
-    with _user_history("this run is not in the history") as history:
-        if history is not None:
+    from lammps_cases.history import store
+
+    with _forgiven("this run is not in the history"):
+        if place := store.history_file():
             content = (directory / "run.json").read_bytes() if directory else None
-            history.add(run, content, _revision())
+            with store.History(place) as history:
+                history.add(run, content, _revision())
 
 
 def past(run: RunRecord) -> Past | None:
     """Return what a report shows of the runs before this one; None without a readable history."""
+    from lammps_cases.history import store
     from lammps_cases.history.reported import before
 
-    with _user_history("the report shows no history") as history:
-        return None if history is None else before(history, run)
+    with _forgiven("the report shows no history"):
+        if place := store.history_file():
+            with store.History(place) as history:
+                return before(history, run)
     return None
 
 
 @contextmanager
-def _user_history(complaint: str) -> Iterator[History | None]:
-    """Open the user's history (None: switched off); what goes wrong meanwhile is said in one line."""
-    from lammps_cases.history import store
-
+def _forgiven(complaint: str) -> Iterator[None]:
+    """Report what goes wrong in one line on standard error, and go on."""
     try:
-        place = store.history_file()
-        with store.History(place) if place else nullcontext() as history:
-            yield history
+        yield
     except Exception as error:
         print(f"eos-ref: {complaint}: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
 

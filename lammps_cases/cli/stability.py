@@ -25,8 +25,8 @@ from lammps_cases.records.progress import Bar
     help="Folder of the atlas.",
 )
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
-@click.option("--fresh", is_flag=True, help="Run every cell again, also those that the folder has.")
-@click.option("--save-limits", is_flag=True, help="Keep the measured limits of the time step as those of the advice.")
+@click.option("--fresh", is_flag=True, help="Run every cell again, even those that the folder has.")
+@click.option("--save-limits", is_flag=True, help="Base later advice on the limits that are measured.")
 @engine_option
 @json_option
 def stability_command(
@@ -41,10 +41,10 @@ def stability_command(
     engine: str,
     as_json: bool,
 ) -> int:
-    """Find where methods break, how, and whether LAMMPS and the reference break at the same place.
+    """Find where methods fail, how, and whether LAMMPS and the reference fail at the same place.
 
     Without names: every map that is not tagged long, and what LAMMPS does with bad input. Writes report.html,
-    atlas.json, cells.csv, inputs.json, decks/ and figures/; a run that was stopped goes on where it was left.
+    atlas.json, cells.csv, inputs.json, decks/ and figures/; a run that was stopped resumes where it was left.
 
     \b
     Example:  eos-ref stability --quick
@@ -56,69 +56,66 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.campaign import command_line
-    from lammps_cases.studies.stability import atlas, expected, inputs, page, record, select
-    from lammps_cases.studies.stability.maps import maps
+    from lammps_cases.studies.stability import atlas, expected, inputs, limits, maps, page, record
 
-    chosen = select.maps(maps(), names, tag or ("quick" if quick and not names else None))
+    by_id = maps.maps()
+    chosen = maps.select(by_id, names, tag or ("quick" if quick and not names else None))
     site = installations.resolve(engine).site
     if fresh:
         record.cells(out).forget()
     with Bar(quiet=as_json) as bar:
-        found = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
+        measured = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
         rows = inputs.write(out, site, jobs, bar) if not names and tag is None else inputs.read(out)
-        page.write(found, out, maps(), rows)
+        page.write(measured, out, by_id, rows)
     if save_limits:
-        from lammps_cases.studies.stability import limits
-
-        edges = [b for m in found.maps for b in m.boundaries]
-        limits.save(limits.measured(edges, maps(), found.engine.get("distribution", "")))
-    unexplained = expected.unexplained(found.disagreements)
+        edges = [b for of in measured.maps for b in of.boundaries]
+        limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))
+    unexplained = expected.unexplained(measured.disagreements)
     if as_json:
-        click.echo(json.dumps(record.document(found), indent=1))
+        click.echo(json.dumps(record.document(measured), indent=1))
     else:
-        _show(found, len(unexplained), out)
+        _show(measured, len(unexplained), out)
     return int(bool(unexplained))
 
 
-def _show(found: Any, unexplained: int, out: Path) -> None:
-    for one in found.maps:
-        differ = sum(line.verdict == "differs" for line in one.agreement)
-        fails = sum(ran.outcome.kind != "stable" for ran in one.cells)
-        told = f"{differ} of {len(one.agreement)} lines differ"
-        click.echo(f"{one.id:24s} {len(one.cells):5d} runs, {fails:5d} fail, {told} ({one.seconds:.1f} s)")
-    click.secho(f"{unexplained} lines differ without a known finding ({found.seconds:.1f} s)", bold=True)
+def _show(atlas: Any, unexplained: int, out: Path) -> None:
+    for of in atlas.maps:
+        differ = sum(line.verdict == "differs" for line in of.agreement)
+        fails = sum(run.outcome.kind != "stable" for run in of.cells)
+        lines = f"{differ} of {len(of.agreement)} lines differ"
+        click.echo(f"{of.id:24s} {len(of.cells):5d} runs, {fails:5d} fail, {lines} ({of.seconds:.1f} s)")
+    click.secho(f"{unexplained} lines differ without a known finding ({atlas.seconds:.1f} s)", bold=True)
     click.echo(f"report: {out / 'report.html'}")
 
 
-def _one_cell(text: str, out: Path, site: str | None, as_json: bool) -> int:
+def _one_cell(name: str, out: Path, site: str | None, as_json: bool) -> int:
     """Run a cell on both engines."""
     from lammps_cases.engine.workers import Workers
-    from lammps_cases.studies.stability import expected, names, page, probe, select
-    from lammps_cases.studies.stability.maps import maps
+    from lammps_cases.studies.stability import expected, maps, page, probe
+    from lammps_cases.studies.stability.model import MapCell
 
-    cell = names.parse(text)
-    of = select.of_cell(maps(), cell)
+    cell = MapCell.parse(name)
+    of = maps.of_cell(maps.maps(), cell)
     with Workers(site, 1) as workers:
-        ended = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(of.engines(cell.layer))}
+        ends = {side: probe.examine(of, cell, side, workers).outcome for side in reversed(of.engines(cell.layer))}
     out.mkdir(parents=True, exist_ok=True)
-    written = page.write_deck(of, cell, out)
-    path = str(out / written) if written else ""
-    differ = len({outcome.kind for outcome in ended.values()}) > 1 and expected.expected_difference(cell) is None
+    deck = page.write_deck(of, cell, out)
+    path = str(out / deck) if deck else ""
+    differ = len({outcome.kind for outcome in ends.values()}) > 1 and expected.expected_difference(cell) is None
     if as_json:
         from dataclasses import asdict
 
         from lammps_cases.records.wording import plain
 
-        document: dict[str, Any] = {"cell": names.name(cell), "deck": path}
-        document |= {side: asdict(outcome) for side, outcome in ended.items()}
+        document: dict[str, Any] = {"cell": cell.name, "deck": path}
+        document |= {side: asdict(outcome) for side, outcome in ends.items()}
         click.echo(json.dumps(plain(document), indent=1))
         return int(differ)
     click.secho(f"{of.title}: {of.x.name} = {cell.x:.6g}, {of.y.name} = {cell.y:.6g} {cell.layer}".rstrip(), bold=True)
-    for side, o in ended.items():
-        parts = [
-            f"{label} {v:.6g}" for label, v in (("step", o.step), ("atom", o.atom), ("value", o.value)) if v is not None
-        ]
-        said = f": {o.message}" if o.message else ""
-        click.echo(f"{'LAMMPS' if side == 'lammps' else side:10s} {o.kind}{', ' * bool(parts)}{', '.join(parts)}{said}")
+    for side, o in ends.items():
+        numbers = {"step": o.step, "atom": o.atom, "value": o.value}
+        parts = [o.kind, *(f"{label} {value:.6g}" for label, value in numbers.items() if value is not None)]
+        message = f": {o.message}" if o.message else ""
+        click.echo(f"{page.WHO[side]:10s} {', '.join(parts)}{message}")
     click.echo(f"deck: {path}" if path else "deck: none, it holds numbers that LAMMPS reads from no deck")
     return int(differ)

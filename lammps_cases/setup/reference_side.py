@@ -7,9 +7,12 @@ the acceleration is the scene's vector to the last bit, and the force on a parti
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from eos_ref import InputError
+from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 from eos_ref.syntax.ranges import type_range
@@ -117,3 +120,31 @@ def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
     )
     check_state(model(scene, atoms, where), box(scene, atoms), made, where)
     return made
+
+
+def simulation(
+    scene: Scene,
+    atoms: Atoms,
+    fields: Iterable[str] = (),
+    where: str = "",
+    evaluator: MakeEvaluator | None = None,
+) -> Simulation:
+    """Return the reference of a scene, to be evaluated and stepped.
+
+    Parameters
+    ----------
+    fields : iterable of str
+        What is wanted of an evaluation, by LAMMPS' names; none: what time steps need.
+    evaluator : class, optional
+        The compiled one by default.
+
+    Raises
+    ------
+    InputError
+        See `model` and `state`.
+    """
+    if evaluator is None:
+        from eos_ref.compiled.evaluator import CompiledEvaluator
+
+        evaluator = CompiledEvaluator
+    return Simulation(model(scene, atoms, where), box(scene, atoms), state(scene, atoms, where), fields, evaluator)

@@ -10,7 +10,7 @@ import numpy as np
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import rows, start
 from lammps_cases.studies.stability import record
-from lammps_cases.studies.stability.lines import MapLine, agreement, boundaries
+from lammps_cases.studies.stability.lines import agreement, boundaries
 from lammps_cases.studies.stability.model import (
     Axis,
     Boundary,
@@ -20,10 +20,10 @@ from lammps_cases.studies.stability.model import (
     FailureCriteria,
     Kind,
     MapCell,
+    MapLine,
     StabilityMap,
     Theory,
 )
-from lammps_cases.studies.stability.probe import Before
 from lammps_cases.studies.stability.record import Atlas, MapRecord
 
 PLACES = (0.1, 0.4, 1.6, 6.4)
@@ -88,9 +88,11 @@ def made_atlas(folder: Path) -> Atlas:
     made = made_map()
     x_nc = rows(0, 6, 9)
     rho_n = 1 + 0.001 * np.arange(54)
-    before = Before(
-        6, x_nc, 0 * x_nc, rho_n, rho_n, np.arange(1, 55), np.ones(54, int), np.zeros(2), np.array([9.0, 6.0]), (12,)
-    )
+    before = {
+        **{"step": np.array(6), "failing": np.array([12]), "low": np.zeros(2), "high": np.array([9.0, 6.0])},
+        **{"x": x_nc, "v": 0 * x_nc, "rho": rho_n, "pressure": rho_n},
+        **{"id": np.arange(1, 55), "type": np.ones(54, int)},
+    }
     for ran in made.cells:
         if ran.outcome.kind != "stable":
             record.write_state(folder, ran.cell, ran.engine, before)

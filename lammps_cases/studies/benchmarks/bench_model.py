@@ -60,11 +60,7 @@ def scene(option: str, dimension: int, edge: int) -> Case:
 
 def simulation(case: Case, fields: Sequence[str] = ()) -> Simulation:
     """Return the compiled reference at the start of a case."""
-    from eos_ref.compiled.evaluator import CompiledEvaluator
-
-    atoms = build(case, case.scene.eos())
-    model, box = reference_side.model(case.scene, atoms, case.where), reference_side.box(case.scene, atoms)
-    return Simulation(model, box, reference_side.state(case.scene, atoms, case.where), fields, CompiledEvaluator)
+    return reference_side.simulation(case.scene, build(case, case.scene.eos()), fields, case.where)
 
 
 def against_lammps(dimensions: tuple[int, ...] = (2, 3), repeats: int = 5) -> Iterator[Ratio]:

@@ -34,11 +34,7 @@ class LatticeSetup:
 
     def simulation(self, fields: Sequence[str]) -> Simulation:
         """Return the compiled reference, evaluated once."""
-        from eos_ref.compiled.evaluator import CompiledEvaluator
-
-        scene, where = self.case.scene, self.case.where
-        model, box = reference_side.model(scene, self.atoms, where), reference_side.box(scene, self.atoms)
-        sim = Simulation(model, box, reference_side.state(scene, self.atoms, where), fields, CompiledEvaluator)
+        sim = reference_side.simulation(self.case.scene, self.atoms, fields, self.case.where)
         sim.evaluate()
         return sim
 

@@ -48,25 +48,14 @@ class Chart:
         return [panel for section in self.sections for panel in section.panels]
 
 
-_DOCUMENT = Document("chart", Chart)
+DOCUMENT = Document("chart", Chart)
 
 
 def write(chart: Chart, folder: Path) -> None:
     """Write ``chart.json`` and the tables."""
     write_atomically(folder / "points.csv", csv_text(_point_rows(chart)))
     write_atomically(folder / "convergence.csv", csv_text(_convergence_rows(chart)))
-    _DOCUMENT.write(folder / "chart.json", chart)
-
-
-def read(folder: Path) -> Chart:
-    """Return the chart of a folder.
-
-    Raises
-    ------
-    InputError
-        No chart there, or one of another version.
-    """
-    return _DOCUMENT.read(folder / "chart.json")
+    DOCUMENT.write(folder / "chart.json", chart)
 
 
 def points_document(chart: Chart) -> dict[str, list[dict[str, Any]]]:

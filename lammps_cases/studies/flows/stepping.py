@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.time_step import Simulation
+from eos_ref.evaluation.time_step import MakeEvaluator
 from lammps_cases.engine.session import EngineRefused
 from lammps_cases.engine.stepping import Stepping
 from lammps_cases.setup import reference_side
@@ -34,14 +34,10 @@ class FlowRun(Protocol):
 class ReferenceFlow:
     """A flow on the reference; by default on the compiled one."""
 
-    def __init__(self, start: Start, evaluator: Callable[..., Any] | None = None) -> None:
-        from eos_ref.compiled.evaluator import CompiledEvaluator
-
-        scene, atoms, where = start.case.scene, start.atoms, start.case.where
-        model, box = reference_side.model(scene, atoms, where), reference_side.box(scene, atoms)
-        state = reference_side.state(scene, atoms, where)
+    def __init__(self, start: Start, evaluator: MakeEvaluator | None = None) -> None:
+        case = start.case
         self.start, self.step = start, 0
-        self.simulation = Simulation(model, box, state, (), evaluator or CompiledEvaluator)
+        self.simulation = reference_side.simulation(case.scene, start.atoms, (), case.where, evaluator)
         self.simulation.run(0, start.timestep)
 
     def advance(self, steps: int) -> None:

@@ -1,24 +1,27 @@
-"""How far a scene or a deck lies from where it would fail: by the measured atlas, and by what theory says."""
+"""The margin of a scene or a deck to instability: by the measured atlas, and by theory."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import Box, Model, State
 from eos_ref.syntax.fixes import SurfaceDetection
-from lammps_cases.studies.stability.kinds import Observation, Subject, moment_matrices
-from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, numbers, pressures, read
+from lammps_cases.studies.stability.kinds import moment_matrices
+from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Tension, numbers, pressures, read
 
 NEAR = 0.8  # of a limit: from here on it is a warning
 MARGIN = 0.05  # of a threshold of surface/detection within which a class is uncertain
 DIGITS = 1e12  # condition number that leaves fewer than four digits of a double
-MOST = 20_000  # particles up to which matrices and surfaces are looked at
+MOST = 20_000  # particles up to which matrices and surfaces are examined
+L = TypeVar("L", Curve, Tension)
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Advice:
 
 
 def advice(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[str]:
-    """Describe how far a state lies from the nearest limits: warnings first, and marked.
+    """Describe the margins of a state to the nearest limits: warnings first, and marked.
 
     Parameters
     ----------
@@ -39,12 +42,12 @@ def advice(model: Model, box: Box, state: State, timestep: float | None, limits:
     limits : Limits, optional
         Those shipped by default.
     """
-    said = judge(model, box, state, timestep, limits)
-    return [f"warning: {a.text}" for a in said if a.warns] + [a.text for a in said if not a.warns]
+    lines = judge(model, box, state, timestep, limits)
+    return [f"warning: {a.text}" for a in lines if a.warns] + [a.text for a in lines if not a.warns]
 
 
 def judge(model: Model, box: Box, state: State, timestep: float | None, limits: Limits | None = None) -> list[Advice]:
-    """See `advice`."""
+    """Return the lines of `advice`."""
     measured = read() if limits is None else limits
     lines: list[Advice] = []
     if timestep is not None:
@@ -56,62 +59,60 @@ def judge(model: Model, box: Box, state: State, timestep: float | None, limits: 
     return lines
 
 
-# --- time step
-
-
-def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
-    """Compare the time step with measured limits, those of theory, and the growth of sound."""
-    measured = _nearest(limits, step)
-    theory = _theory(step)
-    if measured is not None:
-        fraction, text = measured
-        text = f"time step {step.dt:.3g} is {_share_of(fraction)} the measured limit ({text}), {theory}"
-        yield Advice(text, fraction >= NEAR)
-    else:
-        yield Advice(f"time step {step.dt:.3g} is {theory} (no measured limit)", step.fraction >= 1)
-    yield from _sound(model, step)
-
-
-def _theory(step: Numbers) -> str:
-    parts = [f"{_share_of(step.acoustic)} CFL h/4(c+U)"]
-    if step.nu > 0:
-        parts.append(f"{_share_of(step.viscous)} the viscous limit h^2/8nu")
-    return ", ".join(parts)
-
-
 def _share_of(fraction: float) -> str:
-    """Put a fraction into words: 40 % of, or 2.5 times."""
+    """Return a fraction in words: 40 % of, or 2.5 times."""
     if fraction >= 2:
         return f"{fraction:.3g} times"
     return f"{100 * fraction:.2g} % of" if fraction < 0.99 else f"{100 * fraction:.0f} % of"
 
 
+# --- time step
+
+
+def time_step(model: Model, step: Numbers, limits: Limits) -> Iterable[Advice]:
+    """Compare the time step with measured limits, those of theory, and the growth of sound."""
+    theory = f"{_share_of(step.acoustic)} CFL h/4(c+U)"
+    if step.nu > 0:
+        theory += f", {_share_of(step.viscous)} the viscous limit h^2/8nu"
+    measured = _nearest(limits, step)
+    if measured is not None:
+        fraction, text = measured
+        yield Advice(
+            f"time step {step.dt:.3g} is {_share_of(fraction)} the measured limit ({text}), {theory}",
+            fraction >= NEAR,
+        )
+    else:
+        yield Advice(f"time step {step.dt:.3g} is {theory} (no measured limit)", step.fraction >= 1)
+    yield from _sound(model, step)
+
+
 def _nearest(limits: Limits, step: Numbers) -> tuple[float, str] | None:
-    """Return the curve that the time step is nearest to: fraction of its stable end, and what it is."""
-    places: dict[tuple[str, str], Curve] = {}
-    for curve in limits.curves:  # a deck runs on LAMMPS: its limit goes before the reference's
-        if curve.engine == "lammps" or (curve.map, curve.layer) not in places:
-            places[curve.map, curve.layer] = curve
-    if not places or not step.fraction > 0:
+    """Return the fraction of the stable end of the nearest curve, and which curve it is."""
+    curves = list(_of_lammps(limits.curves).values())
+    if not curves or not step.fraction > 0:
         return None
     ratio = max(step.ratio, 1e-300)
-    near = [curve for curve in places.values() if curve.covers(ratio)] or list(places.values())
+    near = [curve for curve in curves if curve.covers(ratio)] or curves
     fraction, curve = max(((step.fraction / curve.at(ratio).low, curve) for curve in near), key=lambda pair: pair[0])
     at, scale = curve.at(ratio), step.dt / step.fraction
     side = "viscous" if step.viscous > step.acoustic else "sound"
-    outside = "" if curve.covers(ratio) else ", beyond the viscosities measured"
     where = f"{curve.map}, {curve.layer}" if curve.layer else curve.map
-    text = f"{at.low * scale:.3g} to {at.high * scale:.3g}, {side}; map {where}: {curve.above}{outside}"
-    return fraction, text
+    outside = "" if curve.covers(ratio) else ", outside the measured viscosities"
+    return fraction, f"{at.low * scale:.3g} to {at.high * scale:.3g}, {side}; map {where}: {curve.above}{outside}"
+
+
+def _of_lammps(measured: Iterable[L]) -> dict[tuple[str, str], L]:
+    """Return the limits by map and layer: those of LAMMPS, on which a deck runs, before those of the reference."""
+    return {(one.map, one.layer): one for one in sorted(measured, key=lambda one: one.engine == "lammps")}
 
 
 def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
-    """Compare what a wave gains and loses: c^2 dt/2 k^2, as pressure lags by half a step, and nu k^2 per time."""
+    """Compare the growth rate of a wave, c^2 dt/2 k^2 as pressure lags by half a step, with its damping, nu k^2."""
     limit = 2 * step.nu / step.c**2 if step.c > 0 else math.inf
     if step.dt <= limit:
         return
     damped = model.pair.artificial_viscosity > 0 or model.pair.rho_damp > 0
-    rest = "; artificial viscosity and damping, which slow it, are not counted" if damped else ""
+    rest = "; artificial viscosity and damping, which slow this growth, are not included" if damped else ""
     yield Advice(f"sound waves grow: time step {step.dt:.3g} > 2 nu/c^2 = {limit:.3g}{rest}", not damped)
 
 
@@ -121,17 +122,18 @@ def _sound(model: Model, step: Numbers) -> Iterable[Advice]:
 def tension(model: Model, state: State, limits: Limits) -> Iterable[Advice]:
     """Compare the strongest tension with that at which particles clump."""
     pressure_n = pressures(model, state)
-    measured = {t.map + t.layer: t for t in limits.tensions if t.shift == (model.fix.shift is not None) and t.high < 0}
-    measured |= {t.map + t.layer: t for t in measured.values() if t.engine == "lammps"}
+    shift = model.fix.shift is not None
+    measured = _of_lammps(t for t in limits.tensions if t.shift == shift and t.high < 0)
     if not pressure_n.size or not measured:
         return
     nearest = max(measured.values(), key=lambda t: t.high)
     lowest = float(np.nanmin(pressure_n))
     fraction = lowest / nearest.high
     if fraction >= 0.01:
+        where = f"{nearest.map}, {nearest.layer}" if nearest.layer else nearest.map
         yield Advice(
             f"lowest pressure {lowest:.3g} rho0 c^2 is {_share_of(fraction)} the tension at which particles clump "
-            f"({nearest.map}{', ' * bool(nearest.layer)}{nearest.layer}: {nearest.low:.3g} to {nearest.high:.3g})",
+            f"({where}: {nearest.low:.3g} to {nearest.high:.3g})",
             fraction >= NEAR,
         )
 
@@ -144,15 +146,14 @@ def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
         if not own_n.size or law.needs_energy:
             continue
         low, high = law.monotone
-        ends = (("lowest", float(own_n.min()), low), ("highest", float(own_n.max()), high))
-        for word, rho, end in ends:
+        for word, rho, end in (("lowest", float(own_n.min()), low), ("highest", float(own_n.max()), high)):
             if not math.isfinite(end) or end == law.rho0:
                 continue
             left = (rho - end) / (law.rho0 - end)
             if left < 1 - NEAR:
                 yield Advice(
-                    f"type {t}: {word} density {rho:.6g} lies {left:.2f} of the way from where {law.style} stops "
-                    f"growing ({end:.6g}) to rho0",
+                    f"type {t}: {word} density {rho:.6g} is near {end:.6g}, where the pressure of {law.style} stops "
+                    f"growing ({100 * left:.0f} % of the way from there to rho0)",
                     warns=True,
                 )
 
@@ -161,44 +162,32 @@ def hyperbolicity(model: Model, state: State) -> Iterable[Advice]:
 
 
 def _neighbourhoods(model: Model, box: Box, state: State) -> Iterable[Advice]:
-    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-
     surface = model.fix.surface_detection
+    if not model.corrects_gradients and surface is None:
+        return
+    evaluator = ArrayEvaluator(model, box, state.type_n, state.solid_n)
     try:
-        if model.corrects_gradients:
-            yield from _matrices(model, box, state)
-        if surface is not None:
-            stages = ArrayEvaluator(model, box, state.type_n, state.solid_n)
-            stages.move(state.x_nc)
-            divr = surface.style == "divergence"
-            measure_n = stages.surface(state.rho_n)[0].divr_n if divr else stages.coordination_n
-            yield from _surfaces(np.asarray(measure_n, float)[~state.solid_n], surface)
+        evaluator.move(state.x_nc)
     except InputError:  # particles far from the box, which the next step will lose
         return
-
-
-def _matrices(model: Model, box: Box, state: State) -> Iterable[Advice]:
-    n, types = len(state.x_nc), state.type_n - 1
     rho_n = np.asarray(state.rho_n, float)
-    of = Subject(
-        np.arange(1, n + 1),
-        state.type_n,
-        model.mass[types],
-        model.rho0[types],
-        state.solid_n,
-        1.0,
-        box,
-        True,
-        model.eos,
-        model,
-    )
-    m_nbb, definite_n, used_n = moment_matrices(of, Observation(0, state.x_nc, state.v_nc, rho_n, rho_n))
+    if model.corrects_gradients:
+        yield from _matrices(evaluator, rho_n)
+    if surface is not None:
+        divr = surface.style == "divergence"
+        measure_n = evaluator.surface(state.rho_n)[0].divr_n if divr else evaluator.coordination_n
+        yield from _surfaces(np.asarray(measure_n, float)[~state.solid_n], surface)
+
+
+def _matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> Iterable[Advice]:
+    m_nbb, definite_n, used_n = moment_matrices(evaluator, rho_n)
     if not used_n.any():
-        yield Advice(f"all particles have fewer than zmin = {model.fix.zmin} neighbours: no moment matrix is used")
+        zmin = evaluator.model.fix.zmin
+        yield Advice(f"all particles have fewer than zmin = {zmin} neighbours: no moment matrix is used")
         return
     failed = int((used_n & ~definite_n).sum())
     if failed:
-        yield Advice(f"{failed} of {n} moment matrices have no Cholesky factor", warns=True)
+        yield Advice(f"{failed} of {len(rho_n)} moment matrices have no Cholesky factor", warns=True)
     if (used_n & definite_n).any():
         eigenvalue_nb = np.linalg.eigvalsh(m_nbb[used_n & definite_n])
         with np.errstate(all="ignore"):
@@ -211,7 +200,6 @@ def _surfaces(measure_n: FloatArray, surface: SurfaceDetection) -> Iterable[Advi
         return
     distance_n = np.abs(measure_n / surface.limit - 1)
     near = int((distance_n <= MARGIN).sum())
-    text = (
-        f"surface limit {surface.limit:g} ({surface.style}) is within {100 * distance_n.min():.1f} % of misclassifying"
-    )
+    nearest = f"{100 * distance_n.min():.1f} % from the nearest value of a fluid particle"
+    text = f"surface limit {surface.limit:g} ({surface.style}): {nearest}"
     yield Advice(text + (f"; {near} of {measure_n.size} fluid particles lie within {100 * MARGIN:g} %" if near else ""))

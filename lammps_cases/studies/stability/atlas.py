@@ -1,12 +1,11 @@
-"""The atlas: boundaries of all maps on both engines, bisected in parallel, taken up again where it was left."""
+"""The atlas: boundaries of all maps on both engines, bisected in parallel and resumed where they were left."""
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import hashlib
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,23 +15,27 @@ from lammps_cases.engine.installations import library_sha256
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.benchmarks.measure import machine
-from lammps_cases.studies.stability import probe, record
-from lammps_cases.studies.stability.lines import Agreement, MapLine, agreement, boundaries, lines_of, wanted
-from lammps_cases.studies.stability.model import ENGINES, Boundary, CellRun, Engine, Kind, MapCell, StabilityMap
-from lammps_cases.studies.stability.probe import Examined, PendingCell
+from lammps_cases.studies.stability import lines, probe, record
+from lammps_cases.studies.stability.model import (
+    ENGINES,
+    Boundary,
+    CellRun,
+    Engine,
+    Kind,
+    MapCell,
+    MapLine,
+    StabilityMap,
+)
+from lammps_cases.studies.stability.probe import Examined, Examiner, PendingCell
 from lammps_cases.studies.stability.record import Atlas, CellEntry, MapRecord
 
 JOBS = 2
-# Sources, beside the reference, that decide how a cell ends: between a start and what is seen of it.
+# Sources, besides the reference, that decide how a cell ends: from its start to what is observed of it.
 SOURCES = (
     *("setup/commands.py", "engine/session.py", "setup/plan.py", "setup/reference_side.py"),
-    *(
-        "studies/stability/kinds.py",
-        "studies/stability/probe.py",
-        "studies/stability/runs.py",
-        "studies/stability/single.py",
-    ),
+    *(f"studies/stability/{name}.py" for name in ("kinds", "probe", "runs", "single")),
 )
+Key = Callable[[StabilityMap, MapCell, Engine], str]
 
 
 def measure(
@@ -55,9 +58,9 @@ def measure(
     out : Path
         Folder: ``cells.jsonl`` grows with every cell, ``atlas.json`` and ``cells.csv`` are written at the end.
     command : str
-        Said in the atlas.
+        Command that the atlas names.
     quick : bool
-        Only the quick lines of the maps.
+        Whether only the quick lines of the maps are run.
     engines : sequence of {"reference", "lammps"}
     site : str, optional
         Folder of another LAMMPS, see `lammps_cases.engine.installations`.
@@ -66,7 +69,7 @@ def measure(
     limit : float
         Seconds after which a cell hangs.
     progress : Progress
-        Is told of every cell.
+        Advances with every cell.
 
     Raises
     ------
@@ -76,57 +79,33 @@ def measure(
     """
     begin, before = time.perf_counter(), machine()
     out.mkdir(parents=True, exist_ok=True)
-    with contextlib.ExitStack() as stack:
-        folder, workers = stack.enter_context(probe.scratch()), stack.enter_context(Workers(site, jobs))
+    with Workers(site, jobs) as workers, probe.examiner(workers, limit) as examiner:
         about = workers.identify().result()
-        about = {k: v for k, v in about.items() if k != "library"} | {
-            "library_sha256": library_sha256(about.get("library", ""))
-        }
-        source = CellSource(workers, folder, limit, about)
-        lines = [
-            MapLine(m.id, layer, y, e)
-            for m in maps
-            for layer in m.layers
-            for y in lines_of(m, quick)
-            for e in engines
-            if e in m.engines(layer)
+        about["library_sha256"] = library_sha256(about.pop("library", ""))
+        asked = [
+            MapLine(of.id, layer, y, engine)
+            for of in maps
+            for layer in of.layers
+            for y in of.lines_run(quick)
+            for engine in engines
+            if engine in of.engines(layer)
         ]
-        results = Survey({m.id: m for m in maps}, lines, source, out, progress).run(2 * jobs)
-    records = tuple(map_record(m, quick, results, engines) for m in maps)
+        key = functools.partial(cell_key, about=about, limit=limit)
+        results = Survey({of.id: of for of in maps}, asked, examiner, key, out, progress).run(2 * jobs)
+    records = tuple(map_record(of, quick, results, engines) for of in maps)
     atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
     record.write(atlas, out)
     return atlas
 
 
-class CellSource:
-    """Where cells come from: workers that examine them."""
-
-    def __init__(self, workers: Workers, folder: Path, limit: float, about: dict[str, str]) -> None:
-        self.workers, self.folder, self.limit = workers, folder, limit
-        self.identity: dict[Engine, str] = {"reference": "", "lammps": repr(sorted(about.items()))}
-
-    def ask(self, of: StabilityMap, cell: MapCell, side: Engine) -> PendingCell:
-        """Queue a cell."""
-        return probe.ask(of, cell, side, self.workers, self.folder, self.limit)
-
-    def settle(self, pending: PendingCell) -> Examined:
-        """Wait for a cell."""
-        return probe.settle(pending, self.workers, self.limit)
-
-    def key(self, of: StabilityMap, cell: MapCell, side: Engine) -> str:
-        """Hash all that a cell's end depends on: start, watch, sources, engine, and the time it may take."""
-        start, watch = of.start(cell), of.watch(cell)
-        a = start.atoms
-        arrays = (a.id_n, a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.mass_n, a.low_c, a.high_c)
-        problem = start.case.scene.model_dump_json(), repr(asdict(watch)), start.steps, start.timestep
-        return prediction_keys.fingerprint(
-            asdict_text(cell), side, self.identity[side], sources(), self.limit, problem, arrays
-        )
-
-
-def asdict_text(cell: MapCell) -> str:
-    """Return a cell as text."""
-    return repr(sorted(asdict(cell).items()))
+def cell_key(of: StabilityMap, cell: MapCell, side: Engine, *, about: dict[str, str], limit: float) -> str:
+    """Hash all that a cell's end depends on: start, watch, sources, LAMMPS' account of itself, and the time limit."""
+    start, watch = of.start(cell), of.watch(cell)
+    a = start.atoms
+    arrays = (a.id_n, a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.mass_n, a.low_c, a.high_c)
+    problem = start.case.scene.model_dump_json(), repr(asdict(watch)), start.steps, start.timestep
+    identity = repr(sorted(about.items())) if side == "lammps" else ""
+    return prediction_keys.fingerprint(repr(cell), side, identity, sources(), limit, problem, arrays)
 
 
 @functools.cache
@@ -141,57 +120,69 @@ def sources() -> str:
 
 @dataclass
 class _Open:
-    """A line that is being bisected."""
+    """A line that is being bisected: its cells that have been run, and those that are pending with their keys."""
 
     line: MapLine
     runs: dict[float, CellRun] = field(default_factory=dict)
     pending: dict[float, tuple[str, PendingCell]] = field(default_factory=dict)
 
     @property
-    def kinds(self) -> dict[float, Kind]:
-        return {x: ran.outcome.kind for x, ran in self.runs.items()}
+    def ends(self) -> dict[float, Kind]:
+        return {x: run.outcome.kind for x, run in sorted(self.runs.items())}
 
 
 class Survey:
-    """Lines that are bisected side by side."""
+    """Lines that are bisected side by side.
+
+    Parameters
+    ----------
+    examiner : Examiner
+        Runs cells.
+    key : callable
+        Makes the key of a cell: of equal keys one is run.
+    out : Path
+        Folder of the atlas, which may hold cells of earlier surveys.
+    """
 
     def __init__(
-        self, maps: dict[str, StabilityMap], lines: Sequence[MapLine], source: CellSource, out: Path, progress: Progress
+        self,
+        maps: dict[str, StabilityMap],
+        lines: Sequence[MapLine],
+        examiner: Examiner,
+        key: Key,
+        out: Path,
+        progress: Progress,
     ) -> None:
-        self.maps, self.lines, self.source, self.out, self.progress = maps, lines, source, out, progress
-        self.kept = {one.key: one.ran for one in record.cells(out).entries()}
-        self.results: dict[MapLine, dict[float, CellRun]] = {}
+        self.maps, self.lines, self.examiner, self.key = maps, lines, examiner, key
+        self.out, self.progress = out, progress
+        self.kept = {entry.key: entry.ran for entry in record.cells(out).entries()}
+        self.results: dict[MapLine, _Open] = {}
 
-    def run(self, at_once: int) -> dict[MapLine, dict[float, CellRun]]:
+    def run(self, at_once: int) -> dict[MapLine, _Open]:
         """Run the cells of all lines, ``at_once`` lines at a time; the result does not depend on which ends first."""
         waiting, opened = list(reversed(self.lines)), list[_Open]()
         while waiting or opened:
             while waiting and len(opened) < at_once:
                 opened.append(_Open(waiting.pop()))
-                self._advance(opened[-1])
-            opened = [one for one in opened if not self._done(one)]
+                self._ask(opened[-1])
+            self.results |= {one.line: one for one in opened if not one.pending}
+            opened = [one for one in opened if one.pending]
             if opened and (len(opened) >= at_once or not waiting):
                 self._collect(opened)
         return self.results
 
-    def _done(self, one: _Open) -> bool:
-        if one.pending:
-            return False
-        self.results[one.line] = {x: one.runs[x] for x in sorted(one.runs)}
-        return True
-
-    def _advance(self, one: _Open) -> None:
+    def _ask(self, one: _Open) -> None:
         """Ask for the next places of a line, as long as they are at hand."""
-        of, line = self.maps[one.line.map], one.line
-        while not one.pending and (places := wanted(of, one.kinds)):
+        of = self.maps[one.line.map]
+        while not one.pending and (places := lines.wanted(of, one.ends)):
             for x in places:
-                cell = MapCell(line.map, x, line.y, line.layer)
-                key = self.source.key(of, cell, line.engine)
+                cell = one.line.cell(x)
+                key = self.key(of, cell, one.line.engine)
                 if key in self.kept:
                     one.runs[x] = self.kept[key]
-                    self._report(line)
+                    self._report(one.line)
                 else:
-                    one.pending[x] = key, self.source.ask(of, cell, line.engine)
+                    one.pending[x] = key, self.examiner.ask(of, cell, one.line.engine)
 
     def _collect(self, opened: Iterable[_Open]) -> None:
         """Wait for a cell, and take in all that have come."""
@@ -201,37 +192,30 @@ class Survey:
             for x, (key, pending) in list(one.pending.items()):
                 if pending.future.done():
                     del one.pending[x]
-                    one.runs[x] = self._take(one.line, x, key, self.source.settle(pending))
-            self._advance(one)
-
-    def _take(self, line: MapLine, x: float, key: str, examined: Examined) -> CellRun:
-        cell = MapCell(line.map, x, line.y, line.layer)
-        ran = CellRun(cell, line.engine, examined.outcome)
-        record.write_state(self.out, cell, line.engine, examined.before)
-        record.cells(self.out).append(CellEntry(key, ran))
-        self._report(line)
-        return ran
+                    examined = self.examiner.settle(pending)
+                    run = one.runs[x] = CellRun(one.line.cell(x), one.line.engine, examined.outcome)
+                    record.write_state(self.out, run.cell, run.engine, examined.before)
+                    record.cells(self.out).append(CellEntry(key, run))
+                    self._report(one.line)
+            self._ask(one)
 
     def _report(self, line: MapLine) -> None:
         self.progress.advance(len(self.results), len(self.lines), f"lines: {line.map} {line.layer}")
 
 
-def map_record(
-    of: StabilityMap, quick: bool, results: dict[MapLine, dict[float, CellRun]], engines: Sequence[Engine]
-) -> MapRecord:
+def map_record(of: StabilityMap, quick: bool, results: dict[MapLine, _Open], engines: Sequence[Engine]) -> MapRecord:
     """Return the results of a map, in the order of its layers and lines."""
-    cells: list[CellRun] = []
-    edges, agreements = list[Boundary](), list[Agreement]()
+    cells, edges, agreements = list[CellRun](), list[Boundary](), list[lines.Agreement]()
     for layer in of.layers:
-        for y in lines_of(of, quick):
-            kinds: dict[Engine, dict[float, Kind]] = {}
+        for y in of.lines_run(quick):
+            ends: dict[Engine, dict[float, Kind]] = {}
             for engine in (e for e in engines if e in of.engines(layer)):
-                line = MapLine(of.id, layer, y, engine)
-                cells += results[line].values()
-                kinds[engine] = {x: ran.outcome.kind for x, ran in results[line].items()}
-                edges += boundaries(line, kinds[engine])
-            if "reference" in kinds and "lammps" in kinds:
-                agreements.append(agreement(of, layer, y, kinds["reference"], kinds["lammps"]))
-    seconds = sum(ran.outcome.seconds for ran in cells)
-    head = of.id, of.title, of.about, of.x, of.y, of.layers, tuple(lines_of(of, quick))
+                result = results[MapLine(of.id, layer, y, engine)]
+                ends[engine] = result.ends
+                cells += [result.runs[x] for x in result.ends]
+                edges += lines.boundaries(result.line, result.ends)
+            if "reference" in ends and "lammps" in ends:
+                agreements.append(lines.agreement(of, layer, y, ends["reference"], ends["lammps"]))
+    seconds = sum(run.outcome.seconds for run in cells)
+    head = of.id, of.title, of.about, of.x, of.y, of.layers, of.lines_run(quick)
     return MapRecord(*head, seconds, tuple(cells), tuple(edges), tuple(agreements))

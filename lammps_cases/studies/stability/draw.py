@@ -22,7 +22,6 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import BoolArray
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
-from lammps_cases.studies.stability import names
 from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, CellRun, Engine, Kind, MapCell, Theory
 from lammps_cases.studies.stability.record import MapRecord
 
@@ -62,7 +61,7 @@ Link = Callable[[MapCell], str]
 Places = dict[tuple[float, float], dict[Engine, Kind]]
 
 
-def map_figure(drawn: MapRecord, theory: Sequence[Theory] = (), link: Link = names.anchor) -> Figure:
+def map_figure(drawn: MapRecord, theory: Sequence[Theory] = (), link: Link = lambda cell: cell.anchor) -> Figure:
     """LAMMPS, the reference, and where they differ, side by side; a row of pictures for each layer.
 
     Parameters
@@ -131,27 +130,16 @@ def _margins(axis: Axis) -> tuple[float, float]:
 
 
 def _draw_cells(axis: Any, ran: Sequence[CellRun], link: Link, name: str) -> None:
-    for kind in KINDS:
+    for k, kind in enumerate(KINDS):
         cells = [r.cell for r in ran if r.outcome.kind == kind]
-        if cells:
-            _scatter(axis, kind, cells, link).set_gid(f"{name}-{KINDS.index(kind)}")
-
-
-def _scatter(axis: Any, kind: Kind, cells: Sequence[MapCell], link: Link) -> Any:
-    colour, shape = MARKS[kind]
-    marks = axis.scatter(
-        [c.x for c in cells],
-        [c.y for c in cells],
-        s=26 if kind == "stable" else 44,
-        c=colour,
-        marker=shape,
-        linewidths=0.7,
-        edgecolors=EDGE,
-        zorder=3,
-    )
-    # A single address would be drawn as none: one more than the cells keeps them one by one.
-    marks.set_urls([*(link(c) for c in cells), ""])
-    return marks
+        if not cells:
+            continue
+        colour, shape = MARKS[kind]
+        style = {"c": colour, "marker": shape, "linewidths": 0.7, "edgecolors": EDGE, "zorder": 3}
+        marks = axis.scatter([c.x for c in cells], [c.y for c in cells], s=26 if kind == "stable" else 44, **style)
+        # A single address would be drawn as none: one more than the cells keeps them one by one.
+        marks.set_urls([*(link(c) for c in cells), ""])
+        marks.set_gid(f"{name}-{k}")
 
 
 def _draw_boundaries(axis: Any, drawn: MapRecord, boundaries: Sequence[Boundary], colour: str = GREY) -> None:
@@ -159,15 +147,9 @@ def _draw_boundaries(axis: Any, drawn: MapRecord, boundaries: Sequence[Boundary]
     for chain in chains(drawn, boundaries):
         low, high, y = ([getattr(b, name) for b in chain] for name in ("low", "high", "y"))
         axis.fill_betweenx(y, low, high, color=colour, alpha=0.25, lw=0, zorder=1)
-        axis.plot([_middle(drawn.x, b) for b in chain], y, color=colour, lw=1.0, alpha=0.8, zorder=1)
+        axis.plot([drawn.x.middle(b.low, b.high) for b in chain], y, color=colour, lw=1.0, alpha=0.8, zorder=1)
         for b in chain:
             axis.plot([b.low, b.high], [b.y, b.y], color=colour, lw=3, alpha=0.5, solid_capstyle="butt", zorder=1)
-
-
-def _middle(axis: Axis, boundary: Boundary) -> float:
-    if axis.log:
-        return math.sqrt(boundary.low * boundary.high)
-    return (boundary.low + boundary.high) / 2
 
 
 def chains(drawn: MapRecord, boundaries: Sequence[Boundary]) -> list[list[Boundary]]:
@@ -240,21 +222,18 @@ def _value(x_of_y: Callable[[float], float], y: float) -> float:
 
 
 def _legend(theory: Sequence[Theory], ran: Sequence[CellRun]) -> list[Line2D | Patch]:
-    there = {r.outcome.kind for r in ran}
+    kinds = {r.outcome.kind for r in ran}
     handles: list[Line2D | Patch] = []
-    for kind in KINDS:
-        if kind in there:
-            colour, shape = MARKS[kind]
+    for kind, (colour, shape) in MARKS.items():
+        if kind in kinds:
             size = 5 if kind == "stable" else 7
             handles.append(Line2D([], [], marker=shape, ls="none", mfc=colour, mec=EDGE, mew=0.7, ms=size, label=kind))
     handles.append(Patch(color=GREY, alpha=0.4, lw=0, label="boundary, uncertainty"))
     for name, style in _styles(theory).items():
         handles.append(Line2D([], [], label=plain_text(name), **{"lw": 1.2, **style}))
     handles.append(Line2D([], [], ls="none", label="where they differ:"))
-    handles += [
-        Patch(color=RED, alpha=0.4, lw=0, label="LAMMPS"),
-        Patch(color=BLUE, alpha=0.4, lw=0, label="reference"),
-    ]
+    for colour, engine in ((RED, "LAMMPS"), (BLUE, "reference")):
+        handles.append(Patch(color=colour, alpha=0.4, lw=0, label=engine))
     handles.append(Line2D([], [], marker="o", ls="none", color=GREY, ms=2.5, label="same kind"))
     return handles
 
@@ -293,23 +272,14 @@ def thumbnail(
         axis.set(xlim=(low_c[0], high_c[0]), ylim=(low_c[1], high_c[1]))
         axis.set_axis_off()
         good_n: BoolArray = np.asarray(np.isfinite(x_nc[:, :2]).all(axis=1))
-        size = float(
-            np.clip(0.35 * 72**2 * figure.get_figwidth() * figure.get_figheight() / max(len(x_nc), 1), 1.5, 60)
-        )
-        axis.scatter(
-            x_nc[good_n, 0],
-            x_nc[good_n, 1],
-            s=size,
-            c=np.where(np.isfinite(colour_n), colour_n, 0.0)[good_n],
-            cmap="tab10" if by_type else "cividis",
-            vmin=0.5 if by_type else None,
-            vmax=10.5 if by_type else None,
-            linewidths=0,
-        )
-        marked_n = [k for k in failing_n.tolist() if good_n[k]]
-        axis.scatter(
-            x_nc[marked_n, 0], x_nc[marked_n, 1], s=2.5 * size + 40, facecolors="none", edgecolors=RED, linewidths=1.8
-        )
+        area = figure.get_figwidth() * figure.get_figheight()
+        size = float(np.clip(0.35 * 72**2 * area / max(len(x_nc), 1), 1.5, 60))
+        colours: dict[str, Any] = {"cmap": "tab10", "vmin": 0.5, "vmax": 10.5} if by_type else {"cmap": "cividis"}
+        finite_n = np.where(np.isfinite(colour_n), colour_n, 0.0)
+        axis.scatter(x_nc[good_n, 0], x_nc[good_n, 1], s=size, c=finite_n[good_n], linewidths=0, **colours)
+        ringed_n = failing_n[good_n[failing_n]]
+        ring: dict[str, Any] = {"facecolors": "none", "edgecolors": RED, "linewidths": 1.8}
+        axis.scatter(x_nc[ringed_n, 0], x_nc[ringed_n, 1], s=2.5 * size + 40, **ring)
         file = io.BytesIO()
         figure.savefig(file, format="png", dpi=100, metadata={"Software": None})
     return file.getvalue()

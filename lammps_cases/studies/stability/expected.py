@@ -1,4 +1,4 @@
-"""Why LAMMPS and the reference fail at different places: a finding, or what the map itself says."""
+"""Expected differences between LAMMPS and the reference: a finding, or the explanation of a map."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from lammps_cases.studies.stability.model import MapCell
 
 @dataclass(frozen=True)
 class ExpectedDifference:
-    """What makes the engines differ; ``finding``: id of a ledger entry, none where no statement is broken."""
+    """The reason why the engines differ; ``finding``: id of a ledger entry, empty where no statement is broken."""
 
     finding: str
     why: str
 
 
 def expected_difference(line: Agreement | MapCell) -> ExpectedDifference | None:
-    """Return the reason why the engines differ on a line, or in a cell; None: none is known."""
+    """Return the known reason why the engines differ on a line, or in a cell, if any."""
     for entry in LEDGER:
         for where in entry.expected_in_maps:
             if where.map == line.map and where.layer in (None, line.layer):

@@ -1,4 +1,4 @@
-"""Measured limits of the time step, small enough to ship: what advice is given by."""
+"""Measured limits of the time step and of tension, small enough to ship; advice is based on them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import mode
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from eos_ref.model.parameters import Model, State
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability.model import Boundary, Engine, Kind, MapCell, StabilityMap
+from lammps_cases.studies.stability.model import Boundary, Engine, Kind, StabilityMap
 
 FILE = Path(__file__).parent / "atlas-limits.json"
 
@@ -37,17 +38,17 @@ class Numbers:
 
     @property
     def acoustic(self) -> float:
-        """Over h/4c."""
+        """Time step over h/4c."""
         return 4 * self.c * self.dt / self.h
 
     @property
     def viscous(self) -> float:
-        """Over h^2/8nu."""
+        """Time step over h^2/8nu."""
         return 8 * self.nu * self.dt / self.h**2
 
     @property
     def fraction(self) -> float:
-        """Over the lesser of both."""
+        """Time step over the lesser of both."""
         return max(self.acoustic, self.viscous)
 
     @property
@@ -89,7 +90,7 @@ class LimitPoint:
 
 @dataclass(frozen=True)
 class Curve:
-    """The limits of one layer of a map on one engine, in the order of their ratio; ``above``: what comes beyond."""
+    """Limits of one layer of a map on one engine, in the order of their ratio; ``above``: the failure beyond."""
 
     map: str
     layer: str
@@ -99,15 +100,9 @@ class Curve:
 
     def at(self, ratio: float) -> LimitPoint:
         """Interpolate the limit at a ratio, in logarithms; beyond the ratios measured it is that of the nearest one."""
-        logs = np.log([p.ratio for p in self.points])
-        place = math.log(min(max(ratio, self.points[0].ratio), self.points[-1].ratio))
-
-        def interpolated(values: Sequence[float]) -> float:
-            return float(np.exp(np.interp(place, logs, np.log(values))))
-
-        return LimitPoint(
-            ratio, interpolated([p.low for p in self.points]), interpolated([p.high for p in self.points])
-        )
+        ratios, *ends = np.log([(p.ratio, p.low, p.high) for p in self.points]).T
+        low, high = (float(np.exp(np.interp(math.log(ratio), ratios, end))) for end in ends)
+        return LimitPoint(ratio, low, high)
 
     def covers(self, ratio: float) -> bool:
         """Return whether a ratio lies within those measured."""
@@ -116,9 +111,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Tension:
-    """Mean pressure over rho0 c^2 between whose ``low`` and ``high`` particles begin to clump, with shift or without.
+    """Interval of the mean pressure over rho0 c^2 in which particles begin to clump, with shift or without.
 
-    Of the lines of a layer that with the weakest tension.
+    Of the lines of a layer, the one with the weakest tension.
     """
 
     map: str
@@ -131,7 +126,7 @@ class Tension:
 
 @dataclass(frozen=True)
 class Limits:
-    """What an atlas says of time steps and of tension, and the LAMMPS that it was measured on."""
+    """Limits of time step and tension of an atlas, and the LAMMPS that it was measured on."""
 
     engine: str
     curves: tuple[Curve, ...]
@@ -151,26 +146,32 @@ def measured(boundaries: Iterable[Boundary], maps: Mapping[str, StabilityMap], e
 def _curves(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) -> tuple[Curve, ...]:
     by_layer: dict[tuple[str, str, Engine], list[tuple[LimitPoint, Kind]]] = defaultdict(list)
     for b in boundaries:
-        point = _point(b, maps[b.map]) if b.below == "stable" and b.above != "stable" else None
+        point = _point(*_ends(b, maps)) if b.below == "stable" and b.above != "stable" else None
         if point is not None:
             by_layer[b.map, b.layer, b.engine].append((point, b.above))
     curves = []
-    for (name, layer, side), points in sorted(by_layer.items(), key=lambda item: item[0]):
+    for layer, points in sorted(by_layer.items(), key=lambda item: item[0]):
         # Lines that differ in something else than their ratio: the lowest limit counts.
         lowest: dict[float, tuple[LimitPoint, Kind]] = {}
         for point, kind in sorted(points, key=lambda pair: pair[0].low):
             lowest.setdefault(float(f"{point.ratio:.4g}"), (point, kind))
         chosen = sorted(lowest.values(), key=lambda pair: pair[0].ratio)
-        ends = [kind for _, kind in chosen]
-        curves.append(Curve(name, layer, side, max(ends, key=ends.count), tuple(point for point, _ in chosen)))
+        above = mode(kind for _, kind in chosen)
+        curves.append(Curve(*layer, above, tuple(point for point, _ in chosen)))
     return tuple(curves)
 
 
-def _point(boundary: Boundary, of: StabilityMap) -> LimitPoint | None:
-    starts = [of.start(MapCell(boundary.map, x, boundary.y, boundary.layer)) for x in (boundary.low, boundary.high)]
-    if not _same(*starts) or starts[0].timestep == starts[1].timestep:
+def _ends(boundary: Boundary, maps: Mapping[str, StabilityMap]) -> tuple[Start, Start]:
+    """Return the starts at both ends of a boundary."""
+    start = maps[boundary.map].start
+    return start(boundary.cell(boundary.low)), start(boundary.cell(boundary.high))
+
+
+def _point(*ends: Start) -> LimitPoint | None:
+    """Return the limit between two starts that differ in nothing but the time step."""
+    if not _same(*ends) or ends[0].timestep == ends[1].timestep:
         return None
-    low, high = (_numbers(start) for start in starts)
+    low, high = (numbers(*_reference(start), start.timestep) for start in ends)
     if not (0 < low.fraction < math.inf and 0 < low.ratio < math.inf):
         return None
     return LimitPoint(low.ratio, low.fraction, high.fraction)
@@ -181,19 +182,14 @@ def _tensions(boundaries: Sequence[Boundary], maps: Mapping[str, StabilityMap]) 
     for b in boundaries:
         if (b.below, b.above) != ("clumping", "stable"):
             continue
-        low, high = (maps[b.map].start(MapCell(b.map, x, b.y, b.layer)) for x in (b.low, b.high))
+        low, high = _ends(b, maps)
         if not _same(low, high) or low.case.scene.pressure == high.case.scene.pressure or low.timestep != high.timestep:
             continue
-        shift = low.case.scene.rheo.shifting is not None
-        one = Tension(b.map, b.layer, b.engine, shift, _pressure(low), _pressure(high))
         key = b.map, b.layer, b.engine
-        by_layer[key] = max(one, by_layer.get(key, one), key=lambda t: t.low)
+        mean = (float(np.mean(pressures(*_reference(start)))) for start in (low, high))
+        tension = Tension(*key, low.case.scene.rheo.shifting is not None, *mean)
+        by_layer[key] = max(tension, by_layer.get(key, tension), key=lambda t: t.low)
     return tuple(by_layer[key] for key in sorted(by_layer))
-
-
-def _pressure(start: Start) -> float:
-    scene, atoms = start.case.scene, start.atoms
-    return float(np.mean(pressures(reference_side.model(scene, atoms, ""), reference_side.state(scene, atoms))))
 
 
 def pressures(model: Model, state: State) -> FloatArray:
@@ -207,9 +203,9 @@ def pressures(model: Model, state: State) -> FloatArray:
     return np.concatenate(parts)
 
 
-def _numbers(start: Start) -> Numbers:
+def _reference(start: Start) -> tuple[Model, State]:
     scene, atoms = start.case.scene, start.atoms
-    return numbers(reference_side.model(scene, atoms, ""), reference_side.state(scene, atoms), start.timestep)
+    return reference_side.model(scene, atoms, ""), reference_side.state(scene, atoms)
 
 
 def _same(a: Start, b: Start) -> bool:

@@ -1,11 +1,15 @@
-"""What a stability map is made of: cells that are run, what came of them, and the boundaries between."""
+"""Parts of a stability map: cells that are run, how they end, and the boundaries between different ends."""
 
 from __future__ import annotations
 
+import math
+import re
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
+from eos_ref import InputError
 from lammps_cases.studies.flows.flow import Start
 
 Engine = Literal["reference", "lammps"]
@@ -45,6 +49,14 @@ class Axis:
     width: float
     log: bool = False
 
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value, in the units of the width."""
+        return math.log10(value) if self.log else value
+
+    def middle(self, low: float, high: float) -> float:
+        """Return the value halfway between two others."""
+        return math.sqrt(low) * math.sqrt(high) if self.log else (low + high) / 2
+
 
 @dataclass(frozen=True)
 class MapCell:
@@ -55,10 +67,42 @@ class MapCell:
     y: float
     layer: str = ""
 
+    @classmethod
+    def parse(cls, name: str) -> Self:
+        """Return the cell of a name.
+
+        Raises
+        ------
+        InputError
+        """
+        # A layer may hold colons; the others may not.
+        of, _, rest = name.partition(":")
+        layer, *numbers = rest.rsplit(":", 2)
+        try:
+            x, y = (float(number) for number in numbers)
+        except ValueError:
+            raise InputError("cell", "must be MAP:LAYER:X:Y with two numbers", name) from None
+        return cls(of, x, y, layer)
+
+    @property
+    def name(self) -> str:
+        """``MAP:LAYER:X:Y``, with numbers that read back as the same doubles."""
+        return f"{self.map}:{self.layer}:{float(self.x)!r}:{float(self.y)!r}"
+
+    @property
+    def command(self) -> str:
+        """Command that runs the cell again."""
+        return f"eos-ref stability --cell {shlex.quote(self.name)}"
+
+    @property
+    def anchor(self) -> str:
+        """Name that can stand in an address or be a file's, different for every cell."""
+        return re.sub(r"[^A-Za-z0-9.+-]", lambda m: "__" if m[0] == ":" else f"_{ord(m[0]):x}_", self.name)
+
 
 @dataclass(frozen=True)
 class FailureCriteria:
-    """What a run is watched for, beside what is always: numbers that are none, lost particles, errors, crashes, hangs.
+    """Failures that a run is watched for, besides NaN, lost particles, errors, crashes and hangs.
 
     Attributes
     ----------
@@ -90,8 +134,12 @@ class FailureCriteria:
 class CellOutcome:
     """How one engine ended in a cell.
 
-    ``step``, ``atom`` (id) and ``value`` say where and with which number the failure was first seen, ``message`` what
-    an engine said; ``seconds`` the wall time. ``steps`` is the number of steps asked for.
+    Attributes
+    ----------
+    step, atom, value : where the failure was first seen (step, id), and the number that shows it
+    message : text of the engine
+    seconds : wall time
+    steps : number of steps asked for
     """
 
     kind: Kind
@@ -113,13 +161,23 @@ class CellRun:
 
 
 @dataclass(frozen=True)
-class Boundary:
-    """Where the kind changes along x, on one line of a map: between ``low`` and ``high``."""
+class MapLine:
+    """A line of a map on an engine: all x at one y."""
 
     map: str
     layer: str
     y: float
     engine: Engine
+
+    def cell(self, x: float) -> MapCell:
+        """Return a cell of the line."""
+        return MapCell(self.map, x, self.y, self.layer)
+
+
+@dataclass(frozen=True)
+class Boundary(MapLine):
+    """A change of kind along a line, between ``low`` and ``high``."""
+
     low: float
     high: float
     below: Kind
@@ -128,7 +186,7 @@ class Boundary:
 
 @dataclass(frozen=True)
 class Theory:
-    """A limit that theory gives: x as a function of y, to be drawn over a map of one layer (None: of all)."""
+    """A theoretical limit: x as a function of y, drawn over one layer of a map (None: over all)."""
 
     name: str
     x_of_y: Callable[[float], float]
@@ -137,16 +195,17 @@ class Theory:
 
 @dataclass(frozen=True)
 class StabilityMap:
-    """A map: cells are made by ``start`` and watched by ``watch``.
+    """A map of how runs end.
 
     Attributes
     ----------
     lines : values of y on which boundaries are bisected along x
-    coarse : number of places along x that are run first; between neighbours of different kind bisection follows
+    start, watch : initial state of a cell, and the failures that it is watched for
+    coarse : number of places along x that are run first; bisection follows between neighbours of different kind
     tags : ``quick`` maps make the one-minute atlas, ``long`` ones run only by name or tag
-    quick_lines : the lines of the quick atlas; none: the first and the last
-    reference_only : layers that LAMMPS has nothing of, as numbers of another precision
-    engines_differ : why the engines differ here although no statement of the manual is broken
+    quick_lines : lines of the quick atlas; none: the first and the last
+    reference_only : layers that LAMMPS does not have, such as another precision
+    engines_differ : why the engines differ although no statement of the manual is broken
     """
 
     id: str
@@ -168,3 +227,9 @@ class StabilityMap:
     def engines(self, layer: str) -> tuple[Engine, ...]:
         """Return the engines that a layer can be run on."""
         return ("reference",) if layer in self.reference_only else ENGINES
+
+    def lines_run(self, quick: bool) -> tuple[float, ...]:
+        """Return the values of y that are run, in the quick atlas or in the whole one."""
+        if not quick:
+            return self.lines
+        return tuple(dict.fromkeys(self.quick_lines or (self.lines[0], self.lines[-1])))

@@ -16,20 +16,10 @@ from eos_ref import InputError
 from lammps_cases.pages import frame
 from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
-from lammps_cases.studies.stability import draw, expected, names
+from lammps_cases.studies.stability import draw, expected, model
 from lammps_cases.studies.stability.deck import deck
 from lammps_cases.studies.stability.inputs import InputRow
-from lammps_cases.studies.stability.lines import Agreement
-from lammps_cases.studies.stability.model import (
-    KINDS,
-    Boundary,
-    CellOutcome,
-    CellRun,
-    Engine,
-    Kind,
-    MapCell,
-    StabilityMap,
-)
+from lammps_cases.studies.stability.model import CellOutcome, Engine, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.record import Atlas, MapRecord, read_state
 from lammps_cases.studies.stability.runs import watched
 
@@ -50,44 +40,39 @@ WHO: dict[Engine, str] = {"lammps": "LAMMPS", "reference": "reference"}
 
 @dataclass(frozen=True)
 class CellView:
-    """A cell as the page shows it."""
+    """A cell as the page shows it: how it ended on each engine, the path of its deck, its particles."""
 
     cell: MapCell
-    anchor: str
-    lammps: CellOutcome | None
-    reference: CellOutcome | None
-    command: str
+    outcomes: dict[Engine, CellOutcome]
     deck: str
     shots: tuple[Shot, ...]
 
     @property
     def differ(self) -> bool:
         """Whether both engines ran it and ended differently."""
-        return self.lammps is not None and self.reference is not None and self.lammps.kind != self.reference.kind
+        return len({outcome.kind for outcome in self.outcomes.values()}) > 1
 
 
 @dataclass(frozen=True)
 class MapView:
-    """A map as the page shows it; ``kinds``: how many runs end so, on LAMMPS and on the reference."""
+    """A map as the page shows it."""
 
     record: MapRecord
     picture: Markup
     rows: list[CellView]
-    kinds: dict[Kind, tuple[int, int]]
-    agreement: str
 
+    @property
+    def kinds(self) -> dict[Kind, tuple[int, int]]:
+        """How often each kind ended a run, on LAMMPS and on the reference."""
+        ends = Counter((run.engine, run.outcome.kind) for run in self.record.cells)
+        counts: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in model.KINDS}
+        return {kind: count for kind, count in counts.items() if any(count)}
 
-@dataclass(frozen=True)
-class EngineDifference:
-    """A line on which the engines differ, in words."""
-
-    map: str
-    title: str
-    layer: str
-    line: str
-    lammps: str
-    reference: str
-    finding: str
+    @property
+    def agreement(self) -> str:
+        """On how many lines the engines agree."""
+        lines = self.record.agreement
+        return f"{sum(line.verdict == 'same' for line in lines)} of {len(lines)} lines" if lines else "not compared"
 
 
 def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: Sequence[InputRow] = ()) -> None:
@@ -100,8 +85,7 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: 
     inputs : sequence of InputRow
         What LAMMPS does with bad input.
     """
-    figures = folder / "figures"
-    figures.mkdir(parents=True, exist_ok=True)
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
     html = frame.page(
         ASSETS,
         "stability",
@@ -112,8 +96,12 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: 
         facts=list(_facts(atlas)),
         maps=[_map(record, maps.get(record.id), folder) for record in atlas.maps],
         disagreements=[
-            _difference(line, record) for record in atlas.maps for line in record.agreement if line.verdict == "differs"
+            (record, line, expected.expected_difference(line))
+            for record in atlas.maps
+            for line in record.agreement
+            if line.verdict == "differs"
         ],
+        along=along,
         inputs=inputs,
         reactions=Counter(row.reaction for row in inputs),
     )
@@ -127,82 +115,55 @@ def _facts(atlas: Atlas) -> Iterator[tuple[str, str]]:
 
 
 def _map(record: MapRecord, of: StabilityMap | None, folder: Path) -> MapView:
-    figure = draw.map_figure(record, of.theory if of else (), lambda cell: "#" + names.anchor(cell))
+    figure = draw.map_figure(record, of.theory if of else (), lambda cell: f"#{cell.anchor}")
     picture = saved(figure, folder / "figures", record.id)
-    telling = informative_cells(record)
-    decks = {cell: path for cell in telling if of and (path := write_deck(of, cell, folder))}
-    same = sum(line.verdict == "same" for line in record.agreement)
-    agreement = f"{same} of {len(record.agreement)} lines" if record.agreement else "not compared"
-    return MapView(record, picture, rows(record, folder, decks, telling), kinds(record.cells), agreement)
+    informative = informative_cells(record)
+    decks = {cell: path for cell in informative if of and (path := write_deck(of, cell, folder))}
+    return MapView(record, picture, rows(record, folder, decks, informative))
+
+
+def _outcomes(record: MapRecord) -> dict[MapCell, dict[Engine, CellOutcome]]:
+    outcomes: dict[MapCell, dict[Engine, CellOutcome]] = {}
+    for run in record.cells:
+        outcomes.setdefault(run.cell, {})[run.engine] = run.outcome
+    return outcomes
 
 
 def informative_cells(record: MapRecord) -> set[MapCell]:
     """Return the cells that show a map: where a failure begins, and where the engines end differently."""
-    cells = {
-        MapCell(b.map, b.high if KINDS.index(b.above) > KINDS.index(b.below) else b.low, b.y, b.layer)
-        for b in record.boundaries
-    }
-    ends: dict[MapCell, set[Kind]] = {}
-    for r in record.cells:
-        ends.setdefault(r.cell, set()).add(r.outcome.kind)
-    return cells | {cell for cell, both in ends.items() if len(both) > 1}
+    severity = model.KINDS.index
+    edges = {b.cell(b.high if severity(b.above) > severity(b.below) else b.low) for b in record.boundaries}
+    return edges | {cell for cell, ends in _outcomes(record).items() if len({o.kind for o in ends.values()}) > 1}
 
 
 def write_deck(of: StabilityMap, cell: MapCell, folder: Path) -> str:
-    """Write the deck of a cell; its path from the page, or nothing where no deck can say it."""
+    """Write the deck of a cell; return its path from the page, or nothing where no deck can express it."""
     start, watch = of.start(cell), of.watch(cell)
     scene = watched(start.case.scene, watch)
-    note = (f"{of.title}: {names.name(cell)}", names.command(cell))
+    note = (f"{of.title}: {cell.name}", cell.command)
     try:
         text = deck(replace(start, case=replace(start.case, scene=scene)), note, watch.every)
     except InputError:
         return ""
-    path = f"decks/{names.anchor(cell)}.in"
+    path = f"decks/{cell.anchor}.in"
     write_atomically(folder / path, text)
     return path
 
 
-def _difference(line: Agreement, record: MapRecord) -> EngineDifference:
-    ours, theirs = line.boundaries
-    reason = expected.expected_difference(line)
-    return EngineDifference(
-        record.id,
-        record.title,
-        line.layer,
-        f"{record.y.name} = {line.y:.5g}",
-        along(line.lammps, theirs, record),
-        along(line.reference, ours, record),
-        f"{reason.finding or 'no finding'}: {reason.why}" if reason else "",
-    )
-
-
-def along(ends: Sequence[Kind], boundaries: Sequence[Boundary], record: MapRecord) -> str:
+def along(kinds: Sequence[Kind], boundaries: Sequence[model.Boundary], record: MapRecord) -> str:
     """Return the kinds along a line, in words."""
-    text = str(ends[0]) if ends else "nothing"
-    for b in boundaries:
-        text += f", {b.above} from {record.x.name} = {b.low:.4g} to {b.high:.4g} on"
-    return text
+    changes = (f"{b.above} from {record.x.name} = {b.low:.4g} to {b.high:.4g} on" for b in boundaries)
+    return ", ".join([kinds[0] if kinds else "nothing", *changes])
 
 
 def rows(record: MapRecord, folder: Path, decks: Mapping[MapCell, str], shown: Container[MapCell]) -> list[CellView]:
     """Return the cells by layer, height and place; with pictures of the particles for those to be shown."""
-    outcomes: dict[MapCell, dict[Engine, CellOutcome]] = {}
-    for r in record.cells:
-        outcomes.setdefault(r.cell, {})[r.engine] = r.outcome
+    outcomes = _outcomes(record)
     views = []
     for cell in sorted(outcomes, key=lambda c: (record.layers.index(c.layer), c.y, c.x)):
         states = {side: read_state(folder, cell, side) for side in WHO if cell in shown}
-        views.append(
-            CellView(
-                cell,
-                names.anchor(cell),
-                outcomes[cell].get("lammps"),
-                outcomes[cell].get("reference"),
-                names.command(cell),
-                decks.get(cell, ""),
-                tuple(shot(state, WHO[side]) for side, state in states.items() if state is not None),
-            )
-        )
+        shots = tuple(shot(state, WHO[side]) for side, state in states.items() if state is not None)
+        views.append(CellView(cell, outcomes[cell], decks.get(cell, ""), shots))
     return views
 
 
@@ -216,16 +177,9 @@ def shot(state: Mapping[str, Any], who: str) -> Shot:
     png = draw.thumbnail(state["x"], colour_n, failing_n, state["low"], state["high"], by_type)
     colours = "type" if by_type else f"density {finite.min():.3g} to {finite.max():.3g}"
     ring = ", ".join(str(atom) for atom in state["failing"].tolist())
+    step = int(state["step"])
     return Shot(
         f"data:image/png;base64,{base64.b64encode(png).decode()}",
-        f"{who}, step {int(state['step'])}",
-        f"particles of {who} after step {int(state['step'])}, colour: {colours}"
-        + (f"; ringed: {ring}" if ring else ""),
+        f"{who}, step {step}",
+        f"particles of {who} after step {step}, colour: {colours}" + (f"; ringed: {ring}" if ring else ""),
     )
-
-
-def kinds(ran: Sequence[CellRun]) -> dict[Kind, tuple[int, int]]:
-    """Return how often each kind ended a run, on LAMMPS and on the reference."""
-    ends = Counter((r.engine, r.outcome.kind) for r in ran)
-    counted: dict[Kind, tuple[int, int]] = {k: (ends["lammps", k], ends["reference", k]) for k in KINDS}
-    return {kind: count for kind, count in counted.items() if any(count)}

@@ -1,4 +1,4 @@
-"""One cell of a map on one engine: run in stretches, looked at after each, the failing stretch again step by step."""
+"""One cell of a map on one engine: run in stretches, observed after each, the failing stretch again step by step."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.stepping import instance
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.scene.atoms import IntArray
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.kinds import Observation, ParticleFailure, Subject
@@ -26,37 +25,17 @@ from lammps_cases.studies.stability.runs import ObservedRun, ReferenceRun, Stopp
 
 LIMIT = 30.0  # seconds that a cell may take
 Note = Callable[[Observation], None]
-ARRAYS = {"x": "x_nc", "v": "v_nc", "rho": "rho_n", "pressure": "pressure_n", "id": "id_n", "type": "type_n"}
-ARRAYS |= {"low": "low_c", "high": "high_c"}
-
-
-@dataclass(frozen=True)
-class Before:
-    """Particles of a run before it failed, by id, and the ids that fail; none where no particle can be named."""
-
-    step: int
-    x_nc: FloatArray
-    v_nc: FloatArray
-    rho_n: FloatArray
-    pressure_n: FloatArray
-    id_n: IntArray
-    type_n: IntArray
-    low_c: FloatArray
-    high_c: FloatArray
-    failing: tuple[int, ...]
-
-    def arrays(self) -> dict[str, object]:
-        """Return all of it as arrays by short names: step, x, v, rho, pressure, id, type, low, high, failing."""
-        arrays = {name: getattr(self, attribute) for name, attribute in ARRAYS.items()}
-        return {**arrays, "step": np.array(self.step), "failing": np.array(self.failing, int)}
 
 
 @dataclass(frozen=True)
 class Examined:
-    """What came of a cell; ``before`` is None for a stable run, and for a law alone."""
+    """How a cell ended, and the particles before the failure; None for a stable run, and for a law alone.
+
+    ``before`` holds arrays by id: step, x, v, rho, pressure, id, type, low, high, and the ids that are failing.
+    """
 
     outcome: CellOutcome
-    before: Before | None = None
+    before: dict[str, Any] | None = None
 
 
 # --- following a run
@@ -65,119 +44,132 @@ class Examined:
 def follow(
     run: ObservedRun, of: Subject, watch: FailureCriteria, steps: int, note: Note = lambda look: None, single: int = 0
 ) -> Examined:
-    """Look at a run until its first failure.
+    """Observe a run until its first failure.
 
     Parameters
     ----------
-    run : Run
+    run : ObservedRun
     of : Subject
-    watch : Watch
+    watch : FailureCriteria
     steps : int
-        How many are taken at most.
+        Steps taken at most.
     note : callable
-        Told every look that is sound, before the run goes on.
+        Called with every sound observation, before the run goes on.
     single : int
-        From this step on every step is looked at.
+        From this step on every step is observed.
     """
-    try:
-        run.begin()
-        last = run.look()
-    except Stopped as stop:
-        return Examined(CellOutcome(stop.kind, 0, stop.atom, message=stop.message))
-    energy = watch.energy
-    failure = kinds.first(of, watch, last, energy)
-    if failure is not None:
-        return _failed(of, failure, 0, last)
-    at_rest = kinds.kinetic_energy(of.mass_n, last.v_nc)
-    while last.step < steps:
-        note(last)
-        stretch = 1 if single and last.step >= single else min(watch.every, steps - last.step)
-        if single and last.step < single:
-            stretch = min(stretch, single - last.step)
-        look, failure, message = _advance(run, of, watch, stretch, energy)
+    return _Followed(run, of, watch, note).to_failure(steps, single)
+
+
+class _Followed:
+    """A run that is followed to its first failure; ``last`` is the last sound observation."""
+
+    last: Observation
+
+    def __init__(self, run: ObservedRun, of: Subject, watch: FailureCriteria, note: Note) -> None:
+        self.run, self.of, self.watch, self.note = run, of, watch, note
+        self.energy = watch.energy
+
+    def to_failure(self, steps: int, single: int) -> Examined:
+        """See `follow`."""
+        try:
+            self.run.begin()
+            self.last = self.run.look()
+        except Stopped as stop:
+            return Examined(CellOutcome(stop.kind, 0, stop.atom, message=stop.message))
+        failure = self._failure(self.last)
         if failure is not None:
-            if stretch == 1:
-                return _failed(of, failure, last.step + 1, last, message)
-            return _step_by_step(run, of, watch, stretch, energy, last, (failure, message), note)
-        assert look is not None
-        if energy is None:
-            energy = max(at_rest, kinds.kinetic_energy(of.mass_n, look.v_nc))
-        last = look
-    return Examined(CellOutcome("stable"))
+            return self._failed(failure, 0)
+        at_rest = kinds.kinetic_energy(self.of.mass_n, self.last.v_nc)
+        while self.last.step < steps:
+            step = self.last.step
+            self.note(self.last)
+            stretch = min(self.watch.every, steps - step)
+            if single:
+                stretch = min(stretch, max(single - step, 1))
+            failure, message = self._advance(stretch)
+            if failure is not None:
+                end = step + stretch
+                return self._failed(failure, end, message) if stretch == 1 else self._located(failure, end, message)
+            if self.energy is None:
+                self.energy = max(at_rest, kinds.kinetic_energy(self.of.mass_n, self.last.v_nc))
+        return Examined(CellOutcome("stable"))
+
+    def _failure(self, look: Observation) -> ParticleFailure | None:
+        return kinds.first(self.of, self.watch, look, self.energy)
+
+    def _advance(self, steps: int) -> tuple[ParticleFailure | None, str]:
+        """Take steps; return what is wrong after them, and the engine's message. If nothing is, observe."""
+        try:
+            self.run.advance(steps)
+            look = self.run.look()
+        except Stopped as stop:
+            return self._failure_of_stopped() or ParticleFailure(stop.kind, stop.atom), stop.message
+        failure = self._failure(look)
+        if failure is None:
+            self.last = look
+        return failure, ""
+
+    def _failure_of_stopped(self) -> ParticleFailure | None:
+        """Return the failure of a reference that stopped in the middle of a step: it can still be observed."""
+        if not isinstance(self.run, ReferenceRun):
+            return None
+        watch = replace(self.watch, surface={}, condition=None, closest=None)
+        failure = kinds.first(self.of, watch, self.run.look(), self.energy)
+        return failure if failure is not None and failure.kind in ("non-finite", "lost particles") else None
+
+    def _located(self, first: ParticleFailure, end: int, first_message: str) -> Examined:
+        """Run the failing stretch again, one step at a time."""
+        try:
+            self.run.back()
+        except Stopped as stop:
+            # Uninitialised memory (a finding) makes LAMMPS end differently the second time.
+            return self._failed(first, end, f"{first_message} (run again, it ended earlier: {stop.message})")
+        while self.last.step < end:
+            step = self.last.step + 1
+            failure, message = self._advance(1)
+            if failure is not None:
+                return self._failed(failure, step, message)
+            self.note(self.last)
+        return self._failed(first, end, f"{first_message} (not seen when every step was looked at)")
+
+    def _failed(self, failure: ParticleFailure, step: int, message: str = "") -> Examined:
+        outcome = CellOutcome(failure.kind, step, failure.atom, failure.value, message.strip())
+        return Examined(outcome, particles(self.of, self.last, failure.atom))
 
 
-def _advance(
-    run: ObservedRun, of: Subject, watch: FailureCriteria, steps: int, energy: float | None
-) -> tuple[Observation | None, ParticleFailure | None, str]:
-    """Take steps: the look after them, what is wrong with it, and what the engine said."""
-    try:
-        run.advance(steps)
-        look = run.look()
-    except Stopped as stop:
-        return None, _failure_of_stopped(run, of, watch, energy) or ParticleFailure(stop.kind, stop.atom), stop.message
-    return look, kinds.first(of, watch, look, energy), ""
-
-
-def _failure_of_stopped(
-    run: ObservedRun, of: Subject, watch: FailureCriteria, energy: float | None
-) -> ParticleFailure | None:
-    """Return the failure of a reference that stopped in the middle of a step: its particles can still be observed."""
-    if not isinstance(run, ReferenceRun):
+def particles(of: Subject, look: Observation, failing: int | None) -> dict[str, Any] | None:
+    """Return observed particles as the arrays of `Examined.before`; None for a law alone."""
+    if not of.moves:
         return None
-    failure = kinds.first(of, replace(watch, surface={}, condition=None, closest=None), run.look(), energy)
-    return failure if failure is not None and failure.kind in ("non-finite", "lost particles") else None
-
-
-def _step_by_step(
-    run: ObservedRun,
-    of: Subject,
-    watch: FailureCriteria,
-    stretch: int,
-    energy: float | None,
-    last: Observation,
-    first_failure: tuple[ParticleFailure, str],
-    note: Note,
-) -> Examined:
-    """Run the failing stretch again, one step at a time."""
-    end, (first, first_message) = last.step + stretch, first_failure
-    try:
-        run.back()
-    except Stopped as stop:
-        # What nobody wrote (a finding) makes LAMMPS end otherwise the second time.
-        return _failed(of, first, end, last, f"{first_message} (run again, it ended earlier: {stop.message})".strip())
-    while last.step < end:
-        look, failure, message = _advance(run, of, watch, 1, energy)
-        if failure is not None:
-            return _failed(of, failure, last.step + 1, last, message)
-        assert look is not None
-        last = look
-        note(last)
-    return _failed(of, first, end, last, f"{first_message} (not seen when every step was looked at)".strip())
-
-
-def _failed(of: Subject, failure: ParticleFailure, step: int, before: Observation, message: str = "") -> Examined:
-    outcome = CellOutcome(failure.kind, step, failure.atom, failure.value, message)
-    return Examined(outcome, _before(of, before, failure.atom) if of.moves else None)
-
-
-def _before(of: Subject, look: Observation, atom: int | None) -> Before:
-    x_nc = kinds.wrapped(of.box, look.x_nc[:, : len(of.box.low_c)])
-    ends = np.array(of.box.low_c), np.array(of.box.high_c)
-    failing = () if atom is None else (atom,)
-    return Before(look.step, x_nc, look.v_nc, look.rho_n, look.pressure_n, of.id_n, of.type_n, *ends, failing)
+    return {
+        "step": np.array(look.step),
+        "x": kinds.wrapped(of.box, look.x_nc[:, : len(of.box.low_c)]),
+        "v": look.v_nc,
+        "rho": look.rho_n,
+        "pressure": look.pressure_n,
+        "id": of.id_n,
+        "type": of.type_n,
+        "low": np.array(of.box.low_c),
+        "high": np.array(of.box.high_c),
+        "failing": np.array([] if failing is None else [failing], int),
+    }
 
 
 # --- inside a worker
 
 
 def run_cell(
-    site: str | None, start: Start, watch: FailureCriteria, side: Engine, trace: str, single: int = 0
+    site: str | None, start: Start, watch: FailureCriteria, side: Engine, trace: Path, single: int = 0
 ) -> Examined:
-    """Task of a worker: examine one cell; the last sound look is kept in the file ``trace``, should the worker die."""
+    """Examine one cell, as the task of a worker.
+
+    The last sound observation is kept in the file ``trace``, in case the worker dies.
+    """
     of, begin = kinds.subject(start), time.perf_counter()
 
     def note(look: Observation) -> None:
-        partly = Path(f"{trace}.new")
+        partly = trace.with_name(f"{trace.name}.new")
         partly.write_bytes(pickle.dumps((look, time.perf_counter() - begin)))
         partly.replace(trace)
 
@@ -201,40 +193,62 @@ class PendingCell:
     future: Future[Examined]
 
 
-def ask(
-    of: StabilityMap, cell: MapCell, side: Engine, workers: Workers, folder: Path, limit: float = LIMIT
-) -> PendingCell:
-    """Queue a cell; ``folder`` is for traces of workers that die."""
-    start, watch = of.start(cell), of.watch(cell)
-    handle, name = tempfile.mkstemp(dir=folder, prefix="trace-")
-    os.close(handle)
-    future = workers.call(run_cell, start, watch, side, name, time_limit=limit)
-    return PendingCell(start, watch, side, Path(name), future)
+@dataclass(frozen=True)
+class Examiner:
+    """Workers that examine cells, within a time limit (s); ``folder`` is for traces of workers that die."""
 
+    workers: Workers
+    folder: Path
+    limit: float = LIMIT
 
-def settle(pending: PendingCell, workers: Workers, limit: float = LIMIT) -> Examined:
-    """Wait for a cell.
+    def ask(self, of: StabilityMap, cell: MapCell, side: Engine) -> PendingCell:
+        """Queue a cell."""
+        start, watch = of.start(cell), of.watch(cell)
+        handle, name = tempfile.mkstemp(dir=self.folder, prefix="trace-")
+        os.close(handle)
+        return PendingCell(start, watch, side, Path(name), self._queue(start, watch, side, Path(name)))
 
-    A worker that dies becomes a `crash`, after the last sound look; it is sent through the last stretch again, step by
-    step, to find the step. One that does not end becomes a `hang`.
+    def _queue(self, *arguments: Any) -> Future[Examined]:
+        future: Future[Examined] = self.workers.call(run_cell, *arguments, time_limit=self.limit)
+        return future
 
-    Raises
-    ------
-    RuntimeError
-        A mistake of this project's own.
-    """
-    try:
-        outcome = workers.outcome(pending.future, limit)
-        if not isinstance(outcome, Failure):
-            return outcome
-        message = _failure_message(pending.side, outcome)
-        if outcome.verdict not in ("timeout", "crashed"):
-            raise RuntimeError(f"{pending.start.case.name} on {pending.side}: {message}")
-        if outcome.verdict == "timeout":
-            return _died(pending, "hang", message, limit)
-        return _crashed(pending, message, workers, limit)
-    finally:
-        pending.trace.unlink(missing_ok=True)
+    def settle(self, pending: PendingCell) -> Examined:
+        """Wait for a cell.
+
+        A worker that dies becomes a `crash`, after the last sound observation; the last stretch is run again, step by
+        step, to find the step. One that does not end becomes a `hang`.
+
+        Raises
+        ------
+        RuntimeError
+            A mistake of this project's own.
+        """
+        try:
+            outcome = self.workers.outcome(pending.future, self.limit)
+            if not isinstance(outcome, Failure):
+                return outcome
+            message = _failure_message(pending.side, outcome)
+            if outcome.verdict not in ("timeout", "crashed"):
+                raise RuntimeError(f"{pending.start.case.name} on {pending.side}: {message}")
+            if outcome.verdict == "timeout":
+                return _died(pending, "hang", message, self.limit)
+            return self._crashed(pending, message)
+        finally:
+            pending.trace.unlink(missing_ok=True)
+
+    def _crashed(self, pending: PendingCell, message: str) -> Examined:
+        last = _last_observation(pending.trace)
+        if last is not None and pending.watch.every > 1:
+            single = max(last[0].step, 1)
+            future = self._queue(pending.start, pending.watch, pending.side, pending.trace, single)
+            again = self.workers.outcome(future, self.limit)
+            if isinstance(again, Failure):
+                message = _failure_message(pending.side, again)
+            elif again.outcome.kind != "stable":
+                return again  # a failure came before the crash
+            else:
+                message += " (once in two runs)"
+        return _died(pending, "crash", message, 0.0)
 
 
 def _failure_message(side: Engine, failure: Failure) -> str:
@@ -242,42 +256,29 @@ def _failure_message(side: Engine, failure: Failure) -> str:
     return failure.message if side == "lammps" else failure.message.replace("LAMMPS", "the reference")
 
 
-def _crashed(pending: PendingCell, message: str, workers: Workers, limit: float) -> Examined:
-    last = _last_observation(pending.trace)
-    if last is not None and pending.watch.every > 1:
-        arguments = pending.start, pending.watch, pending.side, str(pending.trace), max(last[0].step, 1)
-        again = workers.outcome(workers.call(run_cell, *arguments, time_limit=limit), limit)
-        if not isinstance(again, Failure) and again.outcome.kind != "stable":
-            return again  # a failure came before the crash
-        message = (
-            _failure_message(pending.side, again) if isinstance(again, Failure) else f"{message} (once in two runs)"
-        )
-    return _died(pending, "crash", message, 0.0)
-
-
 def _died(pending: PendingCell, kind: Kind, message: str, seconds: float) -> Examined:
-    steps, last, of = pending.start.steps[-1], _last_observation(pending.trace), kinds.subject(pending.start)
+    steps, last = pending.start.steps[-1], _last_observation(pending.trace)
     if last is None:
         return Examined(CellOutcome(kind, 0, message=message, seconds=seconds, steps=steps))
     look, spent = last
     outcome = CellOutcome(kind, look.step + 1, message=message, seconds=seconds or spent, steps=steps)
-    return Examined(outcome, _before(of, look, None) if of.moves else None)
+    return Examined(outcome, particles(kinds.subject(pending.start), look, None))
 
 
 def _last_observation(trace: Path) -> tuple[Observation, float] | None:
-    """Return the last observation of a worker that died: a file that this process made."""
+    """Return the last observation of a worker that died, and the seconds until then; None if it made none."""
     content = trace.read_bytes() if trace.exists() else b""
     return pickle.loads(content) if content else None
 
 
 @contextlib.contextmanager
-def scratch() -> Iterator[Path]:
-    """Make a folder for traces, and remove it."""
+def examiner(workers: Workers, limit: float = LIMIT) -> Iterator[Examiner]:
+    """Give an examiner to a block, with a folder for its traces."""
     with tempfile.TemporaryDirectory(prefix="eos-ref-stability-") as folder:
-        yield Path(folder)
+        yield Examiner(workers, Path(folder), limit)
 
 
 def examine(of: StabilityMap, cell: MapCell, side: Engine, workers: Workers, limit: float = LIMIT) -> Examined:
-    """Run a cell on an engine: how it ended, and the particles before."""
-    with scratch() as folder:
-        return settle(ask(of, cell, side, workers, folder, limit), workers, limit)
+    """Run a cell on an engine; return how it ended, and the particles before."""
+    with examiner(workers, limit) as one:
+        return one.settle(one.ask(of, cell, side))

@@ -13,17 +13,15 @@ from pydantic import ConfigDict
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text, write_arrays, write_atomically
 from lammps_cases.records.journal import Journal
-from lammps_cases.studies.stability import names
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.model import Axis, Boundary, CellRun, Engine, MapCell
-from lammps_cases.studies.stability.probe import Before
 
 _INFINITE = ConfigDict(ser_json_inf_nan="strings")
 
 
 @dataclass(frozen=True)
 class MapRecord:
-    """A map as it was run: all cells, where kinds change, where the engines agree; wall time of its cells."""
+    """A map as it was run: its cells with their wall time (s), boundaries, and the engines' agreement."""
 
     id: str
     title: str
@@ -40,7 +38,7 @@ class MapRecord:
 
 @dataclass(frozen=True)
 class Atlas:
-    """Everything measured: the single source of page and tables. ``engine`` is LAMMPS' own account of itself."""
+    """All measurements: the single source of page and tables. ``engine`` is LAMMPS' own account of itself."""
 
     __pydantic_config__ = _INFINITE
 
@@ -68,44 +66,28 @@ class CellEntry:
     ran: CellRun
 
 
-_DOCUMENT = Document("stability", Atlas)
+DOCUMENT = Document("stability", Atlas)
 
 
 def write(atlas: Atlas, folder: Path) -> None:
     """Write ``atlas.json`` and ``cells.csv``."""
     write_atomically(folder / "cells.csv", csv_text(_rows(atlas)))
-    _DOCUMENT.write(folder / "atlas.json", atlas)
-
-
-def read(folder: Path) -> Atlas:
-    """Return the atlas of a folder.
-
-    Raises
-    ------
-    InputError
-        No atlas there, or one of another version.
-    """
-    return _DOCUMENT.read(folder / "atlas.json")
+    DOCUMENT.write(folder / "atlas.json", atlas)
 
 
 def document(atlas: Atlas) -> dict[str, Any]:
     """Return what ``--json`` prints."""
-    whole = _DOCUMENT.plain(atlas)
     return {
         "maps": [
-            {
-                "id": m["id"],
-                "cells": m["cells"],
-                "boundaries": m["boundaries"],
-                "disagreements": [a for a in m["agreement"] if a["verdict"] == "differs"],
-            }
-            for m in whole["maps"]
+            {key: of[key] for key in ("id", "cells", "boundaries")}
+            | {"disagreements": [line for line in of["agreement"] if line["verdict"] == "differs"]}
+            for of in DOCUMENT.plain(atlas)["maps"]
         ]
     }
 
 
 def cells(folder: Path) -> Journal[CellEntry]:
-    """``cells.jsonl``: cells as they come; of those of one key the last counts."""
+    """Return ``cells.jsonl``: cells as they come; of those of one key the last counts."""
     return Journal(folder / "cells.jsonl", CellEntry)
 
 
@@ -114,20 +96,20 @@ def cells(folder: Path) -> Journal[CellEntry]:
 
 def state_file(folder: Path, cell: MapCell, engine: Engine) -> Path:
     """Return the file of the particles before a failure."""
-    return folder / "states" / f"{names.anchor(cell)}--{engine}.npz"
+    return folder / "states" / f"{cell.anchor}--{engine}.npz"
 
 
-def write_state(folder: Path, cell: MapCell, engine: Engine, before: Before | None) -> None:
-    """Keep the particles before a failure; without one, an older file of the cell goes."""
+def write_state(folder: Path, cell: MapCell, engine: Engine, before: dict[str, Any] | None) -> None:
+    """Keep the particles before a failure; without one, remove an older file of the cell."""
     file = state_file(folder, cell, engine)
     if before is None:
         file.unlink(missing_ok=True)
     else:
-        write_arrays(file, before.arrays())
+        write_arrays(file, before)
 
 
 def read_state(folder: Path, cell: MapCell, engine: Engine) -> dict[str, Any] | None:
-    """Return arrays step, x, v, rho, pressure, id, type, low, high, failing (ids); None for a run without failure."""
+    """Return the arrays of `Examined.before`; None for a run without failure."""
     file = state_file(folder, cell, engine)
     if not file.exists():
         return None
@@ -140,10 +122,9 @@ def read_state(folder: Path, cell: MapCell, engine: Engine) -> dict[str, Any] | 
 
 def _rows(atlas: Atlas) -> Iterable[Sequence[Any]]:
     yield ("map", "layer", "x", "y", "engine", "kind", "step", "atom", "value", "steps", "seconds", "message")
-    for r in (r for m in atlas.maps for r in m.cells):
-        c, o = r.cell, r.outcome
+    for run in (run for of in atlas.maps for run in of.cells):
+        cell, o = run.cell, run.outcome
         yield (
-            *(c.map, c.layer, c.x, c.y, r.engine, o.kind),
-            *("" if item is None else item for item in (o.step, o.atom, o.value)),
-            *(o.steps, round(o.seconds, 4), o.message),
+            *(cell.map, cell.layer, cell.x, cell.y, run.engine, o.kind),
+            *(o.step, o.atom, o.value, o.steps, round(o.seconds, 4), o.message),  # CSV leaves None empty
         )

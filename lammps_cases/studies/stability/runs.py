@@ -1,15 +1,15 @@
-"""A run of one engine that stops to be looked at, and can be taken up again from the look before."""
+"""A run of one engine that can be observed between steps, and repeated up to its last stretch."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from eos_ref import InputError
-from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import quantities
 from lammps_cases.engine import session
 from lammps_cases.engine.stepping import Instance, Stepping
@@ -26,7 +26,7 @@ from lammps_cases.studies.stability.model import Engine, FailureCriteria, Kind
 
 
 class Stopped(RuntimeError):
-    """A run that its engine ended: how that is called, what the engine said, and the atom (id) if one is known."""
+    """A run that its engine ended: the kind of failure, the engine's message, and the atom (id) if one is known."""
 
     def __init__(self, kind: Kind, message: str, atom: int | None = None) -> None:
         self.kind, self.message, self.atom = kind, one_line(message), atom
@@ -36,32 +36,44 @@ class Stopped(RuntimeError):
         return Stopped, (self.kind, self.message, self.atom)
 
 
-class ObservedRun(Protocol):
-    """A run that stops to be looked at.
+class ObservedRun(ABC):
+    """A run that can be observed between steps; `begin`, `advance` and `look` raise `Stopped`."""
 
-    `look`, `begin` and `advance` raise `Stopped`.
-    """
-
-    step: int
+    def __init__(self, start: Start) -> None:
+        self.start, self.step = start, 0
+        self._stretches: list[int] = []
 
     def begin(self) -> None:
         """Set up, to step 0."""
+        self.step, self._stretches = 0, []
+        self._begin()
 
     def advance(self, steps: int) -> None:
         """Take steps."""
-
-    def look(self) -> Observation:
-        """Return the particles now."""
+        self._stretches.append(steps)
+        self._advance(steps)
+        self.step += steps
 
     def back(self) -> None:
-        """Return to where the last stretch began."""
+        """Return to where the last stretch began: run again through the stretches before it, to the same bits."""
+        *before, _ = self._stretches
+        self.begin()
+        for steps in before:
+            self.advance(steps)
 
+    @abstractmethod
+    def look(self) -> Observation:
+        """Return the particles now, in arrays that the engine does not change."""
 
-def again(run: ObservedRun, stretches: Sequence[int]) -> None:
-    """Run from the start through the same stretches: the same bits."""
-    run.begin()
-    for steps in stretches:
-        run.advance(steps)
+    @abstractmethod
+    def _begin(self) -> None: ...
+
+    @abstractmethod
+    def _advance(self, steps: int) -> None: ...
+
+    def _observation(self, *fields: Any) -> Observation:
+        copies: list[Any] = [None if array is None else np.array(array) for array in fields]
+        return Observation(self.step, *copies)
 
 
 def watched(scene: Scene, watch: FailureCriteria) -> Scene:
@@ -72,90 +84,61 @@ def watched(scene: Scene, watch: FailureCriteria) -> Scene:
     return scene.model_copy(update={"compare": tuple(dict.fromkeys([*scene.compare, *wanted]))})
 
 
-def _copied(step: int, *fields: Any) -> Observation:
-    """Return an observation that shares no array with the engine."""
-    copies: list[Any] = [None if array is None else np.array(array) for array in fields]
-    return Observation(step, *copies)
-
-
 # --- reference
 
 
-class LawRun:
-    """A law alone, which acts on given densities: step 0 is all of it."""
+class LawRun(ObservedRun):
+    """A law alone, which acts on given densities; nothing moves."""
 
-    step = 0
-
-    def __init__(self, start: Start) -> None:
-        self.start = start
-
-    def begin(self) -> None:
+    def _begin(self) -> None:
         """Resolve the laws, which may be refused."""
         try:
             self.eos = self.start.case.scene.eos()
         except InputError as error:
             raise Stopped("error", str(error)) from None
 
-    def advance(self, steps: int) -> None:
-        """Nothing moves."""
+    def _advance(self, steps: int) -> None:
+        pass
 
     def look(self) -> Observation:
-        """Return the pressures of the densities given."""
-        a = self.start.atoms
+        """Return the pressures of the given densities."""
+        a, d = self.start.atoms, self.start.case.scene.dimension
         assert a.rho_n is not None
         e_n = None if a.energy_n is None else a.energy_n / a.mass_n
         try:
             pressure_n = self.eos.pressure(a.rho_n, a.type_n, e_n)
         except InputError as error:
             raise Stopped("error", str(error)) from None
-        d = self.start.case.scene.dimension
-        v_nc = np.zeros(a.x_nc.shape) if a.v_nc is None else a.v_nc
-        return Observation(0, a.x_nc[:, :d], v_nc[:, :d], a.rho_n, pressure_n, a.energy_n)
-
-    def back(self) -> None:
-        """Nothing moves."""
+        return self._observation(a.x_nc[:, :d], _velocities(self.start)[:, :d], a.rho_n, pressure_n, a.energy_n)
 
 
-class ReferenceRun:
+class ReferenceRun(ObservedRun):
     """The compiled reference; what it refuses stops the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria) -> None:
-        self.start, self.step = start, 0
-        self.fields = ("surface",) if watch.surface else ()
-        self._stretches: list[int] = []
+        super().__init__(start)
+        self.surface = bool(watch.surface)
 
-    def begin(self) -> None:
-        """Set up and evaluate once."""
-        from eos_ref.compiled.evaluator import CompiledEvaluator
-
-        self.step, self._stretches = 0, []
+    def _begin(self) -> None:
         scene, atoms, where = self.start.case.scene, self.start.atoms, self.start.case.where
+        short = atoms.x_nc.dtype == np.float32  # a layer of `maps.precision`
+        simulation = single.simulation if short else reference_side.simulation
         try:
-            model, box = reference_side.model(scene, atoms, where), reference_side.box(scene, atoms)
-            state = reference_side.state(scene, atoms, where)
-            fields = (*quantities.needed_to_step(model), *self.fields)
-            short = state.x_nc.dtype == np.float32  # a layer of `maps.precision`
-            self.simulation = (
-                single.simulation(model, box, state, fields)
-                if short
-                else Simulation(model, box, state, fields, CompiledEvaluator)
-            )
+            stepped = quantities.needed_to_step(reference_side.model(scene, atoms, where))
+            self.simulation = simulation(scene, atoms, (*stepped, *(["surface"] if self.surface else [])), where)
             self._run(0)
         except InputError as error:
             raise Stopped("error", str(error)) from None
 
-    def advance(self, steps: int) -> None:
-        """Take steps."""
-        self._stretches.append(steps)
+    def _advance(self, steps: int) -> None:
         try:
             self._run(steps)
         except InputError as error:
-            # Positions that are no numbers, or far from the box: the look tells the former.
-            gone = bool(np.isfinite(self.simulation.state.x_nc).all()) and "near the box" in str(error)
-            raise Stopped("lost particles" if gone else "non-finite", str(error)) from None
+            # Positions that are not finite, or far from the box: an observation shows the former.
+            lost = bool(np.isfinite(self.simulation.state.x_nc).all()) and "near the box" in str(error)
+            raise Stopped("lost particles" if lost else "non-finite", str(error)) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise Stopped("error", f"{type(error).__name__}: {error}") from None
-        self.step += steps
 
     def _run(self, steps: int) -> None:
         with np.errstate(all="ignore"):
@@ -163,23 +146,16 @@ class ReferenceRun:
 
     def look(self) -> Observation:
         """Return the state now, also of a run that has stopped."""
-        simulation = self.simulation
-        s = simulation.state
+        s, surface_n = self.simulation.state, self.simulation.fields.get("surface") if self.surface else None
         with np.errstate(all="ignore"):
-            pressure_n = simulation.output("pressure")
-        surface_n = simulation.fields.get("surface") if self.fields else None
-        fields = s.x_nc, s.v_nc, s.rho_n, pressure_n, s.energy_n, surface_n
-        return _copied(self.step, *fields)
-
-    def back(self) -> None:
-        """Run again, up to the last stretch."""
-        again(self, self._stretches[:-1])
+            pressure_n = self.simulation.output("pressure")
+        return self._observation(s.x_nc, s.v_nc, s.rho_n, pressure_n, s.energy_n, surface_n)
 
 
 # --- LAMMPS
 
 
-# How LAMMPS calls what has another name here.
+# Words in LAMMPS' errors that belong to a kind of their own.
 SAYINGS: tuple[tuple[str, Kind], ...] = (
     ("Lost atoms", "lost particles"),
     ("lost", "lost particles"),
@@ -189,60 +165,48 @@ SAYINGS: tuple[tuple[str, Kind], ...] = (
 
 
 def saying(error: str) -> Kind:
-    """Classify an error of LAMMPS by its text."""
+    """Return the kind of an error of LAMMPS, by its text."""
     return next((kind for words, kind in SAYINGS if words in error), "error")
 
 
-class LammpsRun:
+class LammpsRun(ObservedRun):
     """LAMMPS itself; its errors stop the run."""
 
     def __init__(self, start: Start, watch: FailureCriteria, instance: Instance) -> None:
-        self.start, self.instance, self.step = start, instance, 0
+        super().__init__(start)
         scene = watched(start.case.scene, watch)
-        self.job = job(scene, start.atoms, _planned(scene))
-        self.dimension = scene.dimension
-        self._stretches: list[int] = []
+        self.instance, self.job = instance, job(scene, start.atoms, _planned(scene))
 
-    def begin(self) -> None:
-        """Set up, run 0."""
-        self.step, self._stretches = 0, []
+    def _begin(self) -> None:
         with _stopping(self.instance) as lmp:
             self.stepping = Stepping(lmp, self.job)
             self.stepping.begin()
 
-    def advance(self, steps: int) -> None:
-        """Take steps."""
-        self._stretches.append(steps)
+    def _advance(self, steps: int) -> None:
         try:
             with _stopping(self.instance):
                 self.stepping.advance(steps)
         except Stopped as stop:
             if stop.kind == "lost particles" and self.instance.is_open:
-                stop.atom = self._missing()
+                missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.stepping.lmp)["id"])
+                stop.atom = int(missing[0]) if missing.size else None
             raise
-        self.step += steps
-
-    def _missing(self) -> int | None:
-        """Return the first id that LAMMPS no longer has."""
-        missing = np.setdiff1d(self.start.atoms.id_n, session.read(self.stepping.lmp)["id"])
-        return int(missing[0]) if missing.size else None
 
     def look(self) -> Observation:
-        """LAMMPS' arrays by id."""
+        """Return LAMMPS' arrays by id."""
         with _stopping(self.instance):
             arrays = self.stepping.read()
         wrong = self.stepping.lost(arrays["id"])
         if wrong.size:
             raise Stopped("lost particles", f"{wrong.size} of {len(self.start.atoms)} atoms", int(wrong[0]))
-        d, a = self.dimension, self.start.atoms
-        v_nc = arrays.get("v", np.zeros(a.x_nc.shape) if a.v_nc is None else a.v_nc)
+        d, v_nc = self.start.case.scene.dimension, arrays["v"] if "v" in arrays else _velocities(self.start)
         fields = arrays["x"][:, :d], v_nc[:, :d], arrays["rho"], arrays["q.pressure"]
-        more = arrays.get("esph"), arrays.get("q.surface")
-        return _copied(self.step, *fields, *more)
+        return self._observation(*fields, arrays.get("esph"), arrays.get("q.surface"))
 
-    def back(self) -> None:
-        """Run again, up to the last stretch."""
-        again(self, self._stretches[:-1])
+
+def _velocities(start: Start) -> Any:
+    """Return the velocities given, shape (n, 3)."""
+    return np.zeros(start.atoms.x_nc.shape) if start.atoms.v_nc is None else start.atoms.v_nc
 
 
 def _planned(scene: Scene) -> Plan:

@@ -9,12 +9,14 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Model, State
 from eos_ref.numbers.columns import Number
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.setup import reference_side
 
 
 class Single(ArrayEvaluator):
-    """Stages in float32. Pairs are found, and positions subtracted, in float64; what comes of it is rounded."""
+    """Stages in float32. Pairs are found, and positions subtracted, in float64; the results are rounded."""
 
     def of_type(self, values_t: Iterable[Any]) -> Any:
         """See `Evaluator.of_type`."""
@@ -41,9 +43,8 @@ class Single(ArrayEvaluator):
         return super().diffusion(*fields).astype(np.float32)
 
 
-def simulation(model: Model, box: Box, state: State, fields: Iterable[str] = ()) -> Simulation:
-    """Return a fluid whose state is float32."""
-    sim = Simulation(model, box, state, fields, Single)
-    sim.mass_n = sim.mass_n.astype(np.float32)
-    sim.other_nc = sim.other_nc.astype(np.float32)
+def simulation(scene: Scene, atoms: Atoms, fields: Iterable[str] = (), where: str = "") -> Simulation:
+    """Return the reference of a scene whose particles are given in float32."""
+    sim = reference_side.simulation(scene, atoms, fields, where, Single)
+    sim.mass_n, sim.other_nc = sim.mass_n.astype(np.float32), sim.other_nc.astype(np.float32)
     return sim

@@ -67,7 +67,7 @@ def made_chart() -> Chart:
 def test_a_chart_is_read_as_it_was_written(tmp_path: Path) -> None:
     chart = made_chart()
     record.write(chart, tmp_path)
-    again = record.read(tmp_path)
+    again = record.DOCUMENT.read(tmp_path / "chart.json")
     assert again.panels == chart.panels  # infinite errors included
     assert again.sections[0].maps == chart.sections[0].maps
     assert again.sections[0].flows[0] == chart.sections[0].flows[0]
@@ -92,7 +92,7 @@ def test_what_is_no_chart_is_refused_in_one_line(tmp_path: Path, content: str | 
     if content is not None:
         (tmp_path / "chart.json").write_text(content)
     with pytest.raises(InputError, match=r"chart\.json|^chart: cannot be read"):
-        record.read(tmp_path)
+        record.DOCUMENT.read(tmp_path / "chart.json")
 
 
 def test_the_document_of_points_is_valid_json(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_flows_converge_on_both_engines_with_second_order_where_nothing_stands_b
 @pytest.mark.lammps
 def test_everything_is_on_disk(quick: tuple[Chart, Path]) -> None:
     chart, out = quick
-    assert record.read(out).panels == chart.panels
+    assert record.DOCUMENT.read(out / "chart.json").panels == chart.panels
     assert {p.name for p in out.iterdir()} == {"chart.json", "points.csv", "convergence.csv", "report.html", "figures"}
     assert chart.engine["distribution"]
     assert chart.machine["processor"]

@@ -17,7 +17,7 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.records.progress import SILENT
 from lammps_cases.studies.stability import atlas, kinds, record
 from lammps_cases.studies.stability.atlas import Survey
-from lammps_cases.studies.stability.lines import MapLine, agreement, boundaries, places, sequence, wanted
+from lammps_cases.studies.stability.lines import agreement, boundaries, places, sequence, wanted
 from lammps_cases.studies.stability.maps import maps
 from lammps_cases.studies.stability.model import (
     ENGINES,
@@ -28,6 +28,7 @@ from lammps_cases.studies.stability.model import (
     FailureCriteria,
     Kind,
     MapCell,
+    MapLine,
     StabilityMap,
 )
 from lammps_cases.studies.stability.probe import Examined, follow
@@ -123,7 +124,7 @@ class Later:
 
 
 class Threads:
-    """A source that answers in an order that changes; the second engine is the reference with a planted fault."""
+    """An examiner that answers in an order that changes; the second engine is the reference with a planted fault."""
 
     def __init__(self, fault: float = 1.0, delays: int = 0) -> None:
         self.random, self.factor, self.asked = np.random.default_rng(delays), fault, 0
@@ -152,7 +153,7 @@ def surveyed(source: Threads, out: Path) -> Atlas:
     of = viscous(1.0)
     lines = [MapLine(of.id, "", y, side) for y in of.lines for side in ENGINES]
     out.mkdir(exist_ok=True)
-    found = Survey({of.id: of}, lines, source, out, SILENT).run(2)
+    found = Survey({of.id: of}, lines, source, source.key, out, SILENT).run(2)
     return Atlas("", {}, {}, False, 0.0, (atlas.map_record(of, False, found, ENGINES),))
 
 
@@ -214,7 +215,7 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
     first = atlas.measure(small, tmp_path, "test")
     kept = (tmp_path / "cells.jsonl").read_bytes()
     assert kept.count(b"\n") == sum(len(m.cells) for m in first.maps)
-    assert repr(record.read(tmp_path)) == repr(first)  # NaN is not itself
+    assert repr(record.DOCUMENT.read(tmp_path / "atlas.json")) == repr(first)  # NaN is not itself
     assert [a.verdict for m in first.maps for a in m.agreement] == ["same"] * 3
     states = {record.state_file(tmp_path, r.cell, r.engine) for r in first.maps[1].cells if r.outcome.kind != "stable"}
     assert states == set((tmp_path / "states").glob("*.npz"))
@@ -238,10 +239,10 @@ def test_an_atlas_is_measured_kept_and_read_again(tmp_path: Path, small: list[St
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
-        record.read(tmp_path)
+        record.DOCUMENT.read(tmp_path / "atlas.json")
     (tmp_path / "atlas.json").write_text("{}")
     with pytest.raises(InputError, match="eos-ref/stability/1"):
-        record.read(tmp_path)
+        record.DOCUMENT.read(tmp_path / "atlas.json")
 
 
 def test_numbers_that_json_has_not_come_back(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import atlas, expected, inputs, maps, probe, record, select
+from lammps_cases.studies.stability import atlas, expected, inputs, maps, probe, record
 from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
@@ -166,7 +166,7 @@ def test_maps_are_chosen_by_name_pattern_and_tag() -> None:
     }
 
     def ids(*arguments: Any) -> list[str]:
-        return [one.id for one in select.maps(known_maps, *arguments)]
+        return [one.id for one in maps.select(known_maps, *arguments)]
 
     assert ids() == ["step-a", "step-b"]
     assert ids(("step-*",)) == ["step-a", "step-b"]

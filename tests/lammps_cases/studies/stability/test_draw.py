@@ -13,7 +13,7 @@ import pytest
 
 from lammps_cases.pages.figures import svg
 from lammps_cases.studies.flows.layout import rows
-from lammps_cases.studies.stability import draw, names
+from lammps_cases.studies.stability import draw
 from lammps_cases.studies.stability.model import KINDS, Boundary, Engine, Kind
 from tests.support.made_atlas import MAP, PLACES, kind, made_map
 
@@ -57,12 +57,12 @@ def test_the_third_picture_shows_the_places_that_differ() -> None:
 
 def test_a_cell_leads_to_its_address_and_names_are_no_mathematics() -> None:
     drawn = made_map()
-    text = svg(draw.map_figure(drawn, MAP.theory, lambda cell: f"#{names.anchor(cell)}"))
+    text = svg(draw.map_figure(drawn, MAP.theory, lambda cell: f"#{cell.anchor}"))
     links = re.findall(r'xlink:href="(#made[^"]*)"', text)
     differing = [Cell for Cell in {r.cell for r in drawn.cells} if kind(Cell, "lammps") != kind(Cell, "reference")]
     # Each cell once per engine, and where they differ once more per engine.
     assert len(links) == len(drawn.cells) + 2 * len(differing)
-    assert set(links) == {f"#{names.anchor(r.cell)}" for r in drawn.cells}
+    assert set(links) == {f"#{r.cell.anchor}" for r in drawn.cells}
     assert "costs $1 and $2" in text
     assert "with &lt;shift&gt;" in text
 

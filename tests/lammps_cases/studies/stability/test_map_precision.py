@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.time_step import Simulation
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.engine.stepping import Instance
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability import kinds, probe, single
@@ -43,18 +44,11 @@ def test_all_of_it_is_float32() -> None:
 def test_it_is_the_same_model() -> None:
     """Forces of both types agree to a few float32 roundings of their terms."""
     start = precision.STEP.start(MapCell("", 1.0, 0.3, "float64"))
-    scene, atoms = start.case.scene, start.atoms
-    model, box, state = (
-        reference_side.model(scene, atoms, ""),
-        reference_side.box(scene, atoms),
-        reference_side.state(scene, atoms),
-    )
-    state.x_nc += np.random.default_rng(1).uniform(-0.1, 0.1, state.x_nc.shape)
-    short = state.copy()
-    for name in ("x_nc", "v_nc", "rho_n"):
-        setattr(short, name, getattr(short, name).astype(np.float32))
-        setattr(state, name, getattr(short, name).astype(float))
-    long, half = Simulation(model, box, state), single.simulation(model, box, short)
+    x_nc = start.atoms.x_nc + np.random.default_rng(1).uniform(-0.1, 0.1, start.atoms.x_nc.shape) * (1, 1, 0)
+    short = precision.single(replace(start, atoms=replace(start.atoms, x_nc=x_nc))).atoms
+    doubles = {name: getattr(short, name).astype(float) for name in ("x_nc", "v_nc", "rho_n")}
+    half = single.simulation(start.case.scene, short)
+    long = reference_side.simulation(start.case.scene, replace(short, **doubles), evaluator=ArrayEvaluator)
     found = long.evaluate()["f"], half.evaluate()["f"]
     scale = np.abs(found[0]).max()
     error = np.abs(found[0] - found[1]).max() / scale

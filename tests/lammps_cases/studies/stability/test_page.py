@@ -13,7 +13,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import expected, names, page
+from lammps_cases.studies.stability import expected, page
 from lammps_cases.studies.stability.expected import ExpectedDifference
 from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.model import MapCell
@@ -56,8 +56,8 @@ def test_every_cell_has_its_numbers_and_its_command(folder: Path) -> None:
     text = (folder / "report.html").read_text()
     atlas = made_atlas(folder)
     for cell in {r.cell for r in atlas.maps[0].cells}:
-        row = text.partition(f'<tr id="{names.anchor(cell)}"')[2].partition("</tr>")[0]
-        assert html.escape(names.command(cell), quote=True).replace("&#x27;", "&#39;") in row
+        row = text.partition(f'<tr id="{cell.anchor}"')[2].partition("</tr>")[0]
+        assert html.escape(cell.command, quote=True).replace("&#x27;", "&#39;") in row
         assert ("step 7 of 9, atom 12, value 345.68" in row) == (cell.x > 1)
         assert (html.escape(TEXT) in row) == (cell.x > 5 and cell.y == 10.0)
     assert '<td>4 of 6 lines</td><td class="number">24.0</td>' in text
@@ -101,11 +101,11 @@ def test_inputs_can_be_filtered_by_what_lammps_does(folder: Path) -> None:
 def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
     text = (folder / "report.html").read_text()
     cell = MapCell("made", 1.6, 0.1, "plain")
-    row = text.partition(f'<tr id="{names.anchor(cell)}"')[2].partition("</tr>")[0]
+    row = text.partition(f'<tr id="{cell.anchor}"')[2].partition("</tr>")[0]
     assert row.count("data:image/png;base64,") == 2
     assert "particles of LAMMPS after step 6, colour: density 1 to 1.05; ringed: 12" in row
-    assert f'href="decks/{names.anchor(cell)}.in"' in row
-    deck = (folder / "decks" / f"{names.anchor(cell)}.in").read_text()
+    assert f'href="decks/{cell.anchor}.in"' in row
+    deck = (folder / "decks" / f"{cell.anchor}.in").read_text()
     assert deck.startswith("# A <made> map: made:plain:1.6:0.1\n# eos-ref stability --cell made:plain:1.6:0.1\n")
 
 
@@ -132,17 +132,17 @@ def test_a_map_that_is_gone_is_still_shown(tmp_path: Path) -> None:
 def test_a_name_reads_back_as_its_cell(layer: str) -> None:
     for x, y in ((0.1, 1e-300), (-2.5, 1 / 3), (1e22, 0.0)):
         cell = MapCell("made", x, y, layer)
-        assert names.parse(names.name(cell)) == cell
-        assert re.fullmatch(r"[A-Za-z0-9_.+-]+", names.anchor(cell))
+        assert MapCell.parse(cell.name) == cell
+        assert re.fullmatch(r"[A-Za-z0-9_.+-]+", cell.anchor)
 
 
 def test_names_that_differ_have_other_addresses() -> None:
     layers = ("", "a b", "a_b", "a:b", "a-b", "a_20_b", "a_", "a__")
     cells = [MapCell("made", x, y, layer) for layer in layers for x in (1.0, -1.0) for y in (1.0, 2.0)]
-    assert len({names.anchor(cell) for cell in cells}) == len(cells)
+    assert len({cell.anchor for cell in cells}) == len(cells)
 
 
 @pytest.mark.parametrize("text", ["", "made", "made:plain:1", "made:plain:one:2", "made:plain:1:"])
 def test_what_is_no_cell_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="cell: must be MAP:LAYER:X:Y"):
-        names.parse(text)
+        MapCell.parse(text)

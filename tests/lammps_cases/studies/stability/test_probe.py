@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.engine import session
 from lammps_cases.engine.stepping import Instance
@@ -45,16 +44,7 @@ def followed(start: Start, watch: FailureCriteria, side: Engine, living: Instanc
 def by_hand(start: Start, watch: FailureCriteria) -> tuple[int, kinds.ParticleFailure, Simulation]:
     """Step, failure, and simulation one step before, by plain stepping."""
     scene, atoms = start.case.scene, start.atoms
-    made = [
-        Simulation(
-            reference_side.model(scene, atoms, ""),
-            reference_side.box(scene, atoms),
-            reference_side.state(scene, atoms),
-            (),
-            CompiledEvaluator,
-        )
-        for _ in range(2)
-    ]
+    made = [reference_side.simulation(scene, atoms) for _ in range(2)]
     for step in range(1, 1000):
         made[0].run(1, start.timestep)
         s = made[0].state
@@ -74,10 +64,10 @@ def test_step_atom_and_value_are_the_first_ones(living: Instance) -> None:
     outcome = examined.outcome
     assert (outcome.kind, outcome.step, outcome.atom, outcome.value) == (found.kind, step, found.atom, found.value)
     assert examined.before is not None
-    assert examined.before.step == step - 1
-    assert examined.before.failing == (found.atom,)
-    assert np.array_equal(examined.before.v_nc, before.state.v_nc)
-    assert np.array_equal(examined.before.rho_n, before.state.rho_n)
+    assert examined.before["step"] == step - 1
+    assert examined.before["failing"].tolist() == [found.atom]
+    assert np.array_equal(examined.before["v"], before.state.v_nc)
+    assert np.array_equal(examined.before["rho"], before.state.rho_n)
 
 
 @pytest.mark.parametrize("side", ENGINES)
@@ -87,7 +77,7 @@ def test_the_stretch_does_not_matter(side: Engine, every: int, living: Instance)
     again = followed(unstable(), replace(WATCH, every=every), side, living)
     assert again.outcome == found.outcome
     assert again.before is not None and found.before is not None
-    assert np.array_equal(again.before.v_nc, found.before.v_nc)
+    assert np.array_equal(again.before["v"], found.before["v"])
 
 
 def test_engines_fail_alike(living: Instance) -> None:
@@ -268,8 +258,8 @@ def test_a_worker_that_dies_is_a_crash_at_its_step(faulty: Workers) -> None:
     found = ended(101.0, faulty)
     assert (found.outcome.kind, found.outcome.step, found.outcome.steps) == ("crash", 38, 60)
     assert "SIGSEGV" in found.outcome.message
-    assert found.before is not None and found.before.step == 37
-    assert np.array_equal(found.before.x_nc, resting(60).atoms.x_nc[:, :2])
+    assert found.before is not None and found.before["step"] == 37
+    assert np.array_equal(found.before["x"], resting(60).atoms.x_nc[:, :2])
 
 
 def test_a_crash_that_does_not_come_again_is_still_one(faulty: Workers) -> None:
@@ -280,14 +270,14 @@ def test_a_crash_that_does_not_come_again_is_still_one(faulty: Workers) -> None:
 def test_a_worker_that_does_not_end_is_a_hang_after_its_last_look(faulty: Workers) -> None:
     found = ended(102.0, faulty, 4.0)
     assert (found.outcome.kind, found.outcome.step, found.outcome.seconds) == ("hang", 31, 4.0)
-    assert found.before is not None and found.before.step == 30
+    assert found.before is not None and found.before["step"] == 30
 
 
 def test_an_error_is_one_at_its_step(faulty: Workers) -> None:
     found = ended(103.0, faulty)
     assert (found.outcome.kind, found.outcome.step) == ("error", 38)
     assert found.outcome.message == "ERROR: made up by the test"
-    assert found.before is not None and found.before.step == 37
+    assert found.before is not None and found.before["step"] == 37
 
 
 def test_others_are_not_touched(faulty: Workers) -> None:
@@ -310,7 +300,7 @@ def test_a_run_that_ends_earlier_the_second_time_keeps_what_was_seen_first(
     assert examined.outcome.kind == seen.outcome.kind
     assert examined.outcome.message == "(run again, it ended earlier: Lost atoms: 2)"
     assert examined.outcome.step is not None and examined.outcome.step % WATCH.every == 0  # the end of the stretch
-    assert examined.before is not None and examined.before.step == examined.outcome.step - WATCH.every
+    assert examined.before is not None and examined.before["step"] == examined.outcome.step - WATCH.every
 
 
 def test_what_stopped_a_run_comes_back_from_a_worker() -> None:

@@ -1,4 +1,4 @@
-"""A cell as a LAMMPS input deck of its own: what the engine is told, as text that LAMMPS alone can read.
+"""A cell as a LAMMPS input deck of its own, which needs nothing but LAMMPS.
 
 Numbers are written as the shortest text that reads back as the same double (`repr`).
 """
@@ -27,14 +27,14 @@ def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
     Parameters
     ----------
     note : sequence of str
-        Said in comments at the top.
+        Comments at the top.
     every : int
         Steps between two lines of thermo output, and two frames of the dump.
 
     Raises
     ------
     InputError
-        A start that no deck can say: ids other than 1 to N, or a number that is not finite.
+        A start that no deck can express: ids other than 1 to N, or a number that is not finite.
     """
     deck_job = job(start.case.scene, start.atoms, plan(start.case.scene))
     _check(deck_job)
@@ -69,7 +69,7 @@ def _check(deck_job: Job) -> None:
 
 
 def _atoms(deck_job: Job) -> Iterable[str]:
-    """Yield atoms in the order of their ids, and what each is given; what all share is said once."""
+    """Yield atoms in the order of their ids, and their properties; those that all share are set once."""
     for t, (x, y, z) in zip(deck_job.type_n.tolist(), deck_job.x_nc.tolist(), strict=True):
         # With remap an atom on the upper face of a periodic box is not left out.
         yield f"create_atoms {t} single {x!r} {y!r} {z!r} remap yes"
@@ -77,8 +77,11 @@ def _atoms(deck_job: Job) -> Iterable[str]:
     if deck_job.v_nc is not None:
         given |= {f"v{axis}": deck_job.v_nc[:, k] for k, axis in enumerate("xyz")}
     given |= {_SET[name]: np.asarray(values_n, float) for name, values_n in deck_job.per_atom.items()}
+    # A zero with a sign is set atom by atom.
     shared = {
-        name for name, values_n in given.items() if len(set(values_n.tolist())) == 1 and not _minus_zero(values_n)
+        name
+        for name, values_n in given.items()
+        if np.unique(values_n).size == 1 and not (np.signbit(values_n) & (values_n == 0.0)).any()
     }
     for name in sorted(shared):
         if given[name][0] != 0.0 or not name.startswith("v"):
@@ -86,10 +89,6 @@ def _atoms(deck_job: Job) -> Iterable[str]:
     own = {name: values_n.tolist() for name, values_n in given.items() if name not in shared}
     for k in range(len(deck_job.id_n) if own else 0):
         yield f"set atom {k + 1} " + " ".join(f"{name} {values[k]!r}" for name, values in own.items())
-
-
-def _minus_zero(values_n: FloatArray) -> bool:
-    return bool((np.signbit(values_n) & (values_n == 0.0)).any())
 
 
 def _output(deck_job: Job, every: int) -> Iterable[str]:

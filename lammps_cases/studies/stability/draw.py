@@ -1,4 +1,4 @@
-"""Pictures of stability maps: where which kind of failure begins, on both engines; particles just before it."""
+"""Pictures of stability maps: where each kind of failure begins, on both engines; particles just before it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ Places = dict[tuple[float, float], dict[Engine, Kind]]
 
 
 def map_figure(drawn: MapRecord, theory: Sequence[Theory] = (), link: Link = lambda cell: cell.anchor) -> Figure:
-    """LAMMPS, the reference, and where they differ, side by side; a row of pictures for each layer.
+    """Draw LAMMPS, the reference, and where they differ, side by side; a row of pictures for each layer.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def map_figure(drawn: MapRecord, theory: Sequence[Theory] = (), link: Link = lam
     theory : sequence of Theory
         Drawn over the layers they belong to.
     link : callable
-        Where a click on a cell leads.
+        Address of a cell.
     """
     ran, boundaries = drawn.cells, drawn.boundaries
     layers = [layer for layer in drawn.layers if any(r.cell.layer == layer for r in ran)] or list(drawn.layers[:1])
@@ -120,8 +120,6 @@ def _heights(drawn: MapRecord) -> Axis:
 
 def _margins(axis: Axis) -> tuple[float, float]:
     """Return the limits of an axis, with room for the marks at its ends."""
-    if axis.low == axis.high:
-        return axis.low - 1, axis.high + 1
     if axis.log:
         room = (axis.high / axis.low) ** 0.05
         return axis.low / room, axis.high * room
@@ -143,7 +141,7 @@ def _draw_cells(axis: Any, ran: Sequence[CellRun], link: Link, name: str) -> Non
 
 
 def _draw_boundaries(axis: Any, drawn: MapRecord, boundaries: Sequence[Boundary], colour: str = GREY) -> None:
-    """Bands between low and high, joined over neighbouring lines where the same kinds meet."""
+    """Draw bands between low and high, joined over neighbouring lines where the same kinds meet."""
     for chain in chains(drawn, boundaries):
         low, high, y = ([getattr(b, name) for b in chain] for name in ("low", "high", "y"))
         axis.fill_betweenx(y, low, high, color=colour, alpha=0.25, lw=0, zorder=1)
@@ -163,8 +161,8 @@ def chains(drawn: MapRecord, boundaries: Sequence[Boundary]) -> list[list[Bounda
             count[b.below, b.above] += 1
     parts = []
     for by_height in by_kinds.values():
-        for there, group in itertools.groupby(heights, key=by_height.__contains__):
-            if there:
+        for present, group in itertools.groupby(heights, key=by_height.__contains__):
+            if present:
                 parts.append([by_height[y] for y in group])
     return parts
 
@@ -172,7 +170,7 @@ def chains(drawn: MapRecord, boundaries: Sequence[Boundary]) -> list[list[Bounda
 def _draw_difference(
     axis: Any, drawn: MapRecord, ran: Sequence[CellRun], boundaries: Sequence[Boundary], link: Link
 ) -> None:
-    """Both boundaries; cells of both engines, small and grey where they agree, in both colours where not."""
+    """Draw both boundaries, and the cells of both engines: small and grey where they agree, in both colours if not."""
     for engine, colour in ENGINE_COLOURS.items():
         _draw_boundaries(axis, drawn, [b for b in boundaries if b.engine == engine], colour)
     for (x, y), kinds in places(ran).items():

@@ -1,4 +1,4 @@
-"""What LAMMPS does with every input that the project refuses: a table, each row from a LAMMPS that it cannot harm."""
+"""A table of what LAMMPS does with every input that the project refuses, each in a process that it may kill."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class BadInput(Probe):
 
     Attributes
     ----------
-    area : what the input is about
+    area : subject of the input
     names : the manual's words for the quantity that is wrong; a clear error has one of them, or the offending word
-    promise : what LAMMPS' manual says to it, if anything
-    scene : keys of the scene that say the same here; without them, and without a check, the fixes edited are parsed
+    promise : what LAMMPS' manual says about it, if anything
+    scene : keys of the equivalent scene; without them, and without a check, the edited fixes are parsed
     """
 
     base: str = "one"
@@ -42,12 +42,12 @@ class BadInput(Probe):
 
     @property
     def refusal(self) -> str:
-        """What is said here to it."""
+        """Error message of this project."""
         return refusal(self, self.scene)
 
     @property
     def words(self) -> str:
-        """The commands in which it differs from its base, as a deck would hold them."""
+        """Commands in which it differs from its base, as a deck would hold them."""
         before = set(commands(base(self.base)))
         lines = [line for line in commands(self.input) if line not in before]
         return "; ".join(lines) or f"without {', '.join(self.drop)}"
@@ -55,22 +55,22 @@ class BadInput(Probe):
 
 @functools.cache
 def bad_inputs() -> tuple[BadInput, ...]:
-    """All inputs, in the order of the list."""
+    """Return all inputs, in the order of the list."""
     return load("inputs.yaml", BadInput)
 
 
 @dataclass(frozen=True)
 class InputRow:
-    """One input and what becomes of it.
+    """One input, and what LAMMPS does with it.
 
     Attributes
     ----------
     words : the input as a deck would hold it
-    refusal : what the project says
-    reaction, text : what LAMMPS does, and its text, or the numbers with which it goes on
-    promise : what LAMMPS' manual says to it, if anything
+    refusal : error message of this project
+    reaction, text : what LAMMPS does, and its message, or the numbers with which it goes on
+    promise : what LAMMPS' manual says about it, if anything
     candidate : whether LAMMPS goes on, or dies, where its manual promises otherwise
-    ledger : the finding that is known of it
+    ledger : id of the finding about it, if any
     """
 
     id: str
@@ -88,17 +88,17 @@ _ADAPTER = TypeAdapter(list[InputRow])
 
 
 def row(bad: BadInput, reply: Reply) -> InputRow:
-    """Make the row of an input from what LAMMPS did with it."""
-    what, text = reaction(reply, (*bad.names, *offending(bad)))
+    """Return the row of an input from LAMMPS' reply."""
+    kind, text = reaction(reply, (*bad.names, *offending(bad)))
     finding = next((entry.id for entry in LEDGER if bad.id in entry.expected_inputs), "")
-    candidate = bool(bad.promise) and what not in ("clear error", "misleading error")
-    return InputRow(bad.id, bad.area, bad.words, bad.refusal, what, text, bad.promise, candidate, finding)
+    candidate = bool(bad.promise) and kind not in ("clear error", "misleading error")
+    return InputRow(bad.id, bad.area, bad.words, bad.refusal, kind, text, bad.promise, candidate, finding)
 
 
 def table(
     workers: Workers, progress: Progress = SILENT, inputs: Sequence[BadInput] = (), time_limit: float = TIME_LIMIT
 ) -> list[InputRow]:
-    """Put inputs, by default all, to LAMMPS.
+    """Run inputs, by default all, in LAMMPS.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def table(
 
 
 def write(folder: Path, site: str | None, jobs: int, progress: Progress = SILENT) -> list[InputRow]:
-    """Put every bad input to LAMMPS, and keep the table beside an atlas: ``inputs.json``."""
+    """Run every bad input in LAMMPS, and write the table beside an atlas: ``inputs.json``."""
     with Workers(site, jobs) as workers:
         rows = table(workers, progress)
     write_atomically(folder / "inputs.json", _ADAPTER.dump_json(rows, indent=1) + b"\n")
@@ -127,7 +127,7 @@ def write(folder: Path, site: str | None, jobs: int, progress: Progress = SILENT
 
 
 def read(folder: Path) -> list[InputRow]:
-    """The table of a folder; empty where there is none."""
+    """Return the table of a folder; empty where there is none."""
     try:
         return _ADAPTER.validate_json((folder / "inputs.json").read_bytes())
     except (OSError, ValidationError):

@@ -215,7 +215,7 @@ class StabilityMap:
     y: Axis
     lines: tuple[float, ...]
     start: Callable[[MapCell], Start]
-    watch: Callable[[MapCell], FailureCriteria]
+    watch: Callable[[MapCell], FailureCriteria] = lambda cell: FailureCriteria()
     layers: tuple[str, ...] = ("",)
     coarse: int = 4
     theory: tuple[Theory, ...] = ()

@@ -1,4 +1,4 @@
-"""What this project says to an input that it refuses."""
+"""Error messages of this project for inputs that it refuses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def refusal(bad: Probe, scene: Mapping[str, Any] | None) -> str:
     Parameters
     ----------
     scene : mapping, optional
-        Keys of the scene that say the same as the edits; without them, and without a check, the fixes are parsed.
+        Keys of the equivalent scene; without them, and without a check, the fixes are parsed.
     """
     try:
         if scene is not None:
@@ -46,7 +46,7 @@ def parse(bad: Probe) -> None:
     resolve(parse_fix_rheo_pressure(lines["fix pressure"]), ntypes, fix.rho0, fix.cs)
 
 
-# --- what a scene cannot say
+# --- inputs that no scene can express
 
 
 def _model(types: int = 1, viscosities: int | None = None, thermal: bool = False) -> Model:

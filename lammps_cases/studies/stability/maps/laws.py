@@ -58,10 +58,6 @@ def _tait(gamma: float) -> dict[str, Any]:
     return {"style": "tait/general", "gamma": gamma}
 
 
-def _plain(cell: MapCell) -> FailureCriteria:
-    return FailureCriteria()
-
-
 def _overflow(gamma: float) -> float:
     r"""Return the decades of compression at which :math:`(\rho/\rho_0)^\gamma` or the pressure overflows."""
     largest = math.log10(sys.float_info.max)
@@ -76,14 +72,13 @@ OVERFLOW = StabilityMap(
     y=Axis("gamma", 2.0, 4000.0, 0.1, log=True),
     lines=(2.3, 7.0, 60.0, 4000.0),
     start=lambda cell: alone("tait-overflow", _tait(cell.y), RHO0 * 10.0**cell.x),
-    watch=_plain,
     theory=(Theory("largest double", _overflow),),
     tags=("quick",),
 )
 
 
 def _zero(gamma: float) -> float:
-    """rho/rho0 below which Tait's law has no real value, or falls; NaN where it goes on."""
+    """Return rho/rho0 below which Tait's law has no real value, or falls; NaN where it goes on."""
     return math.nan if gamma > 0 and gamma % 2 == 1 else 0.0
 
 
@@ -181,11 +176,6 @@ LIMIT = StabilityMap(
 )
 
 
-def _background(cell: MapCell) -> Start:
-    law = {"style": cell.layer}
-    return alone(f"background-{cell.layer}", law, RHO0 * cell.y, background=STIFFNESS * cell.x)
-
-
 BACKGROUND = StabilityMap(
     id="laws-background",
     title="Background pressure of either sign",
@@ -193,7 +183,9 @@ BACKGROUND = StabilityMap(
     x=Axis("P_b/(c^2 rho0)", -1.0, 1.1, 0.01),
     y=Axis("rho/rho0", 0.5, 1.3, 0.1),
     lines=(0.8, 0.95, 1.05, 1.2),
-    start=_background,
+    start=lambda cell: alone(
+        f"background-{cell.layer}", {"style": cell.layer}, RHO0 * cell.y, background=STIFFNESS * cell.x
+    ),
     watch=lambda cell: FailureCriteria(pressure=True),
     layers=("linear", "tait/water"),
     theory=(Theory("P = 0", lambda y: 1 - y, "linear"), Theory("P = 0", lambda y: (1 - y**7) / 7, "tait/water")),

@@ -1,16 +1,16 @@
-r"""Moment matrices of the reproducing kernels: where they have no factor, or one with hardly a digit.
+r"""Moment matrices of the reproducing kernels: where they have no factor, or are ill-conditioned.
 
 The matrix of a particle is :math:`\mathbf M_i=\sum_jV_jW_{ij}\mathbf H\mathbf H^T` over its neighbours, without itself:
 it has at most as many independent rows as there are neighbours, 1, 3 and 6 of which RK0, RK1 and RK2 need in two
 dimensions. Layers named after a kernel ask for the matrix (its condition number) at the positions given; those with
-``run`` ask what becomes of an engine that uses it, over some steps.
+``run`` show what happens to an engine that uses it, over some steps.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -31,16 +31,16 @@ STEPS, EVERY = 20, 5
 _FLUID: dict[str, Any] = {"types": [fluid(cs=CS, viscosity=NU)]}
 
 
-def _kernel(cell: MapCell) -> KernelStyle:
-    kernel: dict[str, KernelStyle] = {"RK0": "RK0", "RK1": "RK1", "RK2": "RK2"}
-    return kernel[cell.layer.split()[0]]
-
-
 def _start(
-    cell: MapCell, x_nc: FloatArray, high_c: tuple[float, float], cut: float, zmin: int, periodic: tuple[bool, bool]
+    cell: MapCell,
+    x_nc: FloatArray,
+    cut: float,
+    zmin: int = 0,
+    high_c: tuple[float, float] = (EDGE, EDGE),
+    periodic: tuple[bool, bool] = (False, False),
 ) -> Start:
     """Return particles of unit volume with small random velocities, in a box with empty space beyond its open faces."""
-    options = Options(_kernel(cell), cut, zmin=zmin)
+    options = Options(cast(KernelStyle, cell.layer.split()[0]), cut, zmin=zmin)
     low_c = tuple(0.0 if around else -MARGIN for around in periodic)
     dt = 0.1 * time_step(options, CS, NU)
     v_nc = np.random.default_rng(seed(f"{cell.map}/velocity")).uniform(-0.1, 0.1, x_nc.shape)
@@ -72,12 +72,6 @@ def square(disorder: float, name: str) -> FloatArray:
     return np.asarray(x_nc + disorder * np.random.default_rng(seed(f"{name}/positions")).uniform(-1, 1, x_nc.shape))
 
 
-def _lattice(cell: MapCell) -> Start:
-    """Return a periodic square lattice in disorder."""
-    x_nc = np.mod(square(cell.y, cell.map), EDGE)
-    return _start(cell, x_nc, (EDGE, EDGE), cell.x, 0, (True, True))
-
-
 LATTICE = StabilityMap(
     id="matrices-coordination",
     title="Moment matrices: neighbours within the cutoff",
@@ -85,7 +79,7 @@ LATTICE = StabilityMap(
     x=Axis("cut/spacing", 0.8, 3.0, 0.02),
     y=Axis("disorder", 0.0, 0.45, 0.05),
     lines=(0.0, 0.15, 0.3),
-    start=_lattice,
+    start=lambda cell: _start(cell, np.mod(square(cell.y, cell.map), EDGE), cell.x, periodic=(True, True)),
     watch=_watch,
     layers=("RK0", "RK1", "RK2"),
     theory=(
@@ -96,11 +90,6 @@ LATTICE = StabilityMap(
     quick_lines=(0.0,),
     tags=("quick",),
 )
-
-
-def _corner(cell: MapCell) -> Start:
-    """Return a square of particles without anything around it; zmin is the whole number below x."""
-    return _start(cell, square(0.0, cell.map), (EDGE, EDGE), cell.y, math.floor(cell.x), (False, False))
 
 
 def neighbours(cut: float) -> tuple[int, int, int]:
@@ -126,7 +115,7 @@ ZMIN = StabilityMap(
     x=Axis("zmin", 0.0, 12.0, 0.5),
     y=Axis("cut/spacing", 1.05, 3.0, 0.1),
     lines=(1.2, 1.6, 2.1, 3.0),
-    start=_corner,
+    start=lambda cell: _start(cell, square(0.0, cell.map), cell.y, math.floor(cell.x)),
     watch=_watch,
     layers=("RK1", "RK2", "RK1 run", "RK2 run"),
     theory=(
@@ -138,10 +127,6 @@ ZMIN = StabilityMap(
 )
 
 
-def _surface(cell: MapCell) -> Start:
-    return _start(cell, square(cell.y, cell.map), (EDGE, EDGE), cell.x, 0, (False, False))
-
-
 SURFACE = StabilityMap(
     id="matrices-surface",
     title="Moment matrices at free surfaces: cutoff and disorder",
@@ -151,7 +136,7 @@ SURFACE = StabilityMap(
     x=Axis("cut/spacing", 0.8, 3.6, 0.02),
     y=Axis("disorder", 0.0, 0.45, 0.05),
     lines=(0.0, 0.1, 0.3),
-    start=_surface,
+    start=lambda cell: _start(cell, square(cell.y, cell.map), cell.x),
     watch=_watch,
     layers=("RK1", "RK2", "RK1 run", "RK2 run"),
     theory=(
@@ -165,7 +150,7 @@ def _row(cell: MapCell) -> Start:
     """Return a periodic row, every second particle off the line."""
     n = 2 * EDGE
     x_nc = np.stack([np.arange(n) + 0.5, 2.0 + cell.x * (np.arange(n) % 2)], axis=1)
-    return _start(cell, x_nc, (n, 4.0), cell.y, 0, (True, False))
+    return _start(cell, x_nc, cell.y, high_c=(n, 4.0), periodic=(True, False))
 
 
 def _zigzag(cut: float) -> float:

@@ -1,4 +1,4 @@
-"""Numbers of half the length: where a flow fails in float32 that goes on in float64.
+"""Single precision: where a flow fails in float32 that is stable in float64.
 
 LAMMPS computes in float64 alone, so that the layer float32 is the reference's: positions, velocities and densities are
 stored as float32, and all that follows from them is float32 too, but for the neighbour search and the differences of
@@ -21,8 +21,10 @@ EDGE = 6  # spacings
 SPEED = 1.0  # of the flow
 
 
-def _shear(cell: MapCell, cs: float, nu: float, offset: float, fraction: float, steps: int) -> Start:
-    """Return a sheared wave in a box far from the origin."""
+def _shear(cell: MapCell, viscosity: float, offset: float, fraction: float, steps: int) -> Start:
+    """Return a sheared wave of Mach number y, in a box far from the origin; the viscosity is given over c."""
+    cs = SPEED / cell.y
+    nu = viscosity * cs
     y_n = rows(0, EDGE, EDGE)[:, 1]
     v_nc = np.stack([SPEED * np.sin(2 * np.pi * y_n / EDGE), np.zeros(len(y_n))], axis=1)
     options = Options(dt_fraction=fraction)
@@ -48,12 +50,6 @@ def single(given: Start) -> Start:
     return replace(given, atoms=replace(a, **short))
 
 
-def _far(cell: MapCell) -> Start:
-    cs = SPEED / cell.y
-    # Whole, so that the places half a spacing from it are the first to be lost.
-    return _shear(cell, cs, 0.1 * cs, float(math.floor(cell.x)), 0.2, 60)
-
-
 ORIGIN = StabilityMap(
     id="precision-origin",
     title="Distance from the origin",
@@ -61,7 +57,8 @@ ORIGIN = StabilityMap(
     x=Axis("offset/spacing", 10.0, 1e16, 0.2, log=True),
     y=Axis("Mach number", 0.01, 0.3, 0.1, log=True),
     lines=(0.03, 0.3),
-    start=_far,
+    # A whole offset: the places half a spacing from it are the first to be lost.
+    start=lambda cell: _shear(cell, 0.1, float(math.floor(cell.x)), 0.2, 60),
     watch=lambda cell: FailureCriteria(every=10, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.3),
     layers=("float64", "float32"),
     reference_only=("float32",),
@@ -73,11 +70,6 @@ ORIGIN = StabilityMap(
 )
 
 
-def _stepped(cell: MapCell) -> Start:
-    cs = SPEED / cell.y
-    return _shear(cell, cs, 0.5 * cs, 0.0, cell.x, 100)
-
-
 STEP = StabilityMap(
     id="precision-timestep",
     title="Time step",
@@ -86,7 +78,7 @@ STEP = StabilityMap(
     x=Axis("dt/limit", 1.0, 16.0, 0.03, log=True),
     y=Axis("Mach number", 0.003, 0.3, 0.1, log=True),
     lines=(0.03, 0.3),
-    start=_stepped,
+    start=lambda cell: _shear(cell, 0.5, 0.0, cell.x, 100),
     watch=lambda cell: FailureCriteria(every=20, growth=2.0, energy=EDGE**2 * SPEED**2 / 4, closest=0.1),
     layers=("float64", "float32"),
     reference_only=("float32",),

@@ -30,7 +30,7 @@ TIME = 10.0
 
 
 def _layer(name: str, number: int, disorder: float) -> FloatArray:
-    """Rows of fluid from y = 0 on, moved at random."""
+    """Return rows of fluid from y = 0 on, moved at random, shape (n, 2)."""
     x_nc = rows(0, number, WIDTH)
     x_nc += disorder * np.random.default_rng(seed(name)).uniform(-1, 1, x_nc.shape)
     x_nc[:, 0] %= WIDTH

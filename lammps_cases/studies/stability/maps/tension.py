@@ -22,6 +22,7 @@ import math
 from functools import cache
 
 import numpy as np
+from scipy.optimize import bisect
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.quintic import QUINTIC
@@ -39,7 +40,7 @@ CLOSEST = 0.5  # spacings: half of the way to the next particle
 
 
 def triangles(width: int, height: int) -> tuple[FloatArray, tuple[float, float]]:
-    """Triangular lattice with a particle per unit of area, and the edges of its periodic box; ``height`` is even."""
+    """Return a triangular lattice, a particle per unit of area (n, 2), and its periodic edges; ``height`` is even."""
     x_nc = rows(0, height, width)
     x_nc[:, 0] += np.where(np.floor(x_nc[:, 1]) % 2, 0.25, -0.25)
     scale_c = np.array([EDGE, EDGE * math.sqrt(3) / 2])
@@ -67,14 +68,6 @@ def _fluid(name: str, background: float, density: float, cut: float, shift: bool
     )
 
 
-def _compressed(cell: MapCell) -> Start:
-    return _fluid("tension", cell.x, cell.y, 3.0, cell.layer == "shift")
-
-
-def _wide(cell: MapCell) -> Start:
-    return _fluid("pairing", cell.x, 1.0, cell.y, shift=False)
-
-
 def _watch(cell: MapCell) -> FailureCriteria:
     return FailureCriteria(every=20, closest=CLOSEST)
 
@@ -84,7 +77,7 @@ def _watch(cell: MapCell) -> FailureCriteria:
 
 @cache
 def waves(cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sum over the lattice for the wave vectors k that fit in the box: the stiffness (k, 2, 2), g (k, 2), Gamma/nu."""
+    """Return lattice sums for the wave vectors k that fit in the box: the stiffness (k, 2, 2), g (k, 2), Gamma/nu."""
     x_nc, (lx, ly) = triangles(WIDTH, HEIGHT)
     around = range(-math.ceil(cut / ly), math.ceil(cut / ly) + 1)
     x_pc = np.concatenate([x_nc + np.array([a * lx, b * ly]) for a in around for b in around]) - x_nc[0]
@@ -119,14 +112,8 @@ def growth_rate(background: float, density: float, cut: float) -> float:
 def clumps_below(density: float, cut: float) -> float:
     """Return the background below which the fastest wave grows from the disorder to half-way to clumping in a run."""
     wanted = math.log((1 - CLOSEST) / 2 / DISORDER) / (STEPS * DT)
-    low, high = -10.0, 1.0 - density  # at no pressure at all nothing grows
-    for _ in range(40):
-        middle = (low + high) / 2
-        if growth_rate(middle, density, cut) > wanted:
-            low = middle
-        else:
-            high = middle
-    return (low + high) / 2
+    no_pressure = 1.0 - density  # where nothing grows
+    return float(bisect(lambda p: growth_rate(p, density, cut) - wanted, -10.0, no_pressure, xtol=1e-11))
 
 
 TENSION = StabilityMap(
@@ -138,7 +125,7 @@ TENSION = StabilityMap(
     Axis("background pressure / rho0 c^2", -0.8, 0.4, 0.02),
     Axis("density / rho0", 0.8, 1.2, 0.02),
     (0.8, 1.0, 1.2),
-    _compressed,
+    lambda cell: _fluid("tension", cell.x, cell.y, 3.0, cell.layer == "shift"),
     _watch,
     ("", "shift"),
     coarse=7,
@@ -158,7 +145,7 @@ WIDE = StabilityMap(
     Axis("background pressure / rho0 c^2", -0.8, 0.8, 0.02),
     Axis("cutoff / spacing", 2.4, 6.0, 0.1),
     (2.4, 4.0, 6.0),
-    _wide,
+    lambda cell: _fluid("pairing", cell.x, 1.0, cell.y, shift=False),
     _watch,
     coarse=5,
     theory=(Theory("fastest wave of the lattice", lambda cut: clumps_below(1.0, cut)),),

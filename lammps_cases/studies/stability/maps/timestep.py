@@ -44,7 +44,7 @@ FRACTION = Axis("time step over min(h/4c, h^2/8nu)", 0.3, 12.0, 0.03, log=True)
 
 
 def viscosity(ratio: float, cut: float) -> float:
-    """Kinematic viscosity at which the acoustic limit h/4c is ``ratio`` times the viscous limit h^2/8nu."""
+    """Return the kinematic viscosity at which the acoustic limit h/4c is ``ratio`` times the viscous one, h^2/8nu."""
     return ratio * SPEED * (cut / 3) / 2
 
 
@@ -72,13 +72,13 @@ def box(fraction: float, ratio: float, cut: float, mach: float) -> Start:
         (EDGE, EDGE),
         options=options,
         times=[STEPS * dt],
-        timestep=dt * (1 + 1e-9),  # rounding shall not make it one step more
+        timestep=dt * (1 + 1e-9),  # so that rounding does not add a step
         v_nc=noise(x_nc.shape) * mach * SPEED,
     )
 
 
 def noise(shape: tuple[int, ...]) -> FloatArray:
-    """Return the velocities along the axes between -1 and 1, without a mean."""
+    """Return velocities along the axes between -1 and 1, of mean zero."""
     v_nc = np.random.default_rng(seed("stability/time-step")).uniform(-1, 1, shape)
     return np.asarray(v_nc - v_nc.mean(axis=0))
 
@@ -195,23 +195,15 @@ def viscous_criterion(ratio: float, cut: float) -> float:
     return (cut / 3) ** 2 / (8 * viscosity(ratio, cut)) / step_of(1.0, ratio, cut)
 
 
-Limit = Callable[[float, float], float]
-LIMITS: tuple[tuple[str, Limit], ...] = (
-    ("h/4c", acoustic_criterion),
-    ("h^2/8nu", viscous_criterion),
-    ("viscous limit of the lattice", viscous_limit),
-    ("sound grows, 2nu/c^2", sound_limit),
-    (f"energy tenfold in {STEPS} steps (linear)", growth_limit),
-)
-
-
 def _theory(ratio_and_cut: Callable[[float], tuple[float, float]]) -> tuple[Theory, ...]:
     """Return all limits as functions of a map's y."""
-
-    def of(limit: Limit) -> Callable[[float], float]:
-        return lambda y: limit(*ratio_and_cut(y))
-
-    return tuple(Theory(name, of(limit)) for name, limit in LIMITS)
+    return (
+        Theory("h/4c", lambda y: acoustic_criterion(*ratio_and_cut(y))),
+        Theory("h^2/8nu", lambda y: viscous_criterion(*ratio_and_cut(y))),
+        Theory("viscous limit of the lattice", lambda y: viscous_limit(*ratio_and_cut(y))),
+        Theory("sound grows, 2nu/c^2", lambda y: sound_limit(*ratio_and_cut(y))),
+        Theory(f"energy tenfold in {STEPS} steps (linear)", lambda y: growth_limit(*ratio_and_cut(y))),
+    )
 
 
 # --- maps

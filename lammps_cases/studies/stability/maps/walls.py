@@ -52,7 +52,7 @@ def _impact(cell: MapCell, layers: int = 3, artificial_visc: float = 0.0, sound:
 
 
 def _into(cell: MapCell) -> FailureCriteria:
-    """Fluid must not pass the centres of the first row."""
+    """Watch for fluid beyond the centres of the first row."""
     return FailureCriteria(every=10, behind=(1, -0.5))
 
 

@@ -43,7 +43,7 @@ def _scene(
     speed: float = 0.0,
     periodic: bool = True,
 ) -> Start:
-    """Fluid (type 1) that moves down at a speed, and solid particles (type 2) that stay."""
+    """Return fluid (type 1) that moves down at a speed, and solid particles (type 2) that stay."""
     type_n = np.repeat([1, 2], [len(fluid_nc), len(solid_nc)])
     kind = fluid(viscosity=nu)
     return start(

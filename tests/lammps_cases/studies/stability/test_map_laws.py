@@ -9,21 +9,14 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS
-from lammps_cases.engine.stepping import Instance
 from lammps_cases.engine.workers import Workers
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.maps import laws
-from lammps_cases.studies.stability.model import CellOutcome, FailureCriteria, Kind, MapCell, StabilityMap
+from lammps_cases.studies.stability.model import FailureCriteria, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import open_run
+from tests.support.stability_cells import living, outcome
 
 pytestmark = pytest.mark.slow
-
-
-def outcome(of: StabilityMap, x: float, y: float, layer: str = "") -> CellOutcome:
-    """A cell on the reference, in this process."""
-    cell = MapCell(of.id, x, y, layer)
-    start, watch = of.start(cell), of.watch(cell)
-    return probe.follow(open_run(start, watch, "reference", Instance(None)), kinds.subject(start), watch, 0).outcome
 
 
 def around(of: StabilityMap, layer: str, y: float) -> tuple[float, float, float]:
@@ -102,7 +95,7 @@ def test_lost_digits_are_seen() -> None:
     """A pressure wrong in its ninth digit passes, one wrong in its seventh does not; the value is the digits left."""
     cell = MapCell("", 0.5, 1.3)
     start = laws.LIMIT.start(cell)
-    run = open_run(start, FailureCriteria(), "reference", Instance(None))
+    run = open_run(start, FailureCriteria(), "reference", living())
     run.begin()
     of, look = kinds.subject(start), run.look()
     for error, wanted in ((1e-9, None), (1e-7, "lost digits")):

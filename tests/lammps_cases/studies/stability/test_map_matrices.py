@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels import reproducing
 from eos_ref.kernels.quintic import QUINTIC
-from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.flows.flow import Start
-from lammps_cases.studies.stability import kinds, probe
+from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import matrices
 from lammps_cases.studies.stability.model import Kind, MapCell, StabilityMap
-from lammps_cases.studies.stability.runs import open_run
+from tests.support.stability_cells import outcome
 
 pytestmark = pytest.mark.slow
 
@@ -22,10 +22,7 @@ FAILED = ("failed matrix", "ill-conditioned matrix")
 
 
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
-    cell = MapCell(of.id, x, y, layer)
-    start, watch = of.start(cell), of.watch(cell)
-    run = open_run(start, watch, "reference", Instance(None))
-    return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
+    return outcome(of, x, y, layer).kind
 
 
 def condition(start: Start, atom: int, order: int) -> float:
@@ -72,12 +69,11 @@ def test_surface(layer: str, order: int) -> None:
     assert kind(matrices.SURFACE, limit - 0.01, 0.0, layer) in FAILED
     assert kind(matrices.SURFACE, limit + 0.1, 0.0, layer) == "stable"
     start = matrices.SURFACE.start(MapCell("matrices-surface", limit + 0.2, 0.1, layer))
-    of, run = (
-        kinds.subject(start),
-        open_run(start, matrices._watch(MapCell("", 0, 0, layer)), "reference", Instance(None)),
-    )
-    run.begin()
-    m_nbb, definite_n, _ = kinds.moment_matrices(of, run.look())
+    of = kinds.subject(start)
+    assert of.model is not None
+    evaluator = ArrayEvaluator(of.model, of.box, of.type_n, of.solid_n)
+    evaluator.move(start.atoms.x_nc[:, :2])
+    m_nbb, definite_n, _ = kinds.moment_matrices(evaluator, np.ones(len(start.atoms)))
     assert definite_n.all()
     for atom in (1, 4, 25):
         assert np.linalg.cond(m_nbb[atom - 1]) == pytest.approx(condition(start, atom, order), rel=1e-6)

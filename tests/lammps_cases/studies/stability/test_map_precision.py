@@ -9,28 +9,25 @@ import numpy as np
 import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from lammps_cases.engine.stepping import Instance
 from lammps_cases.setup import reference_side
-from lammps_cases.studies.stability import kinds, probe, single
+from lammps_cases.studies.stability import single
 from lammps_cases.studies.stability.maps import precision
 from lammps_cases.studies.stability.model import ENGINES, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.runs import ReferenceRun, open_run
+from tests.support.stability_cells import living, outcome
 
 pytestmark = pytest.mark.slow
 
 
 def kind(of: StabilityMap, x: float, y: float, layer: str) -> Kind:
-    cell = MapCell(of.id, x, y, layer)
-    start, watch = of.start(cell), of.watch(cell)
-    run = open_run(start, watch, "reference", Instance(None))
-    return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome.kind
+    return outcome(of, x, y, layer).kind
 
 
 def test_all_of_it_is_float32() -> None:
     """After some steps no array of the state or the fields is longer; else the layer would be float64 in disguise."""
     cell = MapCell("", 1.0, 0.03, "float32")
     start = precision.STEP.start(cell)
-    run = open_run(start, precision.STEP.watch(cell), "reference", Instance(None))
+    run = open_run(start, precision.STEP.watch(cell), "reference", living())
     assert isinstance(run, ReferenceRun)
     run.begin()
     run.advance(3)

@@ -9,11 +9,12 @@ from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.maps.timestep import (
-    LIMITS,
+    acoustic_criterion,
     box,
     growth,
     growth_limit,
     sound_limit,
+    viscous_criterion,
     viscous_limit,
     watch,
 )
@@ -78,11 +79,10 @@ def test_limits_are_where_waves_begin_to_grow() -> None:
 
 
 def test_criteria_meet_where_viscosity_and_sound_limit_alike() -> None:
-    criteria = dict(LIMITS)
     for cut in (2.0, 3.0, 4.0):
-        assert criteria["h/4c"](1.0, cut) == pytest.approx(1.0) == criteria["h^2/8nu"](1.0, cut)
-        assert criteria["h/4c"](3.0, cut) == pytest.approx(3.0)
-        assert criteria["h^2/8nu"](0.2, cut) == pytest.approx(5.0)
+        assert acoustic_criterion(1.0, cut) == pytest.approx(1.0) == viscous_criterion(1.0, cut)
+        assert acoustic_criterion(3.0, cut) == pytest.approx(3.0)
+        assert viscous_criterion(0.2, cut) == pytest.approx(5.0)
 
 
 def test_steps_are_as_many_as_said() -> None:

@@ -82,7 +82,7 @@ def measure(
     with Workers(site, jobs) as workers, probe.examiner(workers, limit) as examiner:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
-        asked = [
+        map_lines = [
             MapLine(of.id, layer, y, engine)
             for of in maps
             for layer in of.layers
@@ -91,7 +91,7 @@ def measure(
             if engine in of.engines(layer)
         ]
         key = functools.partial(cell_key, about=about, limit=limit)
-        results = Survey({of.id: of for of in maps}, asked, examiner, key, out, progress).run(2 * jobs)
+        results = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress).run(2 * jobs)
     records = tuple(map_record(of, quick, results, engines) for of in maps)
     atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
     record.write(atlas, out)

@@ -131,7 +131,7 @@ class _Followed:
             if failure is not None:
                 return self._failed(failure, step, message)
             self.note(self.last)
-        return self._failed(first, end, f"{first_message} (not seen when every step was looked at)")
+        return self._failed(first, end, f"{first_message} (did not recur when every step was observed)")
 
     def _failed(self, failure: ParticleFailure, step: int, message: str = "") -> Examined:
         outcome = CellOutcome(failure.kind, step, failure.atom, failure.value, message.strip())

@@ -41,15 +41,15 @@ def power_command(
     engine: str,
     as_json: bool,
 ) -> int:
-    """Plant faults in what LAMMPS is told, in what it answers and in the formulas, and report which case catches each.
+    """Plant faults in LAMMPS' input, in its output and in the formulas, and report which case catches each.
 
-    Sections: faults, resolution (the smallest visible change of every parameter), alarms (reds although nothing is
-    wrong); all by default, the first alone if faults are named. Writes power.html and power.json; a run that was
+    Sections: faults, resolution (the smallest visible change of every parameter), alarms (failures although nothing
+    is wrong); all by default, the first alone if faults are named. Writes power.html and power.json; a run that was
     stopped goes on where it was left.
 
     \b
-    Families: told     LAMMPS is told something else         read    its answer is spoiled
-              formula  named mistakes in the formulas        source  mistakes made by machine in the source
+    Families: told     LAMMPS' input is altered    read    its output is corrupted
+              formula  named mistakes in formulas  source  automatic mutations
     Example:  eos-ref power
               eos-ref power faults --quick-only
               eos-ref power 'told.cs-*' --all

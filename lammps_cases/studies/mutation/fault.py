@@ -1,4 +1,4 @@
-"""What a planted fault is, whatever plants it. Imports nothing of the reference: a changed one may still be loaded."""
+"""Planted faults. Nothing of the reference is imported here: a changed one may still be loaded."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Literal, TypeVar, get_args
 Family = Literal["told", "read", "formula", "source"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
 ABOUT: dict[Family, str] = {
-    "told": "real LAMMPS is told something else than the scene says",
-    "read": "what comes back from real LAMMPS is spoiled",
-    "formula": "named mistakes in the formulas; the mistaken reference plays LAMMPS",
-    "source": "mistakes made by machine in the reference's source, which then plays LAMMPS",
+    "told": "the input to LAMMPS is altered",
+    "read": "the output of LAMMPS is corrupted",
+    "formula": "a named mistake in a formula; the mistaken reference stands in for LAMMPS",
+    "source": "an automatic mutation of the reference's source, which then stands in for LAMMPS",
 }
 Kind = Literal[
     "constant",
@@ -68,7 +68,7 @@ def by_id(faults: Iterable[F]) -> dict[str, F]:
 
 @dataclass(frozen=True)
 class Detection:
-    """A case that sees a fault: its verdict where it was as expected without, and the field that shows it.
+    """A case that detects a fault: its verdict, which is as expected without the fault, and the field that shows it.
 
     Attributes
     ----------

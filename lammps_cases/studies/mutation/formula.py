@@ -1,4 +1,4 @@
-"""Named mistakes in the formulas, which the mistaken reference makes when it plays LAMMPS.
+"""Named mistakes in the formulas, which the mistaken reference makes when it stands in for LAMMPS.
 
 Those that the lint knows (`lammps_cases.verdict.law_mistakes`, `lammps_cases.verdict.model_mistakes`), and changes of
 the reference's source written down in ``formula.yaml``.

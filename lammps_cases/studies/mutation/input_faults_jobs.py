@@ -51,7 +51,7 @@ def _last(begins: str) -> JobChange:
 
 def _neighbours(*settings: str) -> JobChange:
     """Set other settings of neighbour lists."""
-    words = {line.split()[0]: line for line in settings}
+    words = {line.split()[0] for line in settings}
 
     def change_job(of: Job) -> Job:
         if not any(line.startswith("pair_style") for line in of.commands):

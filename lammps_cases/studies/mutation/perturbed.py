@@ -210,5 +210,5 @@ def _ratio(of: Problem, name: str, lammps: Any, fitting: Any, bound: Any) -> flo
     if name == "x":
         lammps_n = particle_model.nearest_image(of, lammps_n, fitting_n)
     bound_n = np.broadcast_to(bound, fitting_n.shape)
-    known_n = np.isfinite(bound_n)
-    return float(excess(lammps_n[known_n], fitting_n[known_n], bound_n[known_n])[1].max(initial=0.0))
+    bounded_n = np.isfinite(bound_n)
+    return float(excess(lammps_n[bounded_n], fitting_n[bounded_n], bound_n[bounded_n])[1].max(initial=0.0))

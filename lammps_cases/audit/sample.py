@@ -23,7 +23,7 @@ from lammps_cases.audit.fields import checked
 from lammps_cases.comparison.compare import Comparison, compare_field, excess
 from lammps_cases.findings import LEDGER
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.verdict.particle_model import derived
+from lammps_cases.verdict.model_fields import derived
 
 Array = npt.NDArray[Any]
 COMPUTE = "eosref_fields"

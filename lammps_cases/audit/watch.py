@@ -28,7 +28,7 @@ from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.run_record import FieldRecord, LawRecord
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.verdict.particle_model import derived
+from lammps_cases.verdict.model_fields import derived
 
 Array = npt.NDArray[Any]
 FIX = "eosref_audit"

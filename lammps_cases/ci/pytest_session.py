@@ -154,7 +154,7 @@ class SessionPlugin:
         run = campaign.provenance(self._engine, command)
         run.strict = self._judge.strict
         run.cases = sorted(self._records, key=lambda record: record.case)
-        run.notes = campaign.gone(run.cases)
+        run.carried = findings.carried_over(run)
         run.seconds = round(time.perf_counter() - self._begin, 3)
         return run.counted()
 
@@ -201,7 +201,7 @@ def _lines(run: RunRecord) -> list[str]:
     lines = [f"{wording.engine(run)}: {wording.sentence(run)}"]
     shown = [finding for finding in findings.of_run(run, LEDGER) if finding.status == "seen"]
     lines += [f"finding {finding.entry.id}: {finding.entry.title} ({finding.words})" for finding in shown]
-    lines += run.notes
+    lines += [*([wording.carried(run.carried)] if run.carried else []), *run.notes]
     if run.predictions.stored:
         lines.append(f"{run.predictions} (--eos-ref-fresh computes them anew)")
     return lines

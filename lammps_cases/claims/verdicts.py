@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from lammps_cases.claims.model import Claim, claims
-from lammps_cases.findings import LEDGER
 from lammps_cases.probes import PREFIX
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
 from lammps_cases.records.wording import INSIDE, counted, number, own_words
@@ -96,7 +95,6 @@ class _Heard:
 def judge(
     chosen: Sequence[Claim],
     records: Mapping[str, CaseRecord],
-    engine: str,
     known: Collection[str] | None = None,
 ) -> list[Judged]:
     """The verdict on every claim.
@@ -105,26 +103,22 @@ def judge(
     ----------
     records : mapping
         Of cases and probes by name.
-    engine : str
-        The version of LAMMPS' distribution, for findings without a variant.
     known : collection of str, optional
         All cases and probes that there are: a claim holds only if every one of its own has been run. Without it, one
         for each of its patterns must have been.
     """
     ran = Names(records)
     every = ran if known is None else Names(known)
-    return [_judged(claim, ran, every, records, engine, known is not None) for claim in chosen]
+    return [_judged(claim, ran, every, records, known is not None) for claim in chosen]
 
 
-def _judged(
-    claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRecord], engine: str, complete: bool
-) -> Judged:
+def _judged(claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRecord], complete: bool) -> Judged:
     if claim.untestable:
         return Judged(claim, "cannot be tested", remarks=(claim.untestable,))
     names, here = every.of(claim), ran.of(claim)
     heard = _Heard()
     for name in here:
-        _listen(claim, records[name], engine, heard)
+        _listen(claim, records[name], heard)
     missing = [name for name in names if name not in records] if complete else []
     missing += [pattern for pattern in claim.cases if not every.matching(pattern)]
     remarks = tuple(_remarks(claim, heard))
@@ -137,13 +131,13 @@ def _judged(
     return Judged(claim, "holds", names, (_nearest(heard),), remarks=remarks)
 
 
-def _listen(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> None:
+def _listen(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
     """Add what a case says of a claim."""
     if record.verdict in ("skipped", *BROKEN):
         heard.silent.append(f"{record.case}: {record.message or record.verdict}")
         return
     if not record.fields:
-        _listen_to_end(claim, record, engine, heard)
+        _listen_to_end(claim, record, heard)
         return
     chosen = [f for f in record.fields if not claim.fields or f.field in claim.fields]
     if not chosen:
@@ -153,17 +147,15 @@ def _listen(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> Non
         if of.verdict in INSIDE:
             heard.shown.append((record, of))
             continue
-        found = of.explained_by or _open(record.case, engine)
-        _weigh(claim, record, found, of, heard)
+        _weigh(claim, record, of.explained_by, of, heard)
 
 
-def _listen_to_end(claim: Claim, record: CaseRecord, engine: str, heard: _Heard) -> None:
+def _listen_to_end(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
     """A case without numbers: a refusal, a crash, or a probe."""
     if record.verdict in INSIDE or (record.verdict == "refused" and record.as_expected):
         heard.shown.append((record, None))
         return
-    found = record.explained_by or _open(record.case, engine)
-    _weigh(claim, record, found, None, heard)
+    _weigh(claim, record, record.explained_by, None, heard)
 
 
 def _weigh(claim: Claim, record: CaseRecord, found: Sequence[str], of: FieldRecord | None, heard: _Heard) -> None:
@@ -178,11 +170,6 @@ def _weigh(claim: Claim, record: CaseRecord, found: Sequence[str], of: FieldReco
         heard.silent.append(f"{record.case} gave no numbers ({', '.join(found)})")
     else:
         heard.shown.append((record, of))
-
-
-def _open(case: str, engine: str) -> list[str]:
-    """Findings that no variant reproduces yet, which speak of a case by its name."""
-    return [entry.id for entry in LEDGER if not entry.named_variant and entry.covers(case, engine)]
 
 
 def _numbers(of: FieldRecord, record: CaseRecord) -> str:
@@ -257,7 +244,7 @@ def summary(run: RunRecord) -> Summary | None:
 
 def of_run(chosen: Sequence[Claim], run: RunRecord, known: Collection[str] | None = None) -> list[Judged]:
     """The verdicts of a run."""
-    return judge(chosen, {case.case: case for case in run.cases}, run.engine.distribution, known)
+    return judge(chosen, {case.case: case for case in run.cases}, known)
 
 
 def worst(verdicts: Iterable[ClaimVerdict]) -> ClaimVerdict:

@@ -144,7 +144,7 @@ def _answers(
             who = workers.outcome(workers.identify())
             record = campaign.engine_record(resolved, who)
             probed = campaign.provenance(record, campaign.command_line())
-            probed.cases = manual.put(probes, workers, record.distribution, bar)
+            probed.cases = manual.put(probes, workers, bar)
     write_atomically(_probes_file(folder), probed.counted().to_json())
     run = run or probed.model_copy(update={"cases": []})
     return run.model_copy(update={"cases": [*run.cases, *probed.cases]}), folder

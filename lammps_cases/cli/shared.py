@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 
@@ -16,7 +16,32 @@ Command = TypeVar("Command", bound=Callable[..., object])
 PATH = click.Path(path_type=Path)
 WIDE = 160  # columns of a table that is printed into a file or a pipe
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
-engine_option = click.option("--engine", default="env", show_default=True, help="env, pypi:VERSION or path:DIR.")
+
+
+def _use_launcher(_: click.Context, __: click.Parameter, template: str | None) -> None:
+    """Leave the launcher where the processes of the engine look for it."""
+    if template:
+        from lammps_cases.engine import mpi
+
+        os.environ[mpi.VARIABLE] = mpi.checked(template)
+
+
+launcher_option = click.option(
+    "--launcher",
+    metavar="COMMAND",
+    envvar="EOS_REF_LAUNCHER",
+    expose_value=False,
+    callback=_use_launcher,
+    help="What starts several ranks: 'mpirun -n {n}', 'srun -n {n}' (default: that of LAMMPS' MPI).",
+)
+
+
+def engine_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that name a LAMMPS and the launcher of its ranks."""
+    help_ = "env, pypi:VERSION or path:PLACE of a build, prefix, environment or library."
+    return click.option("--engine", default="env", show_default=True, help=help_)(launcher_option(command))
+
+
 strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
 tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
 jobs_option = click.option(
@@ -69,7 +94,7 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     if as_json:
         click.echo(run.to_json(), nl=False)
         return run.exit_code
-    from lammps_cases.records.wording import counted
+    from lammps_cases.records.wording import carried, carried_rows, counted
 
     counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
     click.secho(f"{counted(len(run.cases), 'case')}: {counts} ({run.seconds:.1f} s)", bold=True)
@@ -81,6 +106,10 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
         click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")
     if run.predictions.stored:
         click.echo(f"  {run.predictions} (--fresh computes them anew)")
+    if run.carried:
+        click.secho(f"  {carried(run.carried)}", fg="yellow")
+        for finding, what, cases in carried_rows(run.carried):
+            click.echo(f"    {finding:28s} {what}: {counted(cases, 'case')}")
     for note in run.notes:
         click.secho(f"  {note}", fg="yellow")
     click.echo(f"report: {directory / 'report.html'}")

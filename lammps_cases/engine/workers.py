@@ -19,7 +19,16 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from lammps_cases.engine import forkserver, ranks
-from lammps_cases.engine.session import Answer, EngineCrashed, EngineMissing, EngineRefused, Job, describe, run
+from lammps_cases.engine.session import (
+    Answer,
+    EngineCrashed,
+    EngineLacks,
+    EngineMissing,
+    EngineRefused,
+    Job,
+    describe,
+    run,
+)
 from lammps_cases.engine.stepping import instance
 
 if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
@@ -113,6 +122,8 @@ class Workers:
             return future.result()
         except EngineMissing:
             raise
+        except EngineLacks as error:
+            return Failure("skipped", str(error))
         except EngineRefused as error:
             return Failure("refused", str(error))
         except FutureTimeout:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,18 +19,20 @@ from eos_ref import EOSTable
 from lammps_cases.comparison.compare import Comparison, EosState, excess
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import forces, kernels, refusals, shifting, surfaces, thermal, walls
-from lammps_cases.findings.entry import ALL, NEWEST, Finding
+from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
+from lammps_cases.findings.entry import Finding
 from lammps_cases.records.run_record import CaseRecord
 
-__all__ = ["ALL", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "explain_outcome", "explain_pressure"]
-__all__ += ["ledger_of", "shown_by"]
+__all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "applicable", "explain_outcome"]
+__all__ += ["explain_pressure", "ledger_of", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
 
 def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
-    """Findings of all subjects in the order of the ledger, by which variants are tried and named."""
-    return tuple(sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number))
+    """Return the findings of all subjects in the order of the ledger, by which variants are tried and named."""
+    entries = sorted((entry for entries in subjects for entry in entries), key=lambda entry: entry.number)
+    return tuple(replace(entry, engines=entry.engines or SEEN_ON.get(entry.id, ())) for entry in entries)
 
 
 LEDGER = ledger_of(subject.ENTRIES for subject in (forces, kernels, refusals, shifting, surfaces, thermal, walls))
@@ -41,26 +44,29 @@ def accepted_cases() -> dict[str, list[str]]:
     return cases
 
 
-def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding]:
-    """The findings about the particle model that a scene shows on an engine.
+def applicable(problem: Problem, lists: bool = False) -> list[Finding]:
+    """Return the findings about the particle model that make a difference to a scene, on whatever engine.
 
     Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read.
     """
-    listed = ((e, e.model_variant) for e in LEDGER if e.model_variant is not None and e.listed(engine))
-    return [e for e, variant in listed if (lists or not variant.lists) and variant.applies(problem)]
+    of_model = ((entry, entry.model_variant) for entry in LEDGER if entry.model_variant is not None)
+    return [entry for entry, variant in of_model if (lists or not variant.lists) and variant.applies(problem)]
 
 
-def explain_outcome(record: CaseRecord, engine: str) -> Finding | None:
-    """Find the entry that predicts, for this engine, how a case ended without numbers."""
-    return next((e for e in LEDGER if e.covers(record.case, engine) and e.predicts(record)), None)
+def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding]:
+    """Return those of the applicable findings that an engine, or the nearest one known, was seen to have."""
+    return [entry for entry in applicable(problem, lists) if entry.listed(engine)]
 
 
-def explain_pressure(
-    case: str, engine: str, table: EOSTable, state: EosState, comparison: Comparison
-) -> Finding | None:
-    """The entry, for this engine, whose variant is within the bound on every atom."""
+def explain_outcome(record: CaseRecord) -> Finding | None:
+    """Return the entry that predicts how a case ended without numbers."""
+    return next((entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record)), None)
+
+
+def explain_pressure(case: str, table: EOSTable, state: EosState, comparison: Comparison) -> Finding | None:
+    """Return the entry whose variant is within the bound on every atom."""
     for entry in LEDGER:
-        if entry.law_variant is not None and entry.covers(case, engine):
+        if entry.law_variant is not None and entry.covers(case):
             ratio_n = excess(comparison.lammps_n, entry.law_variant(table, state), comparison.bound_n)[1]
             if bool(np.all(ratio_n <= 1)):
                 return entry

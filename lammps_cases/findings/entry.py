@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Literal
 from eos_ref import EOSTable
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
+from lammps_cases.findings.engines import nearest
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
-ALL = ("2025.7.22.0.1", "2025.7.22.1.0", "2025.7.22.2.0", "2025.7.22.4.0")
-BEFORE_2, SINCE_2 = ALL[:2], ALL[2:]  # wheels before and since forces and heat flow changed
-NEWEST = ALL[-1]
 Severity = Literal["low", "medium", "high"]
 Law = Callable[[EOSTable, EosState], FloatArray]
 
@@ -57,7 +55,7 @@ class Finding:
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
     workaround : what a user can do meanwhile
-    engines : versions of the distributions that have it
+    engines : versions of LAMMPS that were seen to have it, from `lammps_cases.findings.engines`
     applies_to : patterns of the cases that it speaks of, for all findings without a model variant
     scene : the smallest scene that shows it
     law_variant : replaces the reference's pressure, for a finding in an equation of state
@@ -78,7 +76,7 @@ class Finding:
     observed: str
     argument: str
     workaround: str
-    engines: tuple[str, ...] = ALL
+    engines: tuple[str, ...] = ()
     applies_to: tuple[str, ...] = ()
     scene: str = ""
     law_variant: Law | None = None
@@ -99,13 +97,9 @@ class Finding:
         part = self.law_variant or (model and (model.stages or model.stepping))
         return part.__name__ if part else (self.outcome or "")
 
-    def covers(self, case: str, engine: str) -> bool:
-        """Return whether the entry speaks of a case on an engine, given by its distribution's version.
-
-        A finding is explained on the engines it was seen on, and nowhere else: where it comes back, or is met for the
-        first time, it is red. A build without a distribution is taken as the newest.
-        """
-        return self.listed(engine) and any(fnmatch.fnmatchcase(case, pattern) for pattern in self.applies_to)
+    def covers(self, case: str) -> bool:
+        """Return whether the entry speaks of a case by its name."""
+        return any(fnmatch.fnmatchcase(case, pattern) for pattern in self.applies_to)
 
     def predicts(self, record: CaseRecord) -> bool:
         """Return whether a case ended without numbers as the entry says."""
@@ -115,5 +109,5 @@ class Finding:
         return not self.differing or (record.mismatch is not None and self.differing in record.mismatch.fields)
 
     def listed(self, engine: str) -> bool:
-        """Return whether an engine, given by its distribution's version, is known to have the fault."""
-        return engine in self.engines or (not engine and NEWEST in self.engines)
+        """Return whether a version of LAMMPS was seen to have it, or else the nearest one that was taken in."""
+        return engine in self.engines or nearest(engine) in self.engines

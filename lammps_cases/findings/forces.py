@@ -7,7 +7,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import SINCE_2, Finding, MapDifference
+from lammps_cases.findings.entry import Finding, MapDifference
 from lammps_cases.findings.variants import Variant
 
 
@@ -46,7 +46,6 @@ FORCE_PER_VOLUME = Finding(
     "twice as finely in 2D (a quarter of each mass) gets 4 times the acceleration from the same pressure field, "
     "while gravity, which multiplies by the mass, stays as it is.",
     workaround="Choose the unit of length so that m/rho0 is 1 for every type.",
-    engines=SINCE_2,
     scene="two particles of volume other than 1",
     model_variant=Variant(has_forces, ForcePerVolume),
     replaces=("collecting_volume",),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lammps_cases.findings.entry import BEFORE_2, Finding, MapDifference
+from lammps_cases.findings.entry import Finding, MapDifference
 
 ENTRIES: tuple[Finding, ...] = (
     Finding(
@@ -143,7 +143,6 @@ ENTRIES: tuple[Finding, ...] = (
         argument="The types '*' are legal and the style is not: the message points at the wrong word of the command.",
         workaround="Look at the word after the one that the message names.",
         applies_to=("refused.unknown-style",),
-        engines=BEFORE_2,
         outcome="differs",
         ended="refused",
         engine_error="Illegal fix command, *",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.numbers.columns import Number
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import BEFORE_2, SINCE_2, Finding
+from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 
 
@@ -57,7 +57,6 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     argument="Where m cv = 2 heat flows half as fast as the conductivity says. Two particles of volumes 2 and 3 "
     "exchange -0.565 and +0.377: energy is not conserved.",
     workaround="Use m = rho0 cv = 1 per type, with the diffusivity for the conductivity.",
-    engines=SINCE_2,
     scene="two particles of different temperature and volume, cv other than 1",
     model_variant=Variant(has_heat, HeatAsTemperatureRate),
     replaces=("heated_volume",),
@@ -76,7 +75,6 @@ HEAT_OVER_DENSITY = Finding(
     argument="The flow between two particles of volume 2/3 and density 1.5 is 2/3 of what the conductivity says; "
     "the unit of the result is power over density. Water in SI units conducts a thousand times too little.",
     workaround="Give the conductivity times the density.",
-    engines=BEFORE_2,
     scene="two particles of different temperature and a density other than 1",
     model_variant=Variant(has_heat, HeatOverDensity),
 )
@@ -94,7 +92,6 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     argument="Two particles of masses 2 and 3 with energies 2 and 1 and cv = 1 have T = 1 and 1/3; LAMMPS "
     "reports 2 and 1. A temperature that is measured in experiments depends on how finely the fluid is resolved.",
     workaround="Use masses of 1, or a newer LAMMPS.",
-    engines=BEFORE_2,
     scene="one particle of mass other than 1",
     model_variant=Variant(has_heat, TemperatureWithoutMass),
 )

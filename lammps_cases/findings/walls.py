@@ -15,7 +15,7 @@ from eos_ref.numbers.columns import Number, axes, dot
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import BEFORE_2, AlarmDifference, Finding
+from lammps_cases.findings.entry import AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -204,7 +204,6 @@ WALLS_DEPEND_ON_PAIR_ORDER = Finding(
     "on, by up to 6e-3: physics must not depend on which of a pair a list names first. With the order of LAMMPS' "
     "own lists every density is reproduced to rounding at every step.",
     workaround="The quintic kernel, or a newer LAMMPS.",
-    engines=BEFORE_2,
     scene="one solid and three fluid particles, RK1",
     model_variant=Variant(
         keeps_corrected_forces,

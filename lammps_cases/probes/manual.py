@@ -84,14 +84,8 @@ def probes() -> tuple[ManualProbe, ...]:
 # --- judged
 
 
-def judge(probe: ManualProbe, replies: Sequence[Reply], version: str) -> CaseRecord:
-    """Hold the replies to the inputs of a probe, in their order, against the manual; explain what a finding predicts.
-
-    Parameters
-    ----------
-    version : str
-        Of LAMMPS' distribution, for the findings.
-    """
+def judge(probe: ManualProbe, replies: Sequence[Reply]) -> CaseRecord:
+    """Hold the replies to a probe's inputs, in their order, against the manual; explain what a finding predicts."""
     compared = replies if probe.control is None else replies[:-1]
     worst = next((reply for reply in compared if reply.ended != "answered"), compared[0])
     accepted = worst.ended == "answered" and probe.refused
@@ -108,7 +102,7 @@ def judge(probe: ManualProbe, replies: Sequence[Reply], version: str) -> CaseRec
         reproduce=f"eos-ref claims {probe.name}",
     )
     record.verdict = _verdict(record)
-    entry = explain_outcome(record, version) if record.verdict != "pass" else None
+    entry = explain_outcome(record) if record.verdict != "pass" else None
     if entry is not None:
         record.verdict, record.explained_by = "explained", [entry.id]
     record.message = wording.message(record)
@@ -161,12 +155,12 @@ def _worst(name: str, ours: Any, theirs: Any) -> Mismatch:
     return Mismatch(kind="other numbers", fields=[name], counts=[wrong, ours.size], values=values)
 
 
-def put(chosen: Sequence[ManualProbe], workers: Workers, version: str, progress: Progress = SILENT) -> list[CaseRecord]:
-    """Put probes to LAMMPS, of a distribution's version, and judge them; ``progress`` advances with every probe."""
+def put(chosen: Sequence[ManualProbe], workers: Workers, progress: Progress = SILENT) -> list[CaseRecord]:
+    """Put probes to LAMMPS and judge them; ``progress`` advances with every probe."""
     inputs = [probe.inputs for probe in chosen]
     replies = run.put(workers, [given for of in inputs for given in of], TIME_LIMIT)
     records = []
     for done, (probe, of) in enumerate(zip(chosen, inputs, strict=True), 1):
-        records.append(judge(probe, [next(replies) for _ in of], version))
+        records.append(judge(probe, [next(replies) for _ in of]))
         progress.advance(done, len(chosen), "probes")
     return records

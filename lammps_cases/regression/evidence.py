@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import get_args
 
-from lammps_cases.findings import ALL, LEDGER, SHOWN_BY, Finding
+from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding
 from lammps_cases.findings.entry import Severity
 from lammps_cases.records.files import write_atomically
 from lammps_cases.regression import baseline
@@ -47,7 +47,7 @@ def table(shown: Shown, ledger: Sequence[Finding] = LEDGER) -> str:
     lines = ["| severity | finding | wheels | cases |\n", "|---|---|---|---|\n"]
     for entry in sorted(ledger, key=lambda entry: (-order.index(entry.severity), entry.id)):
         some = ", ".join(engine.removeprefix("2025.7.22") for engine in entry.engines)
-        wheels = "all" if entry.engines == ALL else some
+        wheels = "all" if entry.engines == KNOWN else some
         lines.append(f"| {entry.severity} | {entry.title} (`{entry.id}`) | {wheels} | {len(shown[entry.id])} |\n")
     return "".join(lines)
 

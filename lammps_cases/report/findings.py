@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lammps_cases.findings import Finding
+from lammps_cases.findings import KNOWN, LEDGER, Finding
+from lammps_cases.findings.engines import nearest
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
 from lammps_cases.records.wording import counted
 
 Status = Literal["seen", "unseen", "absent"]
@@ -49,15 +50,35 @@ def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 
 
+def carried_over(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedOver | None:
+    """Return what a run says of the ledger; None on a known engine that shows what it showed when it was taken in."""
+    engine = run.engine.distribution
+    if not engine:
+        return None  # LAMMPS did not live to say who it is
+    every = of_run(run, ledger)
+    seen = {one.entry.id: len(one.cases) for one in every if one.cases and engine not in one.entry.engines}
+    expected = [one for one in every if one.listed and one.unseen]
+    carried = CarriedOver(
+        version=engine,
+        nearest=nearest(engine),
+        first_seen=seen,
+        partly={one.entry.id: len(one.unseen) for one in expected if one.cases},
+        gone={one.entry.id: len(one.unseen) for one in expected if not one.cases},
+        unexplained=sum(not case.as_expected for case in run.cases),
+    )
+    return carried if carried.first_seen or expected or engine not in KNOWN else None
+
+
 def _finding(entry: Finding, explained: Sequence[tuple[CaseRecord, set[str]]], engine: str) -> RunFinding:
     showing, unseen = [], []
     for case, entries in explained:
         shown = entry.id in entries
         would = entry.id in case.unseen
         # A finding of the particle model names the cases that would show it; the others speak of cases by name.
-        if not shown and entry.model_variant is None and entry.covers(case.case, engine) and case.verdict != "skipped":
-            shown = case.verdict == "differs" and not entry.named_variant
-            would = not shown
+        if not shown and entry.model_variant is None and entry.covers(case.case) and case.verdict != "skipped":
+            # Of what nothing reproduces yet only the list says whether it is the same on this engine.
+            shown = case.verdict == "differs" and not entry.named_variant and entry.listed(engine)
+            would = not shown and entry.listed(engine)
         if shown:
             showing.append(case.case)
         elif would:

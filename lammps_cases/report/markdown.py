@@ -21,6 +21,7 @@ def summary(run: RunRecord, ledger: Sequence[Finding]) -> str:
         f"## eos-ref: {wording.stamp(run)}",
         text(wording.sentence(run)),
         "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
+        _carried(run),
         _failures(run),
         _findings(findings.of_run(run, ledger)),
         *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in agreement.matrices(run)),
@@ -29,6 +30,13 @@ def summary(run: RunRecord, ledger: Sequence[Finding]) -> str:
         _provenance(run),
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def _carried(run: RunRecord) -> str:
+    if run.carried is None:
+        return ""
+    rows = ((code(name), what, str(cases)) for name, what, cases in wording.carried_rows(run.carried))
+    return f"### {text(wording.carried(run.carried))}\n\n{table(('finding', 'on this version', 'cases'), rows)}"
 
 
 def _failures(run: RunRecord) -> str:

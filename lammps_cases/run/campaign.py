@@ -8,7 +8,6 @@ import os
 import platform
 import sys
 import time
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -104,6 +103,8 @@ def run_cases(
     EngineMissing
         There is no LAMMPS with RHEO.
     """
+    from lammps_cases.report.findings import carried_over
+
     begin = time.perf_counter()
     with output_folder(directory) as folder, Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
         identity = workers.identify()  # the workers start while the scenes are built
@@ -132,7 +133,7 @@ def run_cases(
         run = provenance(answering, command)
         run.strict, run.shard = strict, part
         run.cases = sorted(records, key=lambda record: record.case)
-        run.notes = gone(run.cases)
+        run.carried = carried_over(run)
         run.seconds = round(time.perf_counter() - begin, 3)
         write_run(run.counted(), folder, known, history.past(run))
     history.collect(run, directory)
@@ -169,7 +170,7 @@ def judge(
         faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
     differs = record.verdict == "differs" and bool(arrays) and ready.case.scene.whole_model
     with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
-        if differs and (looked := _with_lists(site, ready, outcomes, engine.distribution)):
+        if differs and (looked := _with_lists(site, ready, outcomes)):
             record, arrays = _evaluated(ready, looked, engine, predictor)
     with contextlib.suppress(Exception):
         searched = differs and record.verdict == "differs" and ready.twin is None
@@ -190,11 +191,11 @@ def _evaluated(
     return evaluate(ready.case, ready.eos, ready.atoms, outcomes[0], engine, predictor)
 
 
-def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, engine: str) -> Outcomes:
+def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes) -> Outcomes:
     """Run LAMMPS again for its neighbour lists, read at every step; nothing if no finding follows them."""
     from lammps_cases.verdict.model_cases import asks_for_lists
 
-    if not any(asks_for_lists(ready.case, scene, atoms, engine) for scene, atoms in ready.sides):
+    if not any(asks_for_lists(ready.case, scene, atoms) for scene, atoms in ready.sides):
         return []
     with_lists: Outcomes = []
     for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
@@ -219,7 +220,7 @@ def first_step_outside(site: str | None, ready: PreparedCase, engine: str, predi
         return None
     from lammps_cases.verdict.model_cases import asks_for_lists, first_step
 
-    lists = asks_for_lists(ready.case, scene, ready.atoms, engine)
+    lists = asks_for_lists(ready.case, scene, ready.atoms)
     every_step = job(scene, ready.atoms, plan(scene), every_step=True, lists=lists)
     return first_step(ready.case, ready.atoms, solve(site, every_step), engine, predictor)
 
@@ -246,16 +247,6 @@ def faulty(record: CaseRecord, fault: HarnessError) -> CaseRecord:
     record.verdict, record.ended, record.harness_error = "error", "error", fault
     record.message = wording.message(record)
     return record
-
-
-def gone(cases: Sequence[CaseRecord]) -> list[str]:
-    """Return a sentence for every finding that some cases would show, and none of the run does."""
-    shown = {entry for case in cases for field in case.fields for entry in field.explained_by}
-    unseen = Counter(entry for case in cases for entry in case.unseen if entry not in shown)
-    return [
-        f"this engine no longer shows {entry} ({count} case{'s' * (count > 1)} would): take it off the ledger's list"
-        for entry, count in sorted(unseen.items())
-    ]
 
 
 def _last(case: Case) -> int:

@@ -10,7 +10,8 @@ from eos_ref import InputError
 from lammps_cases import history
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import RunRecord, read_run
-from lammps_cases.run.campaign import command_line, gone, write_run
+from lammps_cases.report.findings import carried_over
+from lammps_cases.run.campaign import command_line, write_run
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene.casefile import Case
 
@@ -35,7 +36,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         merged.strict |= run.strict
     _check_shards([run.shard for run in runs])
     merged.shard = ""
-    merged.notes = gone(merged.cases)
+    merged.carried = carried_over(merged)
     merged.cases.sort(key=lambda record: record.case)
     for case, following in itertools.pairwise(merged.cases):
         if case.case == following.case:

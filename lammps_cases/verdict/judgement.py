@@ -46,10 +46,10 @@ def evaluate(
     record = blank_record(case, eos, atoms, engine)
     arrays: Arrays = {}
     if isinstance(outcome, Failure):
-        judge_failure(record, outcome, engine.distribution)
+        judge_failure(record, outcome)
     elif eos is None:
         record.verdict, record.ended = "differs", "accepted"
-        explain_ending(record, engine.distribution)
+        explain_ending(record)
     elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
         judge_lost_atoms(record, atoms, outcome)
     elif case.scene.whole_model and outcome.steps != case.scene.snapshots:
@@ -58,6 +58,6 @@ def evaluate(
     elif case.scene.whole_model:
         arrays = judge_model(record, case, atoms, outcome, engine.distribution, predictor)
     else:
-        arrays = judge_laws(record, case, eos, atoms, outcome, engine.distribution)
+        arrays = judge_laws(record, case, eos, atoms, outcome)
     finish(record, outcome.seconds if isinstance(outcome, Answer) else 0.0, begin, predictor)
     return record, arrays

@@ -25,7 +25,7 @@ from lammps_cases.verdict.outcome import (
 LINT_ATOMS = 2000  # a mistake that 2000 evenly spaced states do not show is taken as undetected
 
 
-def judge_laws(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer, engine: str) -> Arrays:
+def judge_laws(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answer: Answer) -> Arrays:
     """Judge the pressure of LAMMPS' own density and energy, as the forces read it and as it is output."""
     got = answer.arrays
     comparisons = compare_inputs(case, atoms, got, unchanged=case.scene.evolve is None)
@@ -35,7 +35,7 @@ def judge_laws(record: CaseRecord, case: Case, eos: EOSTable, atoms: Atoms, answ
     pressure = compare_pressure(eos, state, got["q.pressure"])
     for comparison in (used, pressure):
         if comparison.record.verdict == "differs":
-            entry = explain_pressure(case.name, engine, eos, state, comparison)
+            entry = explain_pressure(case.name, eos, state, comparison)
             if entry is not None:
                 comparison.record.verdict, comparison.record.explained_by = "explained", [entry.id]
     comparisons += [used, pressure]

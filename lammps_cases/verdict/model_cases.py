@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.session import Answer
-from lammps_cases.findings import shown_by
+from lammps_cases.findings import applicable
 from lammps_cases.findings.neighbour_lists import Listed
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import (
@@ -54,10 +54,10 @@ def read_snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> l
     return snapshots
 
 
-def asks_for_lists(case: Case, scene: Scene, atoms: Atoms, engine: str) -> bool:
+def asks_for_lists(case: Case, scene: Scene, atoms: Atoms) -> bool:
     """Return whether a scene shows findings whose variants need LAMMPS' neighbour lists."""
     problem = problem_of(scene, atoms, case.where, scene.snapshots)
-    return shown_by(problem, engine, lists=True) != shown_by(problem, engine)
+    return applicable(problem, lists=True) != applicable(problem)
 
 
 def judge_model(
@@ -82,7 +82,7 @@ def judge_model(
     record.verdict = worst([field.verdict for field in record.fields])
     record.unseen = [entry.id for entry in judged.unseen]
     record.lint = judged.lint
-    record.ended, record.blame = "answered", judged.first
+    record.ended, record.blame, record.beyond = "answered", judged.first, judged.beyond
     return field_arrays(atoms, answer.arrays, comparisons)
 
 

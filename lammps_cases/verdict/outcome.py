@@ -59,14 +59,14 @@ def finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor
     record.predictions = Predictions(computed=predictor.computed, stored=predictor.stored)
 
 
-def judge_failure(record: CaseRecord, failure: Failure, engine: str) -> None:
+def judge_failure(record: CaseRecord, failure: Failure) -> None:
     """Judge a run that LAMMPS refused or did not finish, by what the case expects and by the findings."""
     record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
     record.ended = failure.verdict
     if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
         record.verdict = "differs"
-    if record.verdict != "refused" or not record.expects:
-        explain_ending(record, engine)
+    if failure.verdict != "skipped" and (record.verdict != "refused" or not record.expects):
+        explain_ending(record)
 
 
 def judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
@@ -78,9 +78,9 @@ def judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
     record.unusable = LostAtoms(returned=len(got), given=len(atoms), first_id=int(first))
 
 
-def explain_ending(record: CaseRecord, engine: str) -> None:
-    """Attribute how a case ended to the finding that predicts it on this engine, if there is one."""
-    entry = explain_outcome(record, engine)
+def explain_ending(record: CaseRecord) -> None:
+    """Attribute how a case ended to the finding that predicts it, if there is one."""
+    entry = explain_outcome(record)
     if entry is not None:
         record.verdict, record.explained_by = "explained", [entry.id]
 

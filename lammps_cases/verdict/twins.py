@@ -15,7 +15,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.findings import Finding, shown_by
+from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import (
     CaseRecord,
@@ -26,8 +26,9 @@ from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.setup.twins import Twin
-from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.explanation import Trial
 from lammps_cases.verdict.model_cases import problem_of, read_snapshots
+from lammps_cases.verdict.model_fields import compare_all, first_outside, over_steps
 from lammps_cases.verdict.outcome import (
     Arrays,
     blank_record,
@@ -57,7 +58,7 @@ def evaluate_twin(
     failures = [outcome for outcome in outcomes if isinstance(outcome, Failure)]
     lost = [answer for answer in answers if not np.array_equal(answer.arrays["id"], twin.atoms.id_n)]
     if failures:
-        judge_failure(record, failures[0], engine.distribution)
+        judge_failure(record, failures[0])
         record.only_twin = not isinstance(outcomes[1], Answer) and len(failures) == 1
     elif lost:
         judge_lost_atoms(record, twin.atoms, lost[0])
@@ -87,11 +88,11 @@ def _judge_twin(
         comparison.record.stage = "twin"
         own = comparison.record.derivation
         comparison.record.derivation = f"LAMMPS against itself ({twin.kind}): the bounds of both runs, added ({own})"
-    first = particle_model.first_outside(one.problem, table, id_n)
+    first = first_outside(one.problem, table, id_n)
     record.ended, record.blame = "answered", first
     if first:
         _explain_twin(record, twin, one, other, table, engine, predictor)
-    comparisons = [particle_model.over_steps(table[field], steps) for field in in_step_order(one.problem.fields)]
+    comparisons = [over_steps(table[field], steps) for field in in_step_order(one.problem.fields)]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     return field_arrays(twin.atoms, answers[0].arrays, comparisons)
@@ -124,7 +125,7 @@ def _against(
         rounding, their_bounds = twin.rounding(returned[at], step), twin.in_place(other.prediction.bounds[at])
         our_bounds = one.prediction.bounds[at]
         bounds.append({f: our_bounds[f] + their_bounds[f] + rounding.get(f, 0.0) for f in our_bounds})
-    return particle_model.compare_all(one.problem, twin.atoms.id_n, ours, Prediction(tuple(returned), tuple(bounds)))
+    return compare_all(one.problem, twin.atoms.id_n, ours, Prediction(tuple(returned), tuple(bounds)))
 
 
 def _explain_twin(
@@ -141,18 +142,16 @@ def _explain_twin(
     needed: list[Finding] = []
 
     def same(ours: Sequence[Snapshot], theirs: Sequence[Snapshot]) -> bool:
-        return particle_model.first_outside(one.problem, _against(twin, one, other, ours, theirs), id_n) is None
+        return first_outside(one.problem, _against(twin, one, other, ours, theirs), id_n) is None
 
     if not same(one.prediction.fields, other.prediction.fields):
         record.not_same_problem = True
         return
     for side in (one, other):
-        own = particle_model.compare_all(side.problem, id_n, side.snapshots, side.prediction)
-        if particle_model.first_outside(side.problem, own, id_n):
-            listed = shown_by(side.problem, engine, "lists" in side.snapshots[0])
-            entries = particle_model.explain(
-                side.problem, side.snapshots, listed, side.prediction, side.random, predictor
-            )
+        own = compare_all(side.problem, id_n, side.snapshots, side.prediction)
+        if outside := first_outside(side.problem, own, id_n):
+            trial = Trial(side.problem, side.snapshots, id_n, side.prediction, side.random, predictor)
+            entries = trial.explain(engine, outside).entries
             if not entries:
                 return
             needed += [entry for entry in entries if entry not in needed]

@@ -14,9 +14,7 @@ CASES: dict[str, Case] = {case.name: case for case in casefile.load()}
 PROBES = {probe.name: probe for probe in manual.probes()}
 KNOWN = (*CASES, *PROBES)
 # Cases that LAMMPS refuses, or does not survive, although nothing in the scene says so.
-WITHOUT_NUMBERS = {
-    name for name in CASES for entry in LEDGER if entry.outcome is not None and entry.covers(name, entry.engines[-1])
-}
+WITHOUT_NUMBERS = {name for name in CASES for entry in LEDGER if entry.outcome is not None and entry.covers(name)}
 
 
 def fields_of(case: Case) -> tuple[str, ...]:

@@ -25,9 +25,9 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run.campaign import PreparedCase, engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
-from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.model_cases import first_step, problem_of, snapshot
+from lammps_cases.verdict.model_fields import nearest_image
 from lammps_cases.verdict.particle_model import Reason
 from lammps_cases.verdict.twins import evaluate_twin
 
@@ -208,7 +208,7 @@ def _ratio(of: Problem, name: str, lammps: Any, fitting: Any, bound: Any) -> flo
     """Return the largest ratio of difference to bound, where there is a bound."""
     fitting_n, lammps_n = np.asarray(fitting, float), np.asarray(lammps, float)
     if name == "x":
-        lammps_n = particle_model.nearest_image(of, lammps_n, fitting_n)
+        lammps_n = nearest_image(of, lammps_n, fitting_n)
     bound_n = np.broadcast_to(bound, fitting_n.shape)
     bounded_n = np.isfinite(bound_n)
     return float(excess(lammps_n[bounded_n], fitting_n[bounded_n], bound_n[bounded_n])[1].max(initial=0.0))

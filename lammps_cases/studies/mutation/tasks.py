@@ -12,6 +12,8 @@ from pathlib import Path
 
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
+from lammps_cases.findings import LEDGER
+from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
 from lammps_cases.run.campaign import PreparedCase, faulty
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
@@ -108,9 +110,13 @@ def judge_substitution(
 
 
 def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> Detection | None:
-    """Return what a case shows of a fault; None if it is as expected."""
+    """Return what a case shows of a fault; None if it is as expected.
+
+    A fault that looks like a finding of another LAMMPS is detected too: a run names it as seen for the first time.
+    """
     record = _verdict(judge, case, outcomes)
-    if record.as_expected:
+    listed = {entry.id for entry in LEDGER if entry.listed(judge.engine.distribution)}
+    if record.as_expected and listed.issuperset(wording.explained_by(record)):
         return None
     lost = "id" if isinstance(record.unusable, LostAtoms) else ""
     return Detection(record.case, record.verdict, record.blame.field if record.blame else lost, record.message)

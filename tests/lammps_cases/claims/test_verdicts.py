@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from lammps_cases.claims import verdicts
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.claims.verdicts import Judged, Names, counts, judge, summary, worst
-from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
 from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field, good, wrong
 
-NEW, OLD = "2025.7.22.4.0", "2025.7.22.0.1"
+NEW = "2025.7.22.4.0"
 NAMES = Names(KNOWN)
 GOOD = all_good()
 TESTABLE = [claim.id for claim in claims() if not claim.untestable]
 BY_ID = {claim.id: claim for claim in claims()}
 
 
-def one(claim: Claim, records: dict[str, CaseRecord], engine: str = NEW) -> Judged:
-    return judge([claim], records, engine, KNOWN)[0]
+def one(claim: Claim, records: dict[str, CaseRecord]) -> Judged:
+    return judge([claim], records, KNOWN)[0]
 
 
 def test_all_hold_on_a_lammps_that_keeps_its_manual() -> None:
-    found = counts(judge(claims(), GOOD, NEW, KNOWN))
+    found = counts(judge(claims(), GOOD, KNOWN))
     assert found == {"holds": len(TESTABLE), "cannot be tested": len(claims()) - len(TESTABLE)}
 
 
@@ -82,9 +78,9 @@ def test_refuted_even_if_some_cases_were_not_run() -> None:
 def test_without_the_list_of_cases_every_pattern_needs_one() -> None:
     claim = BY_ID["pressure-linear-formula"]
     some = {f"{head}.linear.2d": good(f"{head}.linear.2d") for head in ("near-rho0", "compression", "tension")}
-    assert judge([claim], some, NEW)[0].verdict == "holds"
+    assert judge([claim], some)[0].verdict == "holds"
     del some["tension.linear.2d"]
-    assert judge([claim], some, NEW)[0].verdict == "not run"
+    assert judge([claim], some)[0].verdict == "not run"
 
 
 @pytest.mark.parametrize(
@@ -108,19 +104,6 @@ def test_unforeseen_refusal_refutes() -> None:
     judged = one(BY_ID["rheo-sum-formula"], GOOD | {"density.one.2d": ended})
     assert judged.verdict == "does not hold" and judged.unexplained
     assert judged.evidence[0].text == "LAMMPS said no"
-
-
-def test_finding_without_a_variant_speaks_of_cases_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An entry of the older engines only, as if nothing reproduced it."""
-    (entry,) = (entry for entry in LEDGER if entry.id == "walls-depend-on-pair-order")
-    without = replace(entry, model_variant=None, applies_to=("walls.reconstructed.rk1",))
-    monkeypatch.setattr(verdicts, "LEDGER", [without])
-    records = GOOD | {"walls.reconstructed.rk1": wrong("walls.reconstructed.rk1", ("rho",))}
-    claim = BY_ID["rheo-reconstruct-density"]
-    old, new = one(claim, records, OLD), one(claim, records, NEW)
-    assert old.verdict == new.verdict == "does not hold"
-    assert not old.unexplained and old.evidence[0].findings == ("walls-depend-on-pair-order",)
-    assert new.unexplained
 
 
 def test_evidence_of_a_claim_that_holds_is_what_comes_nearest() -> None:

@@ -16,7 +16,6 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import error_text
 from tests.support.progress import Steps
 
-NEW = "2025.7.22.4.0"
 BY_ID = {probe.id: probe for probe in manual.probes()}
 # Probes of statements that the manual makes and that are wrong.
 REFUTED = {
@@ -48,7 +47,7 @@ def records() -> dict[str, CaseRecord]:
     progress = Steps()
     chosen = [*manual.probes(), *planted()]
     with Workers(None, 2) as workers:
-        found = put(chosen, workers, NEW, progress)
+        found = put(chosen, workers, progress)
     assert progress.done == [(k + 1, len(chosen), "probes") for k in range(len(chosen))]
     return {one.case.removeprefix(PREFIX): one for one in found}
 
@@ -101,7 +100,7 @@ SAME = ManualProbe(id="x", about="X.", same=(), control=(), times={"p": 2.0})
 
 def said(probe: ManualProbe, *replies: Reply) -> str:
     """The message of a probe's record."""
-    return judge(probe, replies, NEW).message
+    return judge(probe, replies).message
 
 
 def test_inputs_are_the_deck_the_other_and_the_control() -> None:
@@ -134,26 +133,26 @@ def test_blind_control() -> None:
 def test_decks_compared_must_run(at: int) -> None:
     replies = [ran(p=[1.0]), ran(p=[2.0]), ran(p=[3.0])]
     replies[at] = error("ERROR: no")
-    assert judge(SAME, replies, NEW).verdict == "refused"
+    assert judge(SAME, replies).verdict == "refused"
     replies[at] = Reply("timeout", "too long")
-    assert judge(SAME, replies, NEW).verdict == "timeout"
+    assert judge(SAME, replies).verdict == "timeout"
 
 
 def test_numbers_must_be_finite() -> None:
     accepted = ManualProbe(id="x", about="X.", accepted=True)
-    assert judge(accepted, [ran(p=[1.0])], NEW).verdict == "pass"
+    assert judge(accepted, [ran(p=[1.0])]).verdict == "pass"
     assert said(accepted, ran(p=[np.inf])) == "p come out as NaN or infinite"
 
 
 def test_log_must_not_hold_a_text() -> None:
     quiet = ManualProbe(id="x", about="X.", lacks="WARNING", control=())
     assert said(quiet, ran(log="WARNING: no"), ran()) == "the log holds 'WARNING'"
-    assert judge(quiet, [ran(), ran(log="WARNING: no")], NEW).verdict == "pass"
+    assert judge(quiet, [ran(), ran(log="WARNING: no")]).verdict == "pass"
 
 
 def test_refusal_must_be_the_one_promised() -> None:
     refused = ManualProbe(id="x", about="X.", refused="out of bounds")
-    right = judge(refused, [error("ERROR: Numeric index 3 is out of bounds")], NEW)
+    right = judge(refused, [error("ERROR: Numeric index 3 is out of bounds")])
     assert (right.verdict, right.ended) == ("pass", "refused")
     assert said(refused, error("ERROR: Illegal fix command")).endswith("LAMMPS said: ERROR: Illegal fix command")
     assert said(refused, ran(p=[np.nan])).startswith("LAMMPS accepts what the manual refuses, and p")
@@ -166,11 +165,11 @@ def test_style_that_is_missing_is_seen() -> None:
     missing = [(old, new.replace("rheo/oxidation", "rheo/nonsense")) for old, new in probe.edits]
     assert missing != list(probe.edits)
     with Workers(None, 1) as workers:
-        (found,) = put([probe.model_copy(update={"edits": missing})], workers, NEW)
+        (found,) = put([probe.model_copy(update={"edits": missing})], workers)
     assert not found.as_expected and "is_available" in found.message
 
 
 def test_record_of_a_death() -> None:
     probe = ManualProbe(id="x", about="X.", refused="not a range")
-    found = judge(probe, [Reply("crashed", "killed by SIGABRT")], NEW)
+    found = judge(probe, [Reply("crashed", "killed by SIGABRT")])
     assert (found.case, found.verdict, found.message) == ("probes.x", "crashed", "killed by SIGABRT")

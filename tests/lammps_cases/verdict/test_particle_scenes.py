@@ -23,7 +23,7 @@ from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.model_cases import problem_of, snapshot
-from lammps_cases.verdict.particle_model import nearest_image
+from lammps_cases.verdict.model_fields import nearest_image
 
 pytestmark = pytest.mark.lammps
 

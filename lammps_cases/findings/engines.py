@@ -1,0 +1,41 @@
+"""Engines that were taken in, and on which of them each finding was seen: what ``eos-ref adopt`` has written.
+
+The list decides no verdict. It tells what is new on an engine: findings seen there for the first time, and those that
+are gone.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from packaging.version import InvalidVersion, Version
+
+FILE = Path(__file__).with_name("engines.json")
+_CONTENT = json.loads(FILE.read_text(encoding="utf-8"))
+KNOWN: tuple[str, ...] = tuple(_CONTENT["engines"])  # versions, oldest first
+SEEN_ON: dict[str, tuple[str, ...]] = {name: tuple(engines) for name, engines in _CONTENT["seen_on"].items()}
+NEWEST = KNOWN[-1]
+
+
+def nearest(version: str) -> str:
+    """Return the known engine that a version is, or else the last one before it, or else the first of all.
+
+    A version that is none is taken for the newest.
+    """
+    try:
+        before = [known for known in KNOWN if Version(known) <= Version(version)]
+    except InvalidVersion:
+        return NEWEST
+    return before[-1] if before else KNOWN[0]
+
+
+def document(engines: tuple[str, ...], seen_on: dict[str, tuple[str, ...]]) -> str:
+    """Return the text of the file, a line for each finding."""
+    order = sorted(engines, key=Version)
+    lines = [
+        f"  {json.dumps(name)}: {json.dumps([engine for engine in order if engine in engines_of])}"
+        for name, engines_of in seen_on.items()
+    ]
+    body = ",\n".join(lines)
+    return f'{{\n "engines": {json.dumps(order)},\n "seen_on": {{\n{body}\n }}\n}}\n'

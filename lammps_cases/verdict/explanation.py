@@ -1,0 +1,165 @@
+"""What explains a difference: the smallest set of findings whose variants together reproduce LAMMPS on every atom.
+
+No list of engines decides here. The findings that an engine is known to have are tried first, as they are the most
+likely; then every set of those that apply to the scene, so that a LAMMPS in which one fault of several is mended is
+explained by those that are left.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.eos.table import FloatArray
+from lammps_cases.comparison.compare import compare_field, excess
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.findings import Finding, applicable, shown_by
+from lammps_cases.findings.variants import Snapshot, combined
+from lammps_cases.records.run_record import Beyond, Blame
+from lammps_cases.scene.fields import FIELDS, in_step_order
+from lammps_cases.verdict.model_fields import blame_of, derived, sides
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Findings that explain a difference, or else what is left beyond those that come furthest."""
+
+    entries: list[Finding]
+    beyond: Beyond | None = None
+
+
+@dataclass
+class Trial:
+    """LAMMPS' fields of a scene, against which sets of findings are tried.
+
+    Attributes
+    ----------
+    problem, snapshots, id_n : the scene, LAMMPS' fields at its steps, and the ids of its particles
+    reference : what the reference without any finding predicts
+    random : seed of the moved runs
+    """
+
+    problem: Problem
+    snapshots: Sequence[Snapshot]
+    id_n: Any
+    reference: Prediction
+    random: int
+    predictor: Predictor
+    _left: dict[tuple[str, ...], Blame] = field(default_factory=dict, repr=False)
+
+    def explain(self, engine: str, first: Blame) -> Explanation:
+        """Return the smallest set of findings that is inside the bounds everywhere, each of them necessary.
+
+        ``first`` is what the reference leaves outside first. Where no set is inside, what is left beyond the set that
+        comes furthest beyond that is returned, or beyond those that the engine is known to have.
+        """
+        lists = "lists" in self.snapshots[0]
+        listed = shown_by(self.problem, engine, lists)
+        if listed and self._inside(listed):
+            return Explanation(self._necessary(listed))
+        every = applicable(self.problem, lists)
+        for entries in self._sets(every, listed):
+            if self._inside(entries):
+                return Explanation(list(entries))
+        if len(every) > 1 and self._inside(every):  # some findings show only beside others
+            return Explanation(self._necessary(every))
+        return Explanation([], self._furthest(first, listed))
+
+    def _necessary(self, entries: Sequence[Finding]) -> list[Finding]:
+        """Return the findings of a set without those that it does without."""
+        needed = list(entries)
+        for entry in entries:
+            fewer = [other for other in needed if other is not entry]
+            if fewer and self._inside(fewer):
+                needed = fewer
+        return needed
+
+    def _sets(self, entries: Sequence[Finding], listed: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
+        """Yield every set of the findings that change the scene by themselves, the smallest first."""
+        alone = [entry for entry in entries if self.shows(entry)]
+        alone.sort(key=lambda entry: entry not in listed)
+        for size in range(1, len(alone) + 1):
+            for chosen in itertools.combinations(alone, size):
+                yield tuple(sorted(chosen, key=lambda entry: entry.number))
+
+    def _inside(self, entries: Sequence[Finding]) -> bool:
+        """Return whether findings together reproduce LAMMPS; most sets fail within the first steps compared."""
+        steps = self.problem.steps
+        for count in dict.fromkeys((1, len(steps))):
+            left = self._first_left(entries, replace(self.problem, steps=steps[:count]))
+            if left is not None:
+                self._left[tuple(entry.id for entry in entries)] = left
+                return False
+        return True
+
+    def _first_left(self, entries: Sequence[Finding], problem: Problem) -> Blame | None:
+        """Return the first value that findings together leave outside, None if there is none."""
+        variants = [entry.model_variant for entry in entries if entry.model_variant]
+        made = combined(variants, problem, self.snapshots[0])
+        prediction = None
+        if made is not None:
+            try:
+                prediction = self.predictor.predict(problem, made, self.random)
+            except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
+                prediction = None
+        undefined = prediction is not None and any(variant.undefined for variant in variants)
+        prediction = prediction or self.reference
+        for (at, step), name in itertools.product(enumerate(problem.steps), in_step_order(problem.fields)):
+            lammps_n, variant_n, bound_n = sides(problem, name, self.snapshots[at], prediction, at)
+            if np.all(excess(lammps_n, variant_n, bound_n)[1] <= 1):
+                continue
+            own_n = np.broadcast_to(self.reference.bounds[at][name], bound_n.shape)
+            if undefined and _defined_part_inside(lammps_n, variant_n, bound_n, own_n):
+                continue
+            comparison = compare_field(
+                name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n, None, derived(step)
+            )
+            return blame_of(comparison, self.id_n, step)
+        return None
+
+    def _furthest(self, first: Blame, listed: Sequence[Finding]) -> Beyond | None:
+        order = in_step_order(self.problem.fields)
+        known = tuple(entry.id for entry in listed)
+
+        def place(left: Blame) -> tuple[int, int]:
+            return self.problem.steps.index(left.step or 0), order.index(left.field)
+
+        def rank(names: tuple[str, ...]) -> tuple[tuple[int, int], bool, int]:
+            return place(self._left[names]), names == known, -len(names)
+
+        names = max(self._left, key=rank, default=())
+        if not names or (names != known and place(self._left[names]) <= place(first)):
+            return None
+        return Beyond(findings=list(names), blame=self._left[names])
+
+    def shows(self, entry: Finding) -> bool:
+        """Return whether a finding takes some field out of the reference's bound."""
+        made = combined([entry.model_variant] if entry.model_variant else [], self.problem, self.snapshots[0])
+        if made is None:
+            return False
+        try:
+            changed = self.predictor.values(self.problem, made)
+        except InputError:
+            return False
+        for fields, reference, bounds in zip(changed, self.reference.fields, self.reference.bounds, strict=True):
+            for name in self.problem.fields:
+                changed_n, own_n = np.asarray(fields[name], float), np.asarray(reference[name], float)
+                if np.any(excess(changed_n, own_n, np.broadcast_to(bounds[name], own_n.shape))[1] > 1):
+                    return True
+        return False
+
+
+def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
+    """Whether all values that have a bound are inside it.
+
+    Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
+    """
+    defined = np.isfinite(bound_n) | ~np.isfinite(own_n)
+    ratio = excess(lammps_n[defined], reference_n[defined], bound_n[defined])[1]
+    return bool(defined.any()) and bool(np.all(ratio <= 1))

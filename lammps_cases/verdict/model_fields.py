@@ -1,0 +1,108 @@
+"""All fields of the particle model at all steps: LAMMPS against a prediction, and the first of them outside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
+from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.findings.variants import Snapshot
+from lammps_cases.records.run_record import Blame, StepRecord, Verdict, digest, worst
+from lammps_cases.scene.fields import FIELDS, in_step_order
+
+
+def compare_all(
+    problem: Problem, id_n: Any, snapshots: Sequence[Snapshot], prediction: Prediction
+) -> dict[str, list[Comparison]]:
+    """One comparison per field and step."""
+    table: dict[str, list[Comparison]] = {field: [] for field in problem.fields}
+    for at, step in enumerate(problem.steps):
+        for field in problem.fields:
+            both = sides(problem, field, snapshots[at], prediction, at)
+            table[field].append(compare_field(field, FIELDS[field].stage, id_n, *both, None, derived(step)))
+    return table
+
+
+def sides(
+    problem: Problem, field: str, snapshot: Snapshot, prediction: Prediction, at: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a field of LAMMPS, of the reference, and its bound, at one of the steps."""
+    lammps_n = np.asarray(snapshot[field], float)
+    reference_n = np.asarray(prediction.fields[at][field], float)
+    if field == "x":
+        lammps_n = nearest_image(problem, lammps_n, reference_n)
+    return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
+
+
+def derived(step: int) -> str:
+    """In words, how a bound comes about."""
+    one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
+    return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
+
+
+def nearest_image(problem: Problem, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
+    """Positions moved by whole periods to where the reference, which does not wrap, has them."""
+    edge_c = np.array(problem.box.edge_c)
+    turns_nc = np.where(problem.box.periodic, np.round((reference_nc - x_nc) / edge_c), 0.0)
+    return np.asarray(x_nc + turns_nc * edge_c)
+
+
+def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:
+    """The comparison of the worst step, with the verdicts of all."""
+    records = [comparison.record for comparison in comparisons]
+    ratios = [-1.0 if r.max_over_bound is None else r.max_over_bound for r in records]
+    at = int(np.argmax(ratios))
+    rows = [
+        StepRecord(
+            step=step,
+            verdict=r.verdict,
+            max_abs=r.max_abs or 0.0,
+            max_over_bound=r.max_over_bound or 0.0,
+            worst_id=r.worst_id,
+            digest=r.digest,
+        )
+        for step, r in zip(steps, records, strict=True)
+    ]
+    verdict: Verdict = worst([r.verdict for r in records])
+    update = {"steps": rows, "worst_step": steps[at], "verdict": verdict}
+    update["digest"] = digest(*(r.digest for r in records))
+    picked = comparisons[at]
+    if verdict == "explained":
+        update["explained_by"] = next(r.explained_by for r in records if r.explained_by)
+    record = picked.record.model_copy(update=update)
+    return Comparison(record, picked.lammps_n, picked.reference_n, picked.bound_n)
+
+
+def first_outside(problem: Problem, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
+    """The first step, then the first field in the order of a step, then the first atom outside the bound."""
+    for at, step in enumerate(problem.steps):
+        for field in in_step_order(problem.fields):
+            comparison = table[field][at]
+            if comparison.record.verdict == "differs" and comparison.record.first_id is not None:
+                return blame_of(comparison, id_n, step)
+    return None
+
+
+def blame_of(comparison: Comparison, id_n: Any, step: int) -> Blame:
+    """Return the first atom of a comparison outside, and both sides and the bound of its worst component."""
+    record = comparison.record
+    assert record.first_id is not None
+    arrays = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
+    ratio_n = excess(*arrays)[1]
+    atom = int(np.searchsorted(id_n, record.first_id))
+    lammps, reference, bound = (float(worst_component(array_n, ratio_n)[atom]) for array_n in arrays)
+    return Blame(
+        field=record.field,
+        stage=record.stage,
+        step=step,
+        atom=record.first_id,
+        lammps=lammps,
+        reference=reference,
+        bound=bound,
+        outside=record.outside,
+        of=len(id_n),
+    )

@@ -25,7 +25,7 @@ quick: $(READY) ## the cases that take a few seconds, against the accepted basel
 	$(BIN)/eos-ref run --tag quick --baseline reports/accepted
 
 test: $(READY) ## set up and run the tests
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --durations=5
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --durations=15
 
 fast: $(READY) ## the tests that need neither LAMMPS nor patience
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 -m "not lammps and not slow"

@@ -55,6 +55,20 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
+LONGEST = ("test_campaign.py", "test_alarms.py", "test_faults.py", "test_chart.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that take long come first: processes that share the tests file by file then end at about the same time."""
+    marked = {(item.path, mark.name) for item in items for mark in item.iter_markers()}
+
+    def place(item: pytest.Item) -> tuple[int, bool, bool]:
+        longest = LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST)
+        return longest, (item.path, "lammps") not in marked, (item.path, "slow") not in marked
+
+    items.sort(key=place)
+
+
 @pytest.fixture(scope="session")
 def users_store() -> Path:
     """The folder of predictions that a user's run would take; a key holds all that a prediction depends on."""

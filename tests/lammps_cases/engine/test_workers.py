@@ -1,0 +1,121 @@
+"""Worker processes: how a task ends, and that whatever it does costs that task alone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused
+from lammps_cases.engine.workers import Failure, Workers
+
+pytestmark = pytest.mark.slow
+LIMIT = 60.0
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    """One worker, which takes the tasks of all tests."""
+    with Workers("a site", 1) as pool:
+        yield pool
+
+
+def pid(site: str | None) -> tuple[str | None, int]:
+    return site, os.getpid()
+
+
+def fail(site: str | None, error: BaseException) -> None:
+    raise error
+
+
+def die(site: str | None, code: int) -> None:
+    print("first words", flush=True)
+    print("last words", file=sys.stderr, flush=True)
+    if code < 0:
+        os.kill(os.getpid(), -code)
+    os._exit(code)
+
+
+def sleep(site: str | None, started: str) -> None:
+    Path(started).write_text(str(os.getpid()))
+    time.sleep(600)
+
+
+def temporary(site: str | None) -> str:
+    return tempfile.mkdtemp()
+
+
+def test_a_task_gets_the_site_and_the_worker_is_kept(workers: Workers) -> None:
+    first, second = (workers.outcome(workers.call(pid, time_limit=LIMIT)) for _ in range(2))
+    assert not isinstance(first, Failure)
+    assert first == second
+    assert first[0] == "a site"
+    assert first[1] != os.getpid()
+
+
+@pytest.mark.parametrize(
+    ("error", "failure"),
+    [
+        (EngineRefused("ERROR: Unknown command"), Failure("refused", "ERROR: Unknown command")),
+        (EngineCrashed("two ranks died"), Failure("crashed", "two ranks died")),
+        (MemoryError(), Failure("crashed", "out of memory")),
+        (SystemExit(7), Failure("crashed", "LAMMPS' Python package ended with exit code 7")),
+        (ValueError("no"), Failure("error", "ValueError: no")),
+    ],
+)
+def test_an_exception_is_a_failure_and_costs_no_worker(
+    error: BaseException, failure: Failure, workers: Workers
+) -> None:
+    before = workers.outcome(workers.call(pid, time_limit=LIMIT))
+    assert workers.outcome(workers.call(fail, error, time_limit=LIMIT)) == failure
+    assert workers.outcome(workers.call(pid, time_limit=LIMIT)) == before
+
+
+def test_a_missing_lammps_is_missing_for_all(workers: Workers) -> None:
+    with pytest.raises(EngineMissing, match="no LAMMPS here"):
+        workers.outcome(workers.call(fail, EngineMissing("no LAMMPS here"), time_limit=LIMIT))
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (3, "LAMMPS' process exited with code 3: first words / last words"),
+        (-signal.SIGKILL, "LAMMPS' process was killed by SIGKILL: first words / last words"),
+    ],
+)
+def test_death_costs_its_task_and_the_last_words_are_its_message(
+    code: int, message: str, workers: Workers, capfd: pytest.CaptureFixture[str]
+) -> None:
+    dead, next_one = workers.call(die, code, time_limit=LIMIT), workers.call(pid, time_limit=LIMIT)
+    assert workers.outcome(dead) == Failure("crashed", message)
+    assert not isinstance(workers.outcome(next_one), Failure)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path: Path) -> None:
+    slow = workers.call(sleep, str(tmp_path / "started"), time_limit=0.5)
+    next_one = workers.call(pid, time_limit=LIMIT)
+    expected = Failure("timeout", "LAMMPS did not finish within the time limit of 0.5 s")
+    assert workers.outcome(slow, 0.5) == expected
+    assert not isinstance(workers.outcome(next_one), Failure)
+
+
+def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path) -> None:
+    started = tmp_path / "started"
+    with pytest.raises(KeyboardInterrupt), Workers(None, 1) as pool:
+        made = pool.outcome(pool.call(temporary, time_limit=LIMIT))
+        assert isinstance(made, str) and Path(made).is_dir()
+        task = pool.call(sleep, str(started), time_limit=10.0)
+        while not (started.exists() and started.read_text()):
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+    assert not isinstance(task.exception(timeout=0), TimeoutError), "it was waited for"
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(started.read_text()), 0)
+    assert not Path(made).exists(), "what a killed worker leaves goes with the pool"

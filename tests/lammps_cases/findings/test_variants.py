@@ -1,0 +1,79 @@
+"""Variants of the reference together: one evaluator and one simulation with all of them, fitted where they must be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings import variants
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.thermal import HeatOverDensity
+from lammps_cases.findings.variants import Variant, combined
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+
+
+class Steps(Simulation):
+    """Another time step."""
+
+
+class Fitted(HeatOverDensity):
+    """What builds on another variant."""
+
+    factor = 0.0
+
+
+@pytest.fixture
+def problem(case_file: Callable[..., Path]) -> Problem:
+    case = casefile.load((case_file(compare=["f"]),))[0]
+    return problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+
+
+def variant(stages: type[ArrayEvaluator] | None = None, **options: Any) -> Variant:
+    return Variant(lambda problem: True, stages, **options)
+
+
+def test_without_variants_it_is_the_reference(problem: Problem) -> None:
+    assert combined([], problem, {}) == (ArrayEvaluator, Simulation)
+
+
+def test_several_are_one_class_each_before_the_reference(problem: Problem) -> None:
+    made = combined([variant(ForcePerVolume), variant(HeatOverDensity), variant(stepping=Steps)], problem, {})
+    assert made is not None
+    stages, stepping = made
+    assert stages.__mro__[1:4] == (ForcePerVolume, HeatOverDensity, ArrayEvaluator)
+    assert stepping.__mro__[1:3] == (Steps, Simulation)
+    assert {stages.__module__, stepping.__module__} == {variants.__name__}, "predictions of it can be kept"
+
+
+def test_what_builds_on_another_stands_for_both(problem: Problem) -> None:
+    for order in ([HeatOverDensity, Fitted], [Fitted, HeatOverDensity], [Fitted, Fitted]):
+        made = combined([variant(stages) for stages in order], problem, {})
+        assert made is not None
+        assert made[0].__bases__ == (Fitted,)
+
+
+def test_a_variant_is_fitted_to_the_first_snapshot_with_the_others_in_place(problem: Problem) -> None:
+    given: list[tuple[Problem, tuple[type, ...], dict[str, Any]]] = []
+
+    def fit(of: Problem, stages: type[ArrayEvaluator], snapshot: dict[str, Any]) -> dict[str, Any]:
+        given.append((of, stages.__bases__, snapshot))
+        return {"factor": snapshot["ratio"]}
+
+    made = combined([variant(Fitted, fit=fit), variant(ForcePerVolume)], problem, {"ratio": 2.5})
+    assert given == [(problem, (Fitted, ForcePerVolume), {"ratio": 2.5})]
+    assert made is not None
+    assert (vars(made[0])["factor"], Fitted.factor) == (2.5, 0.0)
+    assert made[0].__module__ == variants.__name__
+
+
+def test_one_that_cannot_be_fitted_explains_nothing(problem: Problem) -> None:
+    none = variant(Fitted, fit=lambda of, stages, snapshot: None)
+    assert combined([variant(ForcePerVolume), none], problem, {}) is None

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup validate quick fast test check bench claims versions power clean
+.PHONY: help setup validate quick fast test browser check bench claims versions power clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -29,6 +29,9 @@ test: $(READY) ## set up and run the tests
 
 fast: $(READY) ## the tests that need neither LAMMPS nor patience
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 -m "not lammps and not slow"
+
+browser: $(READY) ## the tests that draw a report in chromium
+	$(BIN)/python -m pytest -m browser tests/lammps_cases/report
 
 check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/ruff check .

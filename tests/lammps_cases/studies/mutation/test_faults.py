@@ -173,6 +173,7 @@ def test_faults_keep_their_names_when_code_is_added() -> None:
     assert {name: after[name] for name in before} == before
 
 
+@pytest.mark.slow
 def test_a_sample_is_the_same_each_time() -> None:
     drawn = [fault.id for fault in collect.select(catalogue.faults(), (), sample=7)]
     assert drawn == [fault.id for fault in collect.select(catalogue.faults(), (), sample=7)]

@@ -61,8 +61,8 @@ def claims_command(
 
     chosen = model.select(names)
     cases = casefile.load()
-    known = [*(case.name for case in cases), *(probe.name for probe in manual.probes())]
-    leads = trace(model.claims(), known)
+    case_names = [*(case.name for case in cases), *(probe.name for probe in manual.probes())]
+    leads = trace(model.claims(), case_names)
     if traceability:
         return _traceability(leads, as_json)
     shared.page_folder(out)
@@ -77,7 +77,7 @@ def claims_command(
     answers += [_answers(engine, chosen, cases, not names, out, jobs, as_json) for engine in chosen_engines]
     labels = _labels(answers)
     columns = [
-        Column(label, folder / "report.html", of_run(chosen, run, known))
+        Column(label, folder / "report.html", of_run(chosen, run, case_names))
         for label, (run, folder) in zip(labels, answers, strict=True)
     ]
     extra = model.without_claim()

@@ -20,7 +20,7 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord,
 
 @dataclass(frozen=True)
 class Sample:
-    """LAMMPS' array of a field, and its bound, at one step."""
+    """LAMMPS' array of a field, and its bound, at one step; shape (n,), or (n, components)."""
 
     step: int | None
     values_n: npt.NDArray[Any]

@@ -23,7 +23,7 @@ def write_report(
     run: RunRecord,
     directory: Path,
     ledger: Sequence[Finding] | None = None,
-    known: Mapping[str, Drawn] | None = None,
+    drawn: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
 ) -> Path:
     """Write ``summary.md``, ``junit.xml`` and ``report.html`` into a report folder.
@@ -36,7 +36,7 @@ def write_report(
         Report folder; ``fields/CASE.npz`` is read from it where a case has fields and the file exists.
     ledger : sequence of Finding, optional
         The findings to look for in the run; the project's own unless given.
-    known : mapping, optional
+    drawn : mapping, optional
         What is shown of cases whose arrays were at hand; those of the others are read.
     history : Past, optional
         The runs before this one, as `lammps_cases.history.past` gives them; without them the page has no such part.
@@ -58,5 +58,5 @@ def write_report(
     write_atomically(directory / "summary.md", markdown.summary(run, entries))
     write_atomically(directory / "junit.xml", junit.document(run))
     path = directory / "report.html"
-    write_atomically(path, page.render(run, entries, directory / "fields", known, history))
+    write_atomically(path, page.render(run, entries, directory / "fields", drawn, history))
     return path

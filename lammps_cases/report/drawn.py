@@ -64,7 +64,7 @@ def drawn_from(case: CaseRecord, fields: Path) -> Drawn:
 
 
 def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-    """Let the component closest to its bound stand for every vector and tensor of a compared field."""
+    """Reduce compared vectors and tensors, shape (n, ...), to their component closest to its bound, shape (n,)."""
     reduced = dict(arrays)
     for name in arrays:
         field, _, side = name.rpartition(".")

@@ -52,11 +52,11 @@ def render(
     run: RunRecord,
     ledger: Sequence[Finding],
     fields: Path,
-    known: Mapping[str, Drawn] | None = None,
+    drawn: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
 ) -> str:
-    """Return the page of a run; arrays of cases that are not in ``known`` are read from the folder ``fields``."""
-    at_hand, of_run = known or {}, findings.of_run(run, ledger)
+    """Return the page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``."""
+    at_hand, of_run = drawn or {}, findings.of_run(run, ledger)
     tags = Counter(tag for case in run.cases for tag in set(case.tags))
     return frame.page(
         ASSETS,

@@ -120,13 +120,13 @@ def run_cases(
             outcomes = answers(workers, ready, futures)
             judged.append(workers.call(report, folder, ready, outcomes, answering, store, time_limit=JUDGING))
         records: list[CaseRecord] = []
-        known: dict[str, Drawn] = {}
+        drawn: dict[str, Drawn] = {}
         for (ready, _), verdict in zip(queue, judged, strict=True):
             judgement = workers.outcome(verdict, JUDGING)
             if isinstance(judgement, Failure):
                 record = unjudged(ready, judgement, answering)
             else:
-                record, known[ready.case.name] = judgement
+                record, drawn[ready.case.name] = judgement
             records.append(record)
             complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
             progress.advance(len(records), len(queue), record.case, complaint)
@@ -135,7 +135,7 @@ def run_cases(
         run.cases = sorted(records, key=lambda record: record.case)
         run.carried = carried_over(run)
         run.seconds = round(time.perf_counter() - begin, 3)
-        write_run(run.counted(), folder, known, history.past(run))
+        write_run(run.counted(), folder, drawn, history.past(run))
     history.collect(run, directory)
     if store and run.predictions.computed:
         store.trim()
@@ -256,8 +256,8 @@ def _last(case: Case) -> int:
 
 def engine_record(engine: Engine, who: dict[str, str] | Failure) -> EngineRecord:
     """Return who answered (nothing is known of one that died), with the hash of its library."""
-    known = {} if isinstance(who, Failure) else who
-    return EngineRecord(name=engine.name, library_sha256=library_sha256(known.get("library", "")), **known)
+    identity = {} if isinstance(who, Failure) else who
+    return EngineRecord(name=engine.name, library_sha256=library_sha256(identity.get("library", "")), **identity)
 
 
 def provenance(engine: EngineRecord, command: str) -> RunRecord:
@@ -279,12 +279,12 @@ def provenance(engine: EngineRecord, command: str) -> RunRecord:
     )
 
 
-def write_run(run: RunRecord, folder: Path, known: Mapping[str, Drawn] | None = None, past: Past | None = None) -> None:
-    """Write run.json and the reports made from it; ``known`` and ``past`` as in `lammps_cases.report.write_report`."""
+def write_run(run: RunRecord, folder: Path, drawn: Mapping[str, Drawn] | None = None, past: Past | None = None) -> None:
+    """Write run.json and the reports made from it; ``drawn`` and ``past`` as in `lammps_cases.report.write_report`."""
     from lammps_cases.report import write_report
 
     write_atomically(folder / "run.json", run.to_json())
-    write_report(run, folder, known=known, history=past)
+    write_report(run, folder, drawn=drawn, history=past)
 
 
 def command_line() -> str:

@@ -77,10 +77,10 @@ def kit(name: str) -> Kit:
     InputError
         There is none (the nearest is suggested).
     """
-    known = {each.name: each for each in KITS}
-    if name not in known:
-        raise InputError("kit", f"must be one of {', '.join(known)}{nearest(name, known)}", name)
-    return known[name]
+    kits = {each.name: each for each in KITS}
+    if name not in kits:
+        raise InputError("kit", f"must be one of {', '.join(kits)}{nearest(name, kits)}", name)
+    return kits[name]
 
 
 def write(files: Sequence[KitFile], directory: Path) -> list[Path]:

@@ -57,6 +57,10 @@ class Timing:
         """Median time of one call."""
         return interval(self.seconds_r)
 
+    def scaled(self, factor: float) -> Timing:
+        """Return the wall times of a factor as much work; the first call stays as it was."""
+        return Timing(tuple(factor * seconds for seconds in self.seconds_r), self.calls, self.first)
+
     def against(self, other: Timing) -> ConfidenceInterval:
         """Return the ratio of this time to another one of the same rounds."""
         return interval(tuple(a / b for a, b in zip(self.seconds_r, other.seconds_r, strict=True)))

@@ -26,45 +26,36 @@ def save(progress: Progress = SILENT, path: Path = COSTS) -> None:
     for k, law in enumerate(laws):
         progress.advance(k, len(laws), f"costs of {law.style}")
         methods = usable(law)
-        took, _ = timings(law, methods, (FLUID,), QUICK_STATES, None)
+        took, _ = timings(law, methods, FLUID, QUICK_STATES, None)
         for method in methods:
             ns = took[method.name].seconds.median / QUICK_STATES * 1e9
-            seconds = _started(law, method.name)
-            entry = {"ns": _two_digits(ns), "startup": _two_digits(seconds)}
+            entry = {"ns": float(f"{ns:.2g}"), "startup": float(f"{_startup(law, method.name):.2g}")}
             costs.setdefault(law.style, {}).setdefault(method.name, entry)
     document = {"machine": machine(), "states": QUICK_STATES, "laws": costs}
     write_atomically(path, json.dumps(document, indent=1) + "\n")
 
 
-def _two_digits(value: float) -> float:
-    return float(f"{value:.2g}")
+def _startup(law: EOS, method: str, rounds: int = 3) -> float:
+    """Return the seconds that the first evaluation of ten states takes in a fresh process beyond the second.
 
-
-def _started(law: EOS, method: str) -> float:
-    """Return the seconds that the first evaluation of ten states takes in a fresh process beyond the second."""
-    return _in_fresh_process(
-        "import numpy as np\n"
-        "from eos_ref import EOS\n"
-        "from eos_ref.methods import laws\n"
-        f"law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})\n"
-        f"method = next(m for m in laws.METHODS if m.name == {method!r})\n"
-        "rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)\n"
-        "made = []\n"
-        "def call():\n"
-        "    if not made:\n"
-        "        made.append(method.function(law, 0.99 * law.rho0, 1.01 * law.rho0))\n"
-        "    made[0](rho_n, e_n)\n"
-    )
-
-
-def _in_fresh_process(code: str, rounds: int = 3) -> float:
-    """Return the least seconds of a first ``call()`` beyond a second one; the first process may compile for good."""
-    timing = (
-        "import time\nt = [time.perf_counter()]\nfor _ in range(2):\n    call()\n    t.append(time.perf_counter())\n"
-    )
+    The least of some rounds; one more comes before them, in which numba may compile for good.
+    """
+    code = f"""if True:
+        import time
+        import numpy as np
+        from eos_ref import EOS
+        from eos_ref.methods import laws
+        law = EOS({law.style!r}, {law.rho0!r}, {law.cs!r}, {law.parameter!r}, {law.background!r})
+        method = next(m for m in laws.METHODS if m.name == {method!r})
+        rho_n, e_n = np.linspace(0.99, 1.01, 10) * law.rho0, np.ones(10)
+        t = [time.perf_counter()]
+        evaluate = method.function(law, 0.99 * law.rho0, 1.01 * law.rho0)
+        for _ in range(2):
+            evaluate(rho_n, e_n)
+            t.append(time.perf_counter())
+        print(2 * t[1] - t[0] - t[2])"""
     seconds = []
     for _ in range(rounds + 1):
-        command = [sys.executable, "-c", code + timing + "print(2 * t[1] - t[0] - t[2])"]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        seconds.append(max(float(done.stdout.split()[-1]), 0.0))
+        process = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+        seconds.append(max(float(process.stdout.split()[-1]), 0.0))
     return min(seconds[1:])

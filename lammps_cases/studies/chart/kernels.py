@@ -6,7 +6,7 @@ distribution, and of one that a diverging flow has deformed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +18,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.kernels.styles import KernelStyle
 from lammps_cases.studies.benchmarks import measure
 from lammps_cases.studies.chart.points import ONE_PER_CENT, Map, MethodPoint, Panel, measured
-from lammps_cases.studies.chart.prepared import STILL, Instances, LatticeSetup, moving, prepared, still_step, worst
+from lammps_cases.studies.chart.prepared import STILL, LatticeSetup, moving, opened, prepared, still_step, worst
 from lammps_cases.studies.flows.layout import relative
 
 KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
@@ -32,7 +32,7 @@ CUTS, QUICK_CUTS = (2.0, 2.5, 3.0, 3.5, 4.0), (2.0, 3.0, 4.0)
 DISORDERS, QUICK_DISORDERS = (0.0, 0.1, 0.3), (0.1,)  # largest displacement along an axis, in spacings
 EDGE, QUICK_EDGE = 64, 32  # particles along an edge
 K = 2 * np.pi / 16
-DEFORMED, STEPS = 0.25, 20  # spacings that the diverging flow moves a particle at most along an axis; in so many steps
+DEFORMED, STEPS = 0.25, 20  # largest displacement by the diverging flow along an axis (spacings), and its steps
 COLD = 1e-6  # speed of sound of particles that fly freely: their pressure is below rounding
 _EVALUATION = (
     "A reference time is one evaluation: pairs, kernel values, corrections and this field. A LAMMPS time is one time "
@@ -47,90 +47,141 @@ def field(x_nc: FloatArray) -> FloatArray:
 
 
 def gradient(x_nc: FloatArray) -> FloatArray:
-    """Their gradients (n, 2, 2): component, axis."""
+    """Return the gradients of `field`, (n, 2, 2): component, axis."""
     x, y = K * x_nc[:, 0], K * x_nc[:, 1]
     straight_n, across_n = K * np.cos(x) * np.cos(y), -K * np.sin(x) * np.sin(y)
     return np.stack([straight_n, across_n, across_n, straight_n], axis=1).reshape(-1, 2, 2)
 
 
-# --- measuring
+# --- methods
+
+
+@dataclass(frozen=True)
+class Method:
+    """A kernel and cutoff on some particles, and the arguments for it, of the reference and of LAMMPS.
+
+    The field is read at once if ``steps`` is 0, else after that many steps, in which a unit of time passes.
+    """
+
+    name: str
+    setup: LatticeSetup
+    field: str
+    reason: str
+    lammps_reason: str
+    steps: int = 0
 
 
 @dataclass(frozen=True)
 class TimedMethod:
-    """One method: what it found, and a call whose time counts."""
+    """The field that a method computes (n, ...), and a call to be timed."""
 
     value_n: FloatArray
     call: Callable[[], object]
     reason: str
 
 
-def _timed(runs: Mapping[str, TimedMethod], quick: bool) -> dict[str, measure.Timing]:
-    calls = {name: run.call for name, run in runs.items()}
-    return measure.in_turns(calls, *((6, 0.002) if quick else (measure.ROUNDS, 0.01)))
-
-
-def _points(
-    quantity: str, regime: str, runs: Mapping[str, TimedMethod], true_n: FloatArray, scale_n: FloatArray, quick: bool
-) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
-    """Return the points whose errors are root mean squares, and the same with the worst errors."""
-    timings = _timed(runs, quick)
-    reasons = {name: run.reason for name, run in runs.items()}
-
-    def points(norm: Callable[[FloatArray, FloatArray], float]) -> tuple[MethodPoint, ...]:
-        errors = {name: norm(run.value_n - true_n, scale_n) for name, run in runs.items()}
-        return measured(quantity, regime, errors, timings, len(true_n), reasons, ONE_PER_CENT)
-
-    return points(relative), points(worst)
-
-
-def _regime(disorder: float) -> str:
-    return f"disorder of {disorder:g} spacings"
-
-
-# --- gradients
-
-
-def gradient_runs(
-    cuts: Sequence[float], disorder: float, edge: int, lammps: Instances | None
-) -> dict[str, TimedMethod]:
-    """Evaluate every kernel and cutoff on the same particles; `TimedMethod.value_n` is the gradient (n, 2, 2)."""
+def run(methods: Iterable[Method], lmp: Any | None, stack: ExitStack) -> dict[str, TimedMethod]:
+    """Run methods on the reference, and each on an instance of LAMMPS of its own."""
     runs: dict[str, TimedMethod] = {}
-    for kernel in KERNELS:
-        for cut in cuts:
-            setup = prepared(kernel, cut, disorder, edge)
-            setup = moving(setup, field(setup.atoms.x_nc))
-            sim = setup.simulation(("grad/v",))
-            name = f"{kernel}, cutoff {cut:g}"
-            runs[name] = TimedMethod(sim.output("grad/v"), sim.evaluate, REASONS[kernel])
-            if lammps:
-                lmp = lammps.one_more()
-                value_n = setup.started(lmp).snapshots[0]["q.grad/v"]
-                runs[f"LAMMPS {name}"] = TimedMethod(
-                    value_n, still_step(lmp), f"{REASONS[kernel]}; time of a whole step"
-                )
+    for m in methods:
+        sim = m.setup.simulation(() if m.steps else (m.field,))
+        call: Callable[[], object] = sim.evaluate
+        if m.steps:
+            sim.run(m.steps, 1.0 / m.steps)
+            call = partial(sim.run, 1, STILL)
+        runs[m.name] = TimedMethod(sim.output(m.field).copy(), call, m.reason)
+        if (instance := opened(lmp, stack)) is not None:
+            first = m.setup.started(instance).snapshots[0]
+            value_n = first["q.grad/v" if m.field == "grad/v" else m.field]
+            runs[f"LAMMPS {m.name}"] = TimedMethod(value_n, still_step(instance), m.lammps_reason)
     return runs
 
 
-def _gradients(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    mean: list[MethodPoint] = []
-    largest: list[MethodPoint] = []
+def gradients(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Method]:
+    """Yield every kernel and cutoff on the same particles, moving with `field`."""
+    for kernel in KERNELS:
+        for cut in cuts:
+            setup, reason = prepared(kernel, cut, disorder, edge), REASONS[kernel]
+            setup = moving(setup, field(setup.atoms.x_nc))
+            yield Method(f"{kernel}, cutoff {cut:g}", setup, "grad/v", reason, f"{reason}; time of a whole step")
+
+
+def _summed(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Method]:
+    for cut in cuts:
+        setup = prepared("quintic", cut, disorder, edge, rho_sum=True)
+        reasons = "more neighbours average more", "the same; time of a whole step"
+        yield Method(f"summation, cutoff {cut:g}", setup, "rho", *reasons)
+
+
+def _deformed_methods(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Method]:
+    ways: list[tuple[str, KernelStyle, str]] = [("summation", "quintic", "no history, mass is conserved")]
+    ways += [(f"continuity, {k}", k, f"no noise of the particles; {REASONS[k]}") for k in KERNELS if k != "RK0"]
+    for cut in cuts:
+        for way, kernel, reason in ways:
+            setup = deformed(kernel, cut, disorder, edge, way == "summation")
+            yield Method(f"{way}, cutoff {cut:g}", setup, "rho", reason, reason, STEPS)
+
+
+def deformed(kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool) -> LatticeSetup:
+    """Return particles that fly freely, each with the diverging velocity (sin kx, sin ky) of its first place."""
+    evolve = {"steps": STEPS, "timestep": 1.0 / STEPS, "compare_at": [STEPS]}
+    cold = [{"mass": 1.0, "rho0": 1.0, "cs": COLD, "viscosity": 0.0}]
+    setup = prepared(kernel, cut, disorder, edge, rho_sum, types=cold, evolve=evolve, compare=["rho", "x"])
+    return moving(setup, DEFORMED * np.sin(K * setup.atoms.x_nc[:, :2]))
+
+
+def exact_density(x_nc: FloatArray) -> FloatArray:
+    """Return the density (n,) at time 1 of particles that began at x: the inverse determinant of the deformation."""
+    return np.asarray(1 / np.prod(1 + DEFORMED * K * np.cos(K * x_nc[:, :2]), axis=1))
+
+
+# --- panels
+
+
+Methods = Callable[[Sequence[float], float, int], Iterator[Method]]
+
+
+def _points(
+    quantity: str,
+    methods: Methods,
+    cuts: Sequence[float],
+    exact: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    quick: bool,
+    lmp: Any | None,
+) -> tuple[tuple[MethodPoint, ...], tuple[MethodPoint, ...]]:
+    """Return the points whose errors are root mean squares, and the same with the worst errors.
+
+    ``exact`` gives for positions (n, 3) the exact values, and the scale that errors are relative to.
+    """
     edge = QUICK_EDGE if quick else EDGE
+    points: dict[Callable[[FloatArray, FloatArray], float], tuple[MethodPoint, ...]] = {relative: (), worst: ()}
     for disorder in QUICK_DISORDERS if quick else DISORDERS:
+        exact_n, scale_n = exact(prepared("quintic", 3.0, disorder, edge).atoms.x_nc)
         with ExitStack() as stack:
-            runs = gradient_runs(QUICK_CUTS if quick else CUTS, disorder, edge, Instances(lmp, stack))
-            true_n = gradient(prepared("quintic", 3.0, disorder, edge).atoms.x_nc)
-            both = _points("velocity gradient", _regime(disorder), runs, true_n, true_n, quick)
-        mean += both[0]
-        largest += both[1]
-    about = f"{edge**2:,} particles of known density in 2D, field of wavelength 16 spacings. {_EVALUATION}"
+            runs = run(methods(cuts, disorder, edge), lmp, stack)
+            timings = measure.in_turns({name: r.call for name, r in runs.items()}, *measure.effort(quick))
+        regime, reasons = f"disorder of {disorder:g} spacings", {name: r.reason for name, r in runs.items()}
+        for norm in points:
+            errors = {name: norm(r.value_n - exact_n, scale_n) for name, r in runs.items()}
+            points[norm] += measured(quantity, regime, errors, timings, edge**2, reasons, ONE_PER_CENT)
+    return points[relative], points[worst]
+
+
+def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
+    """Yield gradients, summed densities, and densities of a deformed fluid; with ``lmp`` those of LAMMPS too.
+
+    More instances of LAMMPS are opened, one per method of a regime, and closed again.
+    """
+    cuts, particles = QUICK_CUTS if quick else CUTS, f"{(QUICK_EDGE if quick else EDGE) ** 2:,} particles"
+    about = f"{particles} of known density in 2D, field of wavelength 16 spacings. {_EVALUATION}"
+    mean, largest = _points("velocity gradient", gradients, cuts, lambda x_nc: (gradient(x_nc),) * 2, quick, lmp)
     yield Panel(
         "kernels-gradient",
         "Kernels and cutoffs: gradients",
         about,
         "root mean square error of all components, relative to the root mean square of the gradient",
         "particle and evaluation",
-        tuple(mean),
+        mean,
     )
     yield Panel(
         "kernels-gradient-worst",
@@ -138,134 +189,53 @@ def _gradients(quick: bool, lmp: Any | None) -> Iterator[Panel]:
         about,
         "largest error of a component, relative to the root mean square of the gradient",
         "particle and evaluation",
-        tuple(largest),
+        largest,
     )
-
-
-# --- densities
-
-
-def _density_runs(cuts: Sequence[float], disorder: float, edge: int, lammps: Instances) -> dict[str, TimedMethod]:
-    runs: dict[str, TimedMethod] = {}
-    for cut in cuts:
-        setup = prepared("quintic", cut, disorder, edge, rho_sum=True)
-        sim = setup.simulation(("rho",))
-        runs[f"summation, cutoff {cut:g}"] = TimedMethod(
-            sim.output("rho"), sim.evaluate, "more neighbours average more"
-        )
-        if lammps:
-            lmp = lammps.one_more()
-            value_n = setup.started(lmp).snapshots[0]["rho"]
-            runs[f"LAMMPS summation, cutoff {cut:g}"] = TimedMethod(
-                value_n, still_step(lmp), "the same; time of a whole step"
-            )
-    return runs
-
-
-def _densities(quick: bool, lmp: Any | None) -> Panel:
-    points: list[MethodPoint] = []
-    edge = QUICK_EDGE if quick else EDGE
-    for disorder in QUICK_DISORDERS if quick else DISORDERS:
-        with ExitStack() as stack:
-            runs = _density_runs(QUICK_CUTS if quick else CUTS, disorder, edge, Instances(lmp, stack))
-            even_n = np.ones(edge**2)
-            points += _points("summed density", _regime(disorder), runs, even_n, even_n, quick)[0]
-    return Panel(
+    yield Panel(
         "kernels-density",
         "Cutoffs: density by summation",
-        f"{edge**2:,} particles in 2D, one per unit area. Sums take the plain quintic whatever the kernel. "
-        + _EVALUATION,
+        f"{particles} in 2D, one per unit area. Sums take the plain quintic whatever the kernel. {_EVALUATION}",
         "root mean square error, relative to the mean density",
         "particle and evaluation",
-        tuple(points),
+        _points("summed density", _summed, cuts, lambda x_nc: (np.ones(len(x_nc)),) * 2, quick, lmp)[0],
     )
 
+    def deformation(x_nc: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rho_n = exact_density(x_nc)
+        return rho_n, rho_n - 1
 
-def deformed(kernel: KernelStyle, cut: float, disorder: float, edge: int, rho_sum: bool) -> LatticeSetup:
-    """Return particles that fly freely, each with the diverging velocity (sin kx, sin ky) of where it was at first."""
-    evolve = {"steps": STEPS, "timestep": 1.0 / STEPS, "compare_at": [STEPS]}
-    cold = [{"mass": 1.0, "rho0": 1.0, "cs": COLD, "viscosity": 0.0}]
-    setup = prepared(kernel, cut, disorder, edge, rho_sum, types=cold, evolve=evolve, compare=["rho", "x"])
-    return moving(setup, DEFORMED * np.sin(K * setup.atoms.x_nc[:, :2]))
-
-
-def exact_density(setup: LatticeSetup) -> FloatArray:
-    """Inverse of the determinant of the deformation at time 1, for each particle."""
-    return np.asarray(1 / np.prod(1 + DEFORMED * K * np.cos(K * setup.atoms.x_nc[:, :2]), axis=1))
-
-
-def _deformed_runs(
-    cuts: Sequence[float], disorder: float, edge: int, lammps: Instances
-) -> tuple[dict[str, TimedMethod], FloatArray]:
-    runs: dict[str, TimedMethod] = {}
-    setup = deformed("quintic", 3.0, disorder, edge, rho_sum=False)
-    for cut in cuts:
-        ways: list[tuple[str, KernelStyle, bool]] = [("summation", "quintic", True)]
-        ways += [(f"continuity, {k}", k, False) for k in KERNELS if k != "RK0"]
-        for way, kernel, rho_sum in ways:
-            setup = deformed(kernel, cut, disorder, edge, rho_sum)
-            reason = "no history, mass is conserved" if rho_sum else f"no noise of the particles; {REASONS[kernel]}"
-            sim = setup.simulation(())
-            sim.run(STEPS, 1.0 / STEPS)
-            name = f"{way}, cutoff {cut:g}"
-            # The density itself, before steps that change nothing.
-            runs[name] = TimedMethod(sim.output("rho").copy(), partial(sim.run, 1, STILL), reason)
-            if lammps:
-                lmp = lammps.one_more()
-                runs[f"LAMMPS {name}"] = TimedMethod(setup.started(lmp).arrays["rho"], still_step(lmp), reason)
-    return runs, exact_density(setup)
-
-
-def _deformation(quick: bool, lmp: Any | None) -> Panel:
-    points: list[MethodPoint] = []
-    edge = QUICK_EDGE if quick else EDGE
-    for disorder in QUICK_DISORDERS if quick else DISORDERS:
-        with ExitStack() as stack:
-            cuts = (3.0,) if quick else (2.0, 3.0, 4.0)
-            runs, true_n = _deformed_runs(cuts, disorder, edge, Instances(lmp, stack))
-            points += _points("deformed density", _regime(disorder), runs, true_n, true_n - 1, quick)[0]
-    return Panel(
+    yield Panel(
         "kernels-deformation",
         "Density of a deformed fluid: summation against continuity",
-        f"{edge**2:,} particles fly freely for {STEPS} steps with a diverging velocity of wavelength 16 spacings, "
+        f"{particles} fly freely for {STEPS} steps with a diverging velocity of wavelength 16 spacings, "
         f"which moves each by up to {DEFORMED:g} spacings along either axis. Both times are of a whole time step.",
         "root mean square error, relative to the root mean square of the change of density",
         "particle and step",
-        tuple(points),
+        _points("deformed density", _deformed_methods, (3.0,) if quick else (2.0, 3.0, 4.0), deformation, quick, lmp)[
+            0
+        ],
     )
 
 
-def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
-    """Yield gradients, summed densities, and densities of a deformed fluid; with ``lmp`` LAMMPS' too.
-
-    More instances of LAMMPS are opened, one per method of a regime, and closed again.
-    """
-    yield from _gradients(quick, lmp)
-    yield _densities(quick, lmp)
-    yield _deformation(quick, lmp)
-
-
 def maps(quick: bool) -> Iterator[Map]:
-    """Yield the error of the gradient over cutoff and disorder, one map per kernel; of the reference."""
-    cuts = np.arange(2.0, 4.01, 0.5 if quick else 0.125)
-    disorders = np.arange(0.0, 0.31, 0.15 if quick else 0.05)
+    """Yield the error of the reference's gradient over cutoff and disorder, one map per kernel."""
+    cuts = np.arange(2.0, 4.01, 0.5 if quick else 0.125).tolist()
+    disorders = np.arange(0.0, 0.31, 0.15 if quick else 0.05).tolist()
+
+    def error(kernel: KernelStyle, cut: float, disorder: float) -> float:
+        setup = prepared(kernel, cut, disorder, QUICK_EDGE)
+        true_n = gradient(setup.atoms.x_nc)
+        sim = moving(setup, field(setup.atoms.x_nc)).simulation(("grad/v",))
+        return relative(sim.output("grad/v") - true_n, true_n)
+
     for kernel in KERNELS:
-        rows = []
-        for disorder in disorders:
-            row = []
-            for cut in cuts:
-                setup = prepared(kernel, float(cut), float(disorder), QUICK_EDGE)
-                true_n = gradient(setup.atoms.x_nc)
-                sim = moving(setup, field(setup.atoms.x_nc)).simulation(("grad/v",))
-                row.append(relative(sim.output("grad/v") - true_n, true_n))
-            rows.append(tuple(row))
         yield Map(
             f"kernels-{kernel.lower()}",
             f"Error of the velocity gradient, {kernel}",
             "cutoff (spacings)",
             "disorder (spacings)",
-            tuple(cuts.tolist()),
-            tuple(disorders.tolist()),
-            tuple(rows),
+            tuple(cuts),
+            tuple(disorders),
+            tuple(tuple(error(kernel, cut, disorder) for cut in cuts) for disorder in disorders),
             "relative root mean square error",
         )

@@ -6,21 +6,21 @@ states of that regime, for which tables and series are prepared.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 from eos_ref import EOS
-from eos_ref.eos.table import FloatArray, examples
-from eos_ref.methods.laws import LawMethod, methods_of
+from eos_ref.eos.table import examples
+from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing, in_turns
+from lammps_cases.studies.benchmarks.measure import Timing, in_turns
 from lammps_cases.studies.chart.engine_law import EngineLaw
-from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, measured
+from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured
 
 # Gamma 4 stands for whole exponents of tait/general.
 LAWS: tuple[EOS, ...] = (
@@ -47,19 +47,18 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
 
 
 def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Panel:
-    methods, reasons = methods_of(law), {m.name: m.reason for m in methods_of(law)}
+    methods = methods_of(law)
+    reasons = {m.name: m.reason for m in methods}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
-    e = ENERGY if law.needs_energy else None
     points: list[MethodPoint] = []
     copying = []
     for regime in regimes:
-        took, seconds = timings(law, methods, (regime,), n, lmp)
+        took, seconds = timings(law, methods, regime, n, lmp)
         copying.append(seconds)
-        ends, start_n = regime.ends(law), regime.densities(law, SAMPLES)
-        functions = {m.name: m.function(law, *ends) for m in methods}
+        functions = {m.name: m.function(law, *regime.ends(law)) for m in methods}
         if lmp is not None:
             functions[OUTPUT] = EngineLaw(lmp, law).pressure
-        errors = {m: worst_case(f, law, start_n, _inside(regime, law), e).error for m, f in functions.items()}
+        errors = {m: _worst_error(f, law, regime, SAMPLES) for m, f in functions.items()}
         points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
@@ -73,16 +72,17 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
     )
 
 
-def _inside(regime: Regime, law: EOS) -> Callable[[FloatArray], Any]:
-    return lambda rho_n: regime.holds(law, rho_n)
+def _worst_error(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> float:
+    """Return the worst error of a method in a regime, by a search that begins at some samples."""
+    e = ENERGY if law.needs_energy else None
+    return worst_case(evaluate, law, regime.densities(law, samples), partial(regime.holds, law), e).error
 
 
 def timings(
-    law: EOS, methods: Sequence[LawMethod], regimes: Sequence[Regime], n: int, lmp: Any | None
+    law: EOS, methods: Sequence[LawMethod], regime: Regime, n: int, lmp: Any | None
 ) -> tuple[dict[str, Timing], float]:
     """Return the times of all methods in turns, and the seconds that copying the states takes."""
-    each = [regime.densities(law, math.ceil(n / len(regimes))) for regime in regimes]
-    rho_n = np.random.default_rng(1).permutation(np.concatenate(each)[:n])
+    rho_n = np.random.default_rng(1).permutation(regime.densities(law, n))
     e_n = np.full(n, ENERGY) if law.needs_energy else None
     copy_n = np.empty(n)
 
@@ -93,7 +93,8 @@ def timings(
 
     calls: dict[str, Callable[[], object]] = {"copy": copy}
     for method in methods:
-        calls[method.name] = _call(method, law, rho_n, e_n)
+        evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
+        calls[method.name] = partial(evaluate, method.stored(law, rho_n), e_n)
     if lmp is not None:
         calls[OUTPUT], calls["LAMMPS, no law"] = EngineLaw(lmp, law).timed(rho_n, e_n)
     took = in_turns(calls, at_least=0.01)
@@ -104,56 +105,26 @@ def timings(
     return took, took.pop("copy").seconds.median
 
 
-def _call(method: LawMethod, law: EOS, rho_n: FloatArray, e_n: FloatArray | None) -> Callable[[], object]:
-    evaluate = method.prepare(law, float(rho_n.min()), float(rho_n.max()))
-    stored_n = method.stored(law, rho_n)
-    return lambda: evaluate(stored_n, e_n)
-
-
 # --- where methods change places
 
 
 def _accuracy_crossings(law: EOS, methods: Sequence[LawMethod]) -> Iterator[Crossing]:
-    """Distances from rho0 at which the printed formula becomes as accurate as others."""
-    by_name = {method.name: method for method in methods}
-    if "textbook" in by_name and law.style != "cubic":
-        for other in ("float32 excess", "table, cubic"):
-            crossing = _accuracy_crossing(law, by_name["textbook"], by_name[other])
-            if crossing:
-                yield crossing
+    r"""Yield the distances :math:`|\rho/\rho_0-1|` above which the printed formula is as accurate as other methods."""
+    named = {method.name: method for method in methods}
+    if "textbook" not in named or law.style == "cubic":
+        return
+    functions = {m.name: m.function(law, *Regime(1e-9, 10.0).ends(law)) for m in methods}
+    for other in ("float32 excess", "table, cubic"):
 
+        def loses(d: float, other: str = other) -> bool:
+            """Return whether the printed formula has the larger worst error in a narrow window."""
+            regime = Regime(d * 10**-0.05, d * 10**0.05)
+            printed, its = (_worst_error(functions[m], law, regime, 512) for m in ("textbook", other))
+            return printed >= its
 
-def _accuracy_crossing(law: EOS, one: LawMethod, other: LawMethod) -> Crossing | None:
-    r"""Return where two methods' worst errors, in narrow windows of :math:`|\rho/\rho_0-1|`, cross; by bisection."""
-    e = ENERGY if law.needs_energy else None
-
-    def lead(log_d: float) -> bool:
-        regime = Regime(10 ** (log_d - 0.05), 10 ** (log_d + 0.05))
-        errors = [
-            worst_case(
-                m.function(law, *Regime(1e-9, 10.0).ends(law)), law, regime.densities(law, 512), _inside(regime, law), e
-            ).error
-            for m in (one, other)
-        ]
-        return errors[0] < errors[1]
-
-    bracket = bisected(lead, -9.0, 1.0, 0.02)
-    if bracket is None:
-        return None
-    low, high = (10**end for end in bracket)
-    at = ConfidenceInterval(math.sqrt(low * high), low, high)
-    return Crossing(f"pressure of {name(law)}", (other.name, one.name), "|rho/rho0 - 1|", "smaller worst error", at)
-
-
-def bisected(holds: Callable[[float], bool], low: float, high: float, width: float) -> tuple[float, float] | None:
-    """Bisect to the given width where a condition changes; None if it is the same at both ends."""
-    if holds(low) == holds(high):
-        return None
-    at_high = holds(high)
-    while high - low > width:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if holds(middle) == at_high else (middle, high)
-    return low, high
+        if loses(1e-9) and not loses(10.0):
+            at = bisected(loses, 1e-9, 10.0, 10**0.02)
+            yield Crossing(f"pressure of {name(law)}", (other, "textbook"), "|rho/rho0 - 1|", "smaller worst error", at)
 
 
 # --- maps
@@ -179,6 +150,4 @@ def maps(quick: bool) -> Iterator[Map]:
 
 def _worst_near(method: LawMethod, gamma: float, d: float) -> float:
     law, regime = EOS("tait/general", 1.2345, 7.89, gamma), Regime(d / 1.3, d * 1.3)
-    return worst_case(
-        method.function(law, *regime.ends(law)), law, regime.densities(law, 256), _inside(regime, law)
-    ).error
+    return _worst_error(method.function(law, *regime.ends(law)), law, regime, 256)

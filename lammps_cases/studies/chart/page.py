@@ -17,27 +17,31 @@ from lammps_cases.studies.chart.points import MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
+from lammps_cases.studies.flows.flow import Flow
 
 ASSETS = Path(__file__).parent / "assets"
 
 
 @dataclass(frozen=True)
 class FlowView:
-    """A flow as the page shows it: every engine's run, a picture of the headline.
+    """A flow as the page shows it: the run of every engine, and a picture of the headline error."""
 
-    ``agree`` says whether the engines' headlines at the finest resolution are the same to a tenth; ``speedup`` is
-    LAMMPS' time over the reference's for all resolutions.
-    """
-
-    name: str
-    about: str
-    expected: str
-    solution: str
+    flow: Flow
     measure: str
     runs: list[Convergence]
-    agree: bool
-    speedup: float
     picture: Markup
+
+    @property
+    def agree(self) -> bool:
+        """Whether the headline errors of the engines at the finest resolution are the same to a tenth."""
+        last = [run.errors[self.measure][-1] if self.measure in run.errors else math.nan for run in self.runs]
+        return all(abs(error - last[0]) <= 0.1 * abs(last[0]) for error in last)
+
+    @property
+    def speedup(self) -> float:
+        """Time of LAMMPS over that of the reference, of all resolutions."""
+        seconds = {run.engine: sum(run.seconds) for run in self.runs}
+        return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
 
 
 def write(chart: Chart, folder: Path) -> None:
@@ -73,29 +77,8 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
     for name in dict.fromkeys(run.flow for run in section.flows):
         runs = [run for run in section.flows if run.flow == name]
         measure = next((m for run in runs for m in run.errors), "")
-        flow = FLOWS[name]
         picture = saved(draw.convergence_figure(runs, measure), figures, f"flow-{name}")
-        yield FlowView(
-            name,
-            flow.about,
-            flow.expected,
-            flow.solution,
-            measure,
-            runs,
-            _agree(runs, measure),
-            _speedup(runs),
-            picture,
-        )
-
-
-def _agree(runs: list[Convergence], measure: str) -> bool:
-    last = [run.errors[measure][-1] if measure in run.errors else math.nan for run in runs]
-    return all(abs(error - last[0]) <= 0.1 * abs(last[0]) for error in last)
-
-
-def _speedup(runs: list[Convergence]) -> float:
-    seconds = {run.engine: sum(run.seconds) for run in runs}
-    return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
+        yield FlowView(FLOWS[name], measure, runs, picture)
 
 
 def rows(panel: Panel, regime: str) -> list[tuple[MethodPoint, bool]]:

@@ -1,9 +1,9 @@
-"""What a chart is made of: points of error against time, their frontier, and the crossings between methods."""
+"""Elements of a chart: points of error against time, their frontier, and crossings between methods."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing, verdict
@@ -16,17 +16,17 @@ DIGITS = 15.95  # of a double; an error of 0 is drawn there
 
 @dataclass(frozen=True)
 class MethodPoint:
-    """One way to compute one quantity in one regime: how wrong, how fast.
+    """Error and time of one way to compute one quantity in one regime.
 
     Attributes
     ----------
     quantity : what is computed, as ``pressure of tait/water``
-    regime : under which circumstances, as ``|rho/rho0 - 1| from 1e-6 to 1e-5``
+    regime : the conditions, as ``|rho/rho0 - 1| from 1e-6 to 1e-5``
     method : name of the method; LAMMPS' own begins with ``LAMMPS``
-    error : the largest error found, dimensionless (what it is relative to, the panel says)
+    error : the largest error found, dimensionless, relative to what the panel names
     ns : nanoseconds per particle (or per particle and step): median and its interval
     compiling : seconds that the first call took beyond the others
-    reason : why one would use it
+    reason : argument for its use
     dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
     like : methods whose times cannot be told from this one's
     """
@@ -56,10 +56,7 @@ class MethodPoint:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where two methods change places: the better one below a value of a variable, the better one above, and in what.
-
-    The value is known within an interval.
-    """
+    """Interval of a variable in which two methods change places: the better one below it, then the one above it."""
 
     quantity: str
     methods: tuple[str, str]
@@ -74,9 +71,9 @@ class Panel:
 
     Attributes
     ----------
-    error_of : what the error is, and relative to what
-    unit : what a time is per
-    roofline_ns : time that moving the arrays alone takes on this machine, for the same unit; None: not bound by memory
+    error_of : definition of the error, and of its scale
+    unit : unit of work that a time belongs to
+    roofline_ns : time that moving the arrays alone takes on this machine, per unit; None: not bound by memory
     """
 
     id: str
@@ -110,6 +107,33 @@ class Map:
     y: tuple[float, ...]
     value: tuple[tuple[float, ...], ...]
     unit: str
+
+
+def bisected(
+    below: Callable[[float], bool | None], low: float, high: float, ratio: float, whole: bool = False
+) -> ConfidenceInterval:
+    """Return the number at which a condition ends, found by bisecting its logarithm.
+
+    Parameters
+    ----------
+    below : function
+        Returns whether a number lies below the one sought; None if that cannot be told, which ends the bisection.
+    low, high : float
+        Positive numbers around it.
+    ratio : float
+        Ratio of the ends at which the bisection stops.
+    whole : bool
+        Try whole numbers alone.
+    """
+    while high / low > ratio and not (whole and high - low <= 1):
+        middle = math.sqrt(low * high)
+        if whole:
+            middle = min(max(round(middle), low + 1), high - 1)
+        answer = below(middle)
+        if answer is None:
+            break
+        low, high = (middle, high) if answer else (low, middle)
+    return ConfidenceInterval(math.sqrt(low * high), low, high)
 
 
 def point(
@@ -147,8 +171,8 @@ def compared(
     Parameters
     ----------
     same : float
-        Errors within this factor count as the same: of rounding, one bit, as a search for the worst case may miss by
-        so much; of discretisations `ONE_PER_CENT`.
+        Factor within which errors count as the same: one bit for rounding errors, by which the search for a worst case
+        may miss; `ONE_PER_CENT` for errors of discretisation.
     """
     marked = []
     for one in points:

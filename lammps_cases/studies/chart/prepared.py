@@ -32,14 +32,17 @@ class LatticeSetup:
     case: Case
     atoms: Atoms
 
-    def simulation(self, fields: Sequence[str]) -> Simulation:
+    def simulation(self, fields: Sequence[str], threads: int = 1) -> Simulation:
         """Return the compiled reference, evaluated once."""
-        sim = reference_side.simulation(self.case.scene, self.atoms, fields, self.case.where)
+        from eos_ref.compiled.evaluator import CompiledEvaluator
+
+        evaluator = partial(CompiledEvaluator, threads=threads)
+        sim = reference_side.simulation(self.case.scene, self.atoms, fields, self.case.where, evaluator=evaluator)
         sim.evaluate()
         return sim
 
     def started(self, lmp: Any) -> session.Answer:
-        """Run in LAMMPS, which keeps it."""
+        """Run the scene in LAMMPS, which keeps it, and return its answer."""
         scene = self.case.scene
         return session.run(lmp, job(scene, self.atoms, plan(scene)))
 
@@ -62,8 +65,7 @@ def prepared(
     }
     # One name for all: the same particles for every kernel and cutoff.
     case = Case("chart-kernels", "", (), Scene.model_validate(data), Path("chart"))
-    atoms = build(case, case.scene.eos())
-    return LatticeSetup(case, atoms)
+    return LatticeSetup(case, build(case, case.scene.eos()))
 
 
 def moving(setup: LatticeSetup, v_nc: FloatArray) -> LatticeSetup:
@@ -72,7 +74,7 @@ def moving(setup: LatticeSetup, v_nc: FloatArray) -> LatticeSetup:
 
 
 def worst(error_n: FloatArray, scale_n: FloatArray) -> float:
-    """Return the largest error over the root of the mean square of what it is relative to."""
+    """Return the largest error over the root mean square of its scale."""
     return float(np.max(np.abs(error_n)) / np.sqrt(np.mean(np.square(scale_n))))
 
 
@@ -82,17 +84,10 @@ def still_step(lmp: Any) -> Callable[[], object]:
     return partial(lmp.command, "run 1 pre no post no")
 
 
-class Instances:
-    """LAMMPS instances, as many as there are methods, so that all can be timed in turns; None without LAMMPS."""
-
-    def __init__(self, lmp: Any | None, stack: ExitStack) -> None:
-        self._lmp, self._stack = lmp, stack
-
-    def __bool__(self) -> bool:
-        return self._lmp is not None
-
-    def one_more(self) -> Any:
-        """Return a new instance, closed with the stack."""
-        instance = session.open_lammps()
-        self._stack.callback(instance.close)
-        return instance
+def opened(lmp: Any | None, stack: ExitStack) -> Any | None:
+    """Return one more LAMMPS, closed with the stack, so that all methods can be timed in turns; None without LAMMPS."""
+    if lmp is None:
+        return None
+    instance = session.open_lammps()
+    stack.callback(instance.close)
+    return instance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,10 +62,9 @@ def write(chart: Chart, folder: Path) -> None:
 def points_document(chart: Chart) -> dict[str, list[dict[str, Any]]]:
     """Return what ``--json`` prints."""
     header, *rows = _point_rows(chart)
-    finite = [
-        [None if isinstance(value, float) and not abs(value) < float("inf") else value for value in r] for r in rows
-    ]
-    return {"points": [dict(zip(header, row, strict=True)) for row in finite]}
+    points = [dict(zip(header, row, strict=True)) for row in rows]
+    finite = [{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in p.items()} for p in points]
+    return {"points": finite}
 
 
 def _point_rows(chart: Chart) -> Iterable[Sequence[Any]]:
@@ -83,16 +83,8 @@ def _point_rows(chart: Chart) -> Iterable[Sequence[Any]]:
 
 def _convergence_rows(chart: Chart) -> Iterable[Sequence[Any]]:
     yield (
-        "flow",
-        "engine",
-        "measure",
-        "resolution",
-        "error",
-        "order",
-        "standard_error",
-        "seconds",
-        "particles",
-        "steps",
+        *("flow", "engine", "measure", "resolution", "error", "order", "standard_error"),
+        *("seconds", "particles", "steps"),
     )
     for run in (run for section in chart.sections for run in section.flows):
         for measure, errors in run.errors.items():

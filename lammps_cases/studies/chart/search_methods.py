@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import Any, NamedTuple
 
 import numba
@@ -35,7 +36,7 @@ class PairList(NamedTuple):
 
 @dataclass(frozen=True)
 class SearchMethod:
-    """One way to search: of positions (n, d) inside a box, and a cutoff."""
+    """One way to search: a function of positions (n, d) inside a box, the box, and a cutoff."""
 
     name: str
     reason: str
@@ -44,13 +45,13 @@ class SearchMethod:
     two_cuts: bool = False  # needs periodic edges of at least two cutoffs
 
 
-# --- what is true
+# --- the exact pairs
 
 
 def truth(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """Return all pairs closer than the cutoff, of the doubles given and in exact arithmetic, among all n squared.
+    """Return all pairs whose distance in exact arithmetic is below the cutoff, out of all n squared.
 
-    Doubles decide but where the distance may be the cutoff; of those, fractions.
+    Doubles decide, and fractions where rounding might change the answer.
     """
     edge_c = np.array(box.edge_c)
     reach_c = np.where(box.periodic, np.ceil(cut * WIDER / edge_c), 0).astype(int)
@@ -111,9 +112,9 @@ def _filter(x_nc: Any, edge_c: Any, limit: Any, i_p: Any, j_p: Any, image_pc: An
 def _walk(
     x_nc: Any, start_m: Any, of_k: Any, cells_c: Any, edge_c: Any, around_c: Any, offset_oc: Any, limit: Any, out: Any
 ) -> int:
-    """Pairs of every cell's particles with those of cells at some offsets, row after row; keeps what there is room for.
+    """Pair the particles of every cell with those of cells at some offsets, row after row, as long as there is room.
 
-    Returns how many there are.
+    Return the number of all pairs.
     """
     d, count = edge_c.size, 0
     image_oc, move_oc = np.empty(offset_oc.shape, np.int64), np.empty(offset_oc.shape, edge_c.dtype)
@@ -160,10 +161,9 @@ def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> PairL
     n, d = x_nc.shape
     edge_c, periodic_c = np.array(box.edge_c), np.array(box.periodic)
     cells_c = np.clip(edge_c // (cut * WIDER), 1, most_cells).astype(np.int64)
-    reach_c = np.ceil(cut * WIDER / (edge_c / cells_c)).astype(np.int64)
     while np.prod(cells_c) > 2 * n + 8:  # a box that is mostly empty
         cells_c = np.maximum(cells_c // 2, 1)
-        reach_c = np.ceil(cut * WIDER / (edge_c / cells_c)).astype(np.int64)
+    reach_c = np.ceil(cut * WIDER / (edge_c / cells_c)).astype(np.int64)
     place_nc = np.clip(((x_nc - np.array(box.low_c)) / edge_c * cells_c).astype(np.int64), 0, cells_c - 1)
     cell_n = np.ravel_multi_index(tuple(place_nc.T), tuple(cells_c))
     of_k = np.argsort(cell_n, kind="stable")
@@ -180,15 +180,6 @@ def cell_list(x_nc: Any, box: Box, cut: float, most_cells: int = 2**40) -> PairL
         if count <= room:
             return PairList(*(part[:count] for part in out))
         room = count
-
-
-def brute_force(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """Search one cell: every particle meets every other one, and all images within reach."""
-    return cell_list(x_nc, box, cut, most_cells=1)
-
-
-def _cells_float32(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    return cell_list(x_nc.astype(np.float32), box, cut)
 
 
 # --- libraries
@@ -219,7 +210,7 @@ def _vesin(x_nc: FloatArray, box: Box, cut: float) -> PairList:
 
 
 def _tree(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """scipy's own periodic box, which knows the nearest image alone."""
+    """Search scipy's own periodic box, which knows the nearest image alone."""
     from scipy.spatial import cKDTree
 
     edge_c, low_c = np.array(box.edge_c), np.array(box.low_c)
@@ -232,7 +223,7 @@ def _tree(x_nc: FloatArray, box: Box, cut: float) -> PairList:
 
 
 def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> PairList:
-    """Search copies of the particles near periodic faces, as LAMMPS has them; any box, any number of images."""
+    """Search copies of the particles beyond periodic faces, as LAMMPS does; any box, any number of images."""
     from scipy.spatial import cKDTree
 
     n, d = x_nc.shape
@@ -264,8 +255,12 @@ METHODS: tuple[SearchMethod, ...] = (
     SearchMethod("vesin, rows", "as the reference: wider search, sorted rows, distances filtered", _reference),
     SearchMethod("vesin", "the library's own list", _vesin),
     SearchMethod("cell list", "of our own, compiled", cell_list),
-    SearchMethod("cell list, float32", "positions in single precision", _cells_float32),
+    SearchMethod(
+        "cell list, float32",
+        "positions in single precision",
+        lambda x_nc, box, cut: cell_list(x_nc.astype(np.float32), box, cut),
+    ),
     SearchMethod("cKDTree", "scipy's tree, nearest images", _tree, two_cuts=True),
     SearchMethod("cKDTree, images", "scipy's tree, copies across periodic faces", _tree_of_images),
-    SearchMethod("brute force", "all pairs; nothing to build", brute_force, most=2_000),
+    SearchMethod("brute force", "all pairs; nothing to build", partial(cell_list, most_cells=1), most=2_000),
 )

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
 
 from eos_ref import EOS, EOSTable
+from eos_ref.analytic.waves import taylor_green
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import Simulation
@@ -18,8 +18,8 @@ from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
 from eos_ref.syntax.fixes import FixRheo
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import Timing
-from lammps_cases.studies.chart.points import Crossing, MethodPoint, Panel, measured
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
+from lammps_cases.studies.chart.points import Crossing, MethodPoint, Panel, bisected, measured
 from lammps_cases.studies.chart.search_methods import METHODS, SearchMethod, truth, wrong
 from lammps_cases.studies.flows.layout import rows
 
@@ -58,37 +58,34 @@ def _calls(edge: int, methods: Sequence[SearchMethod]) -> dict[str, Callable[[],
 
 
 def _crossings(edges: Sequence[int], quick: bool) -> tuple[Crossing, ...]:
-    """Return where two methods change places between two sizes of a scene."""
+    """Return the crossings of the times of two methods between two sizes of a scene."""
     timings = {edge: measure.in_turns(_calls(edge, METHODS), measure.ROUNDS, 0.003) for edge in edges}
     crossings = []
-    for k, one in enumerate(METHODS):
-        for other in METHODS[k + 1 :]:
-            both = [e for e in edges if {one.name, other.name} <= timings[e].keys()]
-            answers = {e: measure.verdict(timings[e][one.name].against(timings[e][other.name])) for e in both}
-            decided = [e for e in both if answers[e] != "cannot tell"]
-            for low, high in pairwise(decided):
-                if answers[low] != answers[high]:
-                    crossings.append(_crossing(one, other, low, high, answers[low], 0.004 if quick else 0.02))
+    for one, other in combinations(METHODS, 2):
+        both = [e for e in edges if {one.name, other.name} <= timings[e].keys()]
+        answers = {e: measure.verdict(timings[e][one.name].against(timings[e][other.name])) for e in both}
+        decided = [e for e in both if answers[e] != "cannot tell"]
+        for low, high in pairwise(decided):
+            if answers[low] != answers[high]:
+                crossings.append(_crossing(one, other, low, high, answers[low], quick))
     return tuple(crossings)
 
 
-def _crossing(one: SearchMethod, other: SearchMethod, low: int, high: int, below: str, at_least: float) -> Crossing:
-    """Bisect the logarithm of the number of particles, until times cannot be told apart or sizes are neighbours."""
-    while high - low > 1:
-        middle = min(max(round(math.sqrt(low * high)), low + 1), high - 1)
-        timings = measure.in_turns(_calls(middle, (one, other)), rounds=measure.ROUNDS, at_least=at_least)
+def _crossing(one: SearchMethod, other: SearchMethod, low: int, high: int, below: str, quick: bool) -> Crossing:
+    def is_below(edge: float) -> bool | None:
+        timings = measure.in_turns(_calls(int(edge), (one, other)), measure.ROUNDS, measure.effort(quick)[1])
         answer = measure.verdict(timings[one.name].against(timings[other.name]))
-        if answer == "cannot tell":
-            break
-        low, high = (middle, high) if answer == below else (low, middle)
-    n = measure.ConfidenceInterval(float(low * high), float(low**2), float(high**2))
+        return None if answer == "cannot tell" else answer == below
+
+    edge = bisected(is_below, low, high, ratio=1.0, whole=True)
+    n = ConfidenceInterval(float(edge.low * edge.high), float(edge.low**2), float(edge.high**2))
     first, second = (one.name, other.name) if below == "faster" else (other.name, one.name)
     return Crossing("pairs closer than a cutoff", (first, second), "particles", "less time", n)
 
 
 def _search_points(edge: int, quick: bool) -> tuple[MethodPoint, ...]:
     calls = _calls(edge, METHODS)
-    timings = measure.in_turns(calls, *((6, 0.005) if quick or edge > 100 else (measure.ROUNDS, 0.02)))
+    timings = measure.in_turns(calls, *measure.effort(quick or edge > 100))
     scenes = [at_the_cutoff(float(edge), NEAR, k) for k in range(1 if quick else SCENES)]
     trues = [truth(x_nc, box, CUT) for x_nc, box in scenes]
 
@@ -120,15 +117,11 @@ def _searches(quick: bool) -> Panel:
 
 
 def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
-    """Return a vortex flow of a disordered fluid, stepping with a list of a skin (in cutoffs); and its time step."""
+    """Return a vortex flow of a disordered fluid, with a neighbour list of a skin (in cutoffs), and its time step."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     x_nc, box = _lattice(edge, "rebuild")
-    k = 2 * np.pi / edge
-    v_nc = mach * np.stack(
-        [np.sin(k * x_nc[:, 0]) * np.cos(k * x_nc[:, 1]), np.cos(k * x_nc[:, 0]) * np.sin(k * x_nc[:, 1])], axis=1
-    )
-    v_nc[:, 1] *= -1
+    v_nc = np.stack(taylor_green(x_nc[:, 0], x_nc[:, 1], 0.0, 2 * np.pi / edge, 0.0, mach)[:2], axis=1)
     law = EOSTable((EOS("linear", 1.0, 1.0),))
     model = Model(2, FixRheo(CUT, "quintic", 0), (1.0,), law, PairRheo(CUT, 1.0), (Viscosity("constant", 0.02),))
     n = len(x_nc)
@@ -137,7 +130,7 @@ def fluid(mach: float, skin: float, edge: int) -> tuple[Simulation, float]:
 
 
 def _ran(mach: float, skin: float, edge: int, most: int) -> tuple[Simulation, float, FloatArray]:
-    """Return a fluid that has run, its rebuilds per step, and densities after `LEAST_STEPS`."""
+    """Return a fluid that has run, its rebuilds per step, and its densities (n,) after `LEAST_STEPS`."""
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     sim, dt = fluid(mach, skin, edge)
@@ -159,8 +152,8 @@ def _rebuild_points(regime: str, mach: float, edge: int, quick: bool) -> tuple[M
         sim, rates[skin], densities[skin] = _ran(mach, skin, edge, MOST_STEPS // 5 if quick else MOST_STEPS)
         # So short a step moves no coordinate: the list holds.
         calls[f"held {skin}"] = partial(sim.run, 1, 1e-200)
-        calls[f"build {skin}"] = _build(sim, skin)
-    took = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
+        calls[f"build {skin}"] = partial(Neighbours(sim.box, CUT, skin * CUT).build, sim.state.x_nc.copy())
+    took = measure.in_turns(calls, *measure.effort(quick))
     timings: dict[str, Timing] = {}
     errors, reasons = {}, {}
     for skin in SKINS:
@@ -175,13 +168,7 @@ def _rebuild_points(regime: str, mach: float, edge: int, quick: bool) -> tuple[M
     return measured("step", regime, errors, timings, edge**2, reasons)
 
 
-def _build(sim: Simulation, skin: float) -> Callable[[], object]:
-    near, x_nc = Neighbours(sim.box, CUT, skin * CUT), sim.state.x_nc.copy()
-    return partial(near.build, x_nc)
-
-
 def _rebuilds(quick: bool) -> Panel:
-    regimes: Mapping[str, float] = dict(list(MACH.items())[: 1 if quick else None])
     edge = 40 if quick else 64
     return Panel(
         "rebuild",
@@ -191,7 +178,11 @@ def _rebuilds(quick: bool) -> Panel:
         f"the rate counted in the running flow (until {REBUILDS} lists are built or {MOST_STEPS} steps taken).",
         f"densities after {LEAST_STEPS} steps against those with a list built at every step, relative; worst particle",
         "particle and step",
-        tuple(p for regime, mach in regimes.items() for p in _rebuild_points(regime, mach, edge, quick)),
+        tuple(
+            p
+            for regime, mach in list(MACH.items())[: 1 if quick else None]
+            for p in _rebuild_points(regime, mach, edge, quick)
+        ),
     )
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -54,9 +55,8 @@ class SumMethod:
 
     Attributes
     ----------
-    prepare : of a list and its terms (pairs,); keeps them as it wants them and returns a function without arguments
-        that returns the sums (n,)
-    bound : of the number of terms of a particle: bound of the error, relative to the sum of the absolute terms
+    prepare : function of a list and its terms (pairs,); returns a function without arguments that returns the sums (n,)
+    bound : function of the number of terms of a particle; bound of the error, relative to the sum of absolute terms
     """
 
     name: str
@@ -66,7 +66,7 @@ class SumMethod:
 
 
 def rows(pairs: Half, term_p: FloatArray) -> tuple[Any, FloatArray]:
-    """Full list: where every particle's row begins (n + 1,), and its terms in the order in which `Half` has them."""
+    """Return the full list: starts of its rows (n + 1,), and its terms, in every row in the order of `Half`."""
     n, i_p = len(pairs), pairs.i_p
     of_q = np.concatenate([i_p, pairs.j_p]).astype(np.int64)
     pair_q = np.tile(np.arange(len(i_p)), 2)
@@ -77,13 +77,7 @@ def rows(pairs: Half, term_p: FloatArray) -> tuple[Any, FloatArray]:
 
 def exact(pairs: Half, term_p: FloatArray) -> FloatArray:
     """Return the exactly rounded sums (n,)."""
-    start_n, term_q = rows(pairs, term_p)
-    return _exact_rows(start_n, term_q)
-
-
-def _exact_rows(start_n: Any, term_q: FloatArray) -> FloatArray:
-    terms, starts = term_q.tolist(), start_n.tolist()
-    return np.array([math.fsum(terms[a:b]) for a, b in pairwise(starts)])
+    return _fsum(pairs, term_p)()
 
 
 def error(sum_n: FloatArray, exact_n: FloatArray, absolute_n: FloatArray) -> float:
@@ -118,7 +112,7 @@ def _gather(start_n: Any, term_q: Any, sum_n: Any) -> None:
 
 @_jit
 def _add(total: float, carry: float, term: float) -> tuple[float, float]:
-    """Neumaier's sum: the rounding error of every addition goes to the carry."""
+    """Return a sum and its carry with one more term, by Neumaier's method: the carry takes the rounding errors."""
     new = total + term
     if abs(total) >= abs(term):
         return new, carry + ((total - new) + term)
@@ -126,7 +120,8 @@ def _add(total: float, carry: float, term: float) -> tuple[float, float]:
 
 
 @_jit
-def _scatter_compensated(start_n: Any, j_p: Any, term_p: Any, sum_n: Any, carry_n: Any) -> None:
+def _scatter_compensated(start_n: Any, j_p: Any, term_p: Any, sum_n: Any) -> None:
+    carry_n = np.zeros(sum_n.size)
     for i in range(start_n.size - 1):
         total, carry = 0.0, 0.0
         for p in range(start_n[i], start_n[i + 1]):
@@ -150,7 +145,7 @@ def _gather_compensated(start_n: Any, term_q: Any, sum_n: Any) -> None:
 
 @_jit
 def _gather_four(start_n: Any, term_q: Any, sum_n: Any) -> None:
-    """Four sums at a time: an addition need not wait for the one before it."""
+    """Add in four sums at a time, so that an addition need not wait for the one before it."""
     for i in range(start_n.size - 1):
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
         rest = start_n[i] + (start_n[i + 1] - start_n[i]) // 4 * 4
@@ -166,7 +161,7 @@ def _gather_four(start_n: Any, term_q: Any, sum_n: Any) -> None:
 
 @_jit
 def _gather_pairwise(start_n: Any, term_q: Any, sum_n: Any) -> None:
-    """Blocks of `LEAVES` terms are joined two by two, as the digits of a binary counter are."""
+    """Add blocks of `LEAVES` terms and join them two by two, as the digits of a binary counter are."""
     level_k = np.empty(64)
     for i in range(start_n.size - 1):
         blocks = 0
@@ -193,42 +188,22 @@ def _gather_pairwise(start_n: Any, term_q: Any, sum_n: Any) -> None:
 # --- methods
 
 
-def _half(dtype: Any, sum_dtype: Any) -> Callable[[Half, FloatArray], Sum]:
+def _looped(loop: Any, full: bool, dtype: Any = np.float64, sum_dtype: Any = np.float64) -> Any:
+    """Return `SumMethod.prepare` of a loop over a half or a full list, for the precisions of terms and of sums."""
+
     def prepare(pairs: Half, term_p: FloatArray) -> Sum:
-        kept_p = term_p.astype(dtype)
+        start_n, terms = rows(pairs, term_p) if full else (pairs.start_n, term_p)
+        indices = (start_n,) if full else (start_n, pairs.j_p)
+        kept = terms.astype(dtype)
 
         def add() -> FloatArray:
             sum_n = np.zeros(len(pairs), sum_dtype)
-            _scatter(pairs.start_n, pairs.j_p, kept_p, sum_n)
+            loop(*indices, kept, sum_n)
             return sum_n
 
         return add
 
     return prepare
-
-
-def _full(loop: Any, dtype: Any = np.float64, sum_dtype: Any = np.float64) -> Callable[[Half, FloatArray], Sum]:
-    def prepare(pairs: Half, term_p: FloatArray) -> Sum:
-        start_n, term_q = rows(pairs, term_p)
-        kept_q = term_q.astype(dtype)
-
-        def add() -> FloatArray:
-            sum_n = np.zeros(len(pairs), sum_dtype)
-            loop(start_n, kept_q, sum_n)
-            return sum_n
-
-        return add
-
-    return prepare
-
-
-def _half_compensated(pairs: Half, term_p: FloatArray) -> Sum:
-    def add() -> FloatArray:
-        sum_n = np.zeros(len(pairs))
-        _scatter_compensated(pairs.start_n, pairs.j_p, term_p, sum_n, np.zeros(len(pairs)))
-        return sum_n
-
-    return add
 
 
 def _bincount(pairs: Half, term_p: FloatArray) -> Sum:
@@ -250,61 +225,61 @@ def _reduceat(pairs: Half, term_p: FloatArray) -> Sum:
 
 def _fsum(pairs: Half, term_p: FloatArray) -> Sum:
     start_n, term_q = rows(pairs, term_p)
-    return lambda: _exact_rows(start_n, term_q)
+
+    def add() -> FloatArray:
+        terms, starts = term_q.tolist(), start_n.tolist()
+        return np.array([math.fsum(terms[a:b]) for a, b in pairwise(starts)])
+
+    return add
 
 
 # --- bounds; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 4.2 and 4.3
 
+_32 = np.float32
 _U, _U32 = 2.0**-53, 2.0**-24
 
 
-def _gamma(k: Any, u: float) -> Any:
-    """k additions one after the other."""
+def _bound(k: Any, u: float = _U) -> Any:
+    """Return the bound of k additions one after the other."""
     return k * u / (1 - k * u)
 
 
-def _plain_bound(k: Any) -> Any:
-    return _gamma(k, _U)
-
-
 def _four_bound(k: Any) -> Any:
-    return _gamma(k // 4 + 5, _U)  # a quarter of them, up to three that are left over, two joints
+    return _bound(k // 4 + 5)  # a quarter of them, up to three that are left over, two joints
 
 
 def _pairwise_bound(k: Any) -> Any:
     # Of the terms of a block LEAVES are added, and blocks meet on log2 levels twice: as digits, and at the end.
-    return _gamma(LEAVES + 2 * np.ceil(np.log2(np.maximum(k / LEAVES, 1) + 1)), _U)
+    return _bound(LEAVES + 2 * np.ceil(np.log2(np.maximum(k / LEAVES, 1) + 1)))
 
 
 def _compensated_bound(k: Any) -> Any:
     return 2 * _U + 2 * (k * _U) ** 2
 
 
-def _single_terms_bound(k: Any) -> Any:
-    return _U32 + (1 + _U32) * _gamma(k, _U)
+def _single_terms_bound(k: Any, u: float = _U) -> Any:
+    return _U32 + (1 + _U32) * _bound(k, u)
 
 
-def _single_bound(k: Any) -> Any:
-    return _U32 + (1 + _U32) * _gamma(k, _U32)
-
-
-def _rounded_bound(k: Any) -> Any:
-    return _U + 0.0 * k
-
-
-_64, _32 = np.float64, np.float32
+_single_bound = partial(_single_terms_bound, u=_U32)
+_half, _full = partial(_looped, full=False), partial(_looped, full=True)
+_half_compensated, _full_compensated = _half(_scatter_compensated), _full(_gather_compensated)
 METHODS: tuple[SumMethod, ...] = (
-    SumMethod("half list", "as the reference adds: each pair read once", _half(_64, _64), _plain_bound),
-    SumMethod("full list", "every row in a register, nothing scattered", _full(_gather), _plain_bound),
+    SumMethod("half list", "as the reference adds: each pair read once", _half(_scatter), _bound),
+    SumMethod("full list", "every row in a register, nothing scattered", _full(_gather), _bound),
     SumMethod("full list, four sums", "no addition waits for the one before", _full(_gather_four), _four_bound),
-    SumMethod("bincount", "numpy alone: two calls, nothing to compile", _bincount, _plain_bound),
-    SumMethod("reduceat", "numpy alone, full list", _reduceat, _plain_bound),
+    SumMethod("bincount", "numpy alone: two calls, nothing to compile", _bincount, _bound),
+    SumMethod("reduceat", "numpy alone, full list", _reduceat, _bound),
     SumMethod("full list, pairwise", "error grows with log2 of the terms", _full(_gather_pairwise), _pairwise_bound),
     SumMethod("half list, compensated", "Neumaier, a carry per particle", _half_compensated, _compensated_bound),
-    SumMethod("full list, compensated", "Neumaier, in registers", _full(_gather_compensated), _compensated_bound),
-    SumMethod("half list, float32 terms", "half the memory, sum in double", _half(_32, _64), _single_terms_bound),
-    SumMethod("full list, float32 terms", "the same, gathered", _full(_gather, _32), _single_terms_bound),
-    SumMethod("half list, float32", "single precision throughout", _half(_32, _32), _single_bound),
-    SumMethod("full list, float32", "the same, gathered", _full(_gather, _32, _32), _single_bound),
-    SumMethod("fsum", "exactly rounded, math.fsum row by row", _fsum, _rounded_bound),
+    SumMethod("full list, compensated", "Neumaier, in registers", _full_compensated, _compensated_bound),
+    SumMethod(
+        "half list, float32 terms", "half the memory, sum in double", _half(_scatter, dtype=_32), _single_terms_bound
+    ),
+    SumMethod("full list, float32 terms", "the same, gathered", _full(_gather, dtype=_32), _single_terms_bound),
+    SumMethod(
+        "half list, float32", "single precision throughout", _half(_scatter, dtype=_32, sum_dtype=_32), _single_bound
+    ),
+    SumMethod("full list, float32", "the same, gathered", _full(_gather, dtype=_32, sum_dtype=_32), _single_bound),
+    SumMethod("fsum", "exactly rounded, math.fsum row by row", _fsum, lambda k: _U + 0.0 * k),
 )

@@ -24,7 +24,7 @@ QUICK_EDGE = {2: 100, 3: 12}
 
 
 def scene(dimension: int, cut: float, edge: int) -> tuple[Half, dict[str, FloatArray]]:
-    """Pairs of a periodic, disordered lattice of unit spacing, and their terms (pairs,) for either sum."""
+    """Return the pairs of a periodic, disordered lattice of unit spacing, and their terms (pairs,) of either sum."""
     random = np.random.default_rng(seed(f"sums/{dimension}/{edge}"))
     axes = np.meshgrid(*[np.arange(edge) + 0.5] * dimension, indexing="ij")
     x_nc = np.stack([axis.ravel() for axis in axes], axis=1)
@@ -66,7 +66,7 @@ def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:
 
 def _points(quantity: str, regime: str, pairs: Half, term_p: FloatArray, quick: bool) -> tuple[MethodPoint, ...]:
     calls = {method.name: method.prepare(pairs, term_p) for method in METHODS}
-    timings = measure.in_turns(calls, *((6, 0.005) if quick else (measure.ROUNDS, 0.02)))
+    timings = measure.in_turns(calls, *measure.effort(quick))
     sums = exact(pairs, term_p), exact(pairs, np.abs(term_p))
     errors = {m.name: error(calls[m.name](), *sums) for m in METHODS}
     return measured(quantity, regime, errors, timings, len(pairs), {m.name: m.reason for m in METHODS})

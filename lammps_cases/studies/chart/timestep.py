@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -16,10 +15,10 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.engine.session import EngineBroken, EngineRefused
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure
-from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
+from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 from lammps_cases.studies.chart import threads
-from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, measured
-from lammps_cases.studies.chart.prepared import Instances
+from lammps_cases.studies.chart.points import ONE_PER_CENT, Crossing, Panel, bisected, measured
+from lammps_cases.studies.chart.prepared import opened
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.flows.flow import Flow, Snapshot, Start
@@ -32,8 +31,8 @@ FINE = 1 / 32  # of the run that stands for no error of the step
 SWIFT = 12  # spacings per wavelength of the vortices, at which sound limits the step and not viscosity
 TIMED = 10  # steps of a call that is timed
 NOISE = 0.01  # of the largest velocity or density: what an unstable step makes grow
-TENFOLD, SPAN, LOOK = 10.0, 300, 5  # growth of the energy, steps in which it is looked for, and at which intervals
-CLOSE = 1.02  # ratio of the two steps between which a limit is known
+TENFOLD, SPAN, LOOK = 10.0, 300, 5  # growth of the energy, the steps within which it must occur, steps between checks
+CLOSE = 1.02  # ratio of the two time steps between which a limit lies
 
 
 @dataclass(frozen=True)
@@ -53,11 +52,8 @@ def _velocity(shot: Snapshot) -> FloatArray:
 
 
 def waves() -> tuple[Wave, ...]:
-    """Return one flow whose limit is viscosity's, one in which sound and viscosity meet."""
+    """Return a flow whose time step is limited by viscosity, and one limited by sound and viscosity alike."""
     return Wave(FLOWS["shear-wave"], _velocity), Wave(FLOWS["sound-wave-linear"], _density)
-
-
-# --- a flow that is stepped by hand
 
 
 def stepping(start: Start, lmp: Any | None) -> FlowRun:
@@ -66,7 +62,7 @@ def stepping(start: Start, lmp: Any | None) -> FlowRun:
 
 
 def shots(run: FlowRun, steps: Sequence[int]) -> list[Snapshot]:
-    """Return all readings of a flow, from its beginning to its end."""
+    """Return the snapshots of a flow after some numbers of steps, in increasing order."""
     snapshots = []
     for step in steps:
         run.advance(step - run.step)
@@ -74,7 +70,8 @@ def shots(run: FlowRun, steps: Sequence[int]) -> list[Snapshot]:
     return snapshots
 
 
-def _start(flow: Flow, n: int, fraction: float) -> Start:
+def started(flow: Flow, n: int, fraction: float) -> Start:
+    """Return the start of a flow with a time step that is a fraction of the flow's limit."""
     return flow.start(n, replace(flow.options, dt_fraction=fraction))
 
 
@@ -83,7 +80,7 @@ def _start(flow: Flow, n: int, fraction: float) -> Start:
 
 @dataclass(frozen=True)
 class Solved:
-    """A flow solved with one step: its field, errors against a short step and the closed solution, a call to time."""
+    """A flow solved with one time step: its field, its errors against a short step and the closed solution, a call."""
 
     field_n: FloatArray
     temporal: float
@@ -93,13 +90,13 @@ class Solved:
 
 
 def solve(wave: Wave, n: int, fractions: Sequence[float], fine: float, instances: Sequence[Any | None]) -> list[Solved]:
-    """Solve a flow with several steps on one engine; ``instances`` of LAMMPS, or None, one per step and one more."""
+    """Solve a flow with several time steps, each on an instance of LAMMPS, the last for the ``fine`` one, or None."""
     flow = wave.flow
-    finest = _start(flow, n, fine)
+    finest = started(flow, n, fine)
     limit = wave.field(shots(stepping(finest, instances[-1]), finest.steps)[-1])
     solutions = []
     for fraction, lmp in zip(fractions, instances, strict=False):
-        start = _start(flow, n, fraction)
+        start = started(flow, n, fraction)
         run = stepping(start, lmp)
         read = shots(run, start.steps)
         field_n = wave.field(read[-1])
@@ -117,19 +114,17 @@ def order(solved: Sequence[Solved]) -> Fit:
 def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
     n, flow = QUICK_RESOLUTION if quick else RESOLUTION, wave.flow
     with ExitStack() as stack:
-        lammps = Instances(lmp, stack)
         solved = {"": solve(wave, n, FRACTIONS, FINE, [None] * (len(FRACTIONS) + 1))}
-        if lammps:
-            instances = [lammps.one_more() for _ in range(len(FRACTIONS) + 1)]
+        if lmp is not None:
+            instances = [opened(lmp, stack) for _ in range(len(FRACTIONS) + 1)]
             solved["LAMMPS "] = solve(wave, n, FRACTIONS, FINE, instances)
         of_name = {
             f"{prefix}step 1/{round(1 / f)}": s
             for prefix, all_steps in solved.items()
             for f, s in zip(FRACTIONS, all_steps, strict=True)
         }
-        calls = {name: s.call for name, s in of_name.items()}
-        took = measure.in_turns(calls, *((6, 0.002) if quick else (measure.ROUNDS, 0.02)))
-    timings = {name: _whole(took[name], s.start.steps[-1] / TIMED) for name, s in of_name.items()}
+        took = measure.in_turns({name: s.call for name, s in of_name.items()}, *measure.effort(quick))
+    timings = {name: took[name].scaled(s.start.steps[-1] / TIMED) for name, s in of_name.items()}
     any_start = solved[""][0].start
     per = len(any_start.atoms) * any_start.steps[-1] * any_start.timestep
     orders = "; ".join(
@@ -157,32 +152,24 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
         )
 
 
-def _whole(timing: Timing, factor: float) -> Timing:
-    """Return the time of a whole run, from that of some of its steps."""
-    return Timing(tuple(s * factor for s in timing.seconds_r), timing.calls, timing.first)
-
-
 # --- limit of stability
 
 
 def stability(flow: Flow, n: int, lmp: Any | None) -> ConfidenceInterval:
-    """Step at which a flow gets unstable, over the flow's limit: bisected between one that does not and one that does.
+    """Return the time step, over the flow's limit, at which a flow becomes unstable.
 
-    The initial state carries noise of a hundredth of the wave. Steps are looked at upwards, so that none is far beyond
-    the limit, where LAMMPS would lose its atoms.
+    The initial state carries noise of a hundredth of the wave. Steps are tried upwards, so that none is far beyond the
+    limit, where LAMMPS would lose its atoms.
     """
     low, high = 1.0, 1.25
     while not _grows(flow, n, high, lmp):
         low, high = high, 1.25 * high
-    while high / low > CLOSE:
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if _grows(flow, n, middle, lmp) else (middle, high)
-    return ConfidenceInterval(math.sqrt(low * high), low, high)
+    return bisected(lambda fraction: not _grows(flow, n, fraction, lmp), low, high, CLOSE)
 
 
 def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
     """Return whether energy grows tenfold, or the run fails, within some steps."""
-    start = _noisy(_start(flow, n, fraction))
+    start = _noisy(started(flow, n, fraction))
     run = stepping(start, lmp)
     first = _energy(start, run.snapshot())
     while run.step < SPAN:
@@ -199,7 +186,7 @@ def _grows(flow: Flow, n: int, fraction: float, lmp: Any | None) -> bool:
 
 
 def _energy(start: Start, shot: Snapshot) -> float:
-    """Return the kinetic energy and that of compression, per unit mass and as for small waves."""
+    """Return the sum of the kinetic energy and that of compression per unit mass, as for small waves."""
     cs = start.case.scene.types[0].cs or 1.0
     return float(np.sum(shot.v_nc**2) + cs**2 * np.sum(np.square(shot.rho_n / shot.rho_n.mean() - 1)))
 
@@ -216,12 +203,10 @@ def _noisy(start: Start) -> Start:
 
 
 def _limits(flow: Flow, n: int, lmp: Any | None) -> Iterator[Crossing]:
+    variable, criterion = "step over min(h/4c, h^2/8nu)", f"energy grows tenfold within {SPAN} steps"
     for name, instance in (("reference", None), ("LAMMPS", lmp))[: 1 if lmp is None else 2]:
-        at = stability(flow, n, instance)
-        criterion = f"energy grows tenfold within {SPAN} steps"
-        yield Crossing(
-            flow.name, (f"{name}, stable", f"{name}, unstable"), "step over min(h/4c, h^2/8nu)", criterion, at
-        )
+        sides = f"{name}, stable", f"{name}, unstable"
+        yield Crossing(flow.name, sides, variable, criterion, stability(flow, n, instance))
 
 
 def panels(quick: bool, lmp: Any | None) -> Iterator[Panel]:

@@ -14,7 +14,7 @@ NEGLIGIBLE = 50.0  # exponent beyond which a mode is below the last digit, of lo
 
 
 def plane_start_up(y_n: Array, t: Any, width: Any, nu: Any, gravity: Any = 0.0, speed: Any = 0.0) -> Array:
-    r"""Velocity between two plates, at rest until t = 0, when force and plate begin.
+    r"""Return the velocity (n,) between two plates, at rest until t = 0, when the force and one plate set in.
 
     .. math::
         \partial_t u = \nu\,\partial_y^2 u + g,\qquad u(0)=0,\quad u(L)=U,\quad u(t=0)=0,
@@ -58,7 +58,7 @@ def plane_start_up(y_n: Array, t: Any, width: Any, nu: Any, gravity: Any = 0.0, 
 
 
 def depth_below_surface(law: EOS, rho_n: Array, gravity: Any) -> Array:
-    r"""Depth at which a fluid at rest under gravity has a density; at the surface the pressure is that of rho0.
+    r"""Return the depth (n,) at which a fluid at rest under gravity has a density; at the surface it is rho0.
 
     .. math:: \frac{dP}{dz} = \rho g \;\Rightarrow\; gz = \int_{\rho_0}^{\rho}\frac{c^2(\rho')}{\rho'}\,d\rho'
 
@@ -78,7 +78,7 @@ def depth_below_surface(law: EOS, rho_n: Array, gravity: Any) -> Array:
 
 
 def _exponent(law: EOS) -> float:
-    """Exponent of Tait's law; the linear law has that of 1."""
+    """Return the exponent of Tait's law; 1 for the linear law."""
     if law.style == "linear":
         return 1.0
     if law.exponent is None or law.exponent == 1:
@@ -87,9 +87,9 @@ def _exponent(law: EOS) -> float:
 
 
 def weight_of_column(law: EOS, depth_n: Array, gravity: Any) -> Array:
-    """Pressure above the background at a depth of a fluid at rest; continued above the surface by negative depths.
+    """Return the pressure (n,) above the background at depths (n,) of a fluid at rest; depths may be negative.
 
-    The inverse of `depth_below_surface`, put into the law.
+    It is the inverse of `depth_below_surface`, put into the law.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def weight_of_column(law: EOS, depth_n: Array, gravity: Any) -> Array:
 
 
 def column(law: EOS, mass_above_n: Array, gravity: Any) -> tuple[Array, Array]:
-    r"""Depth and density below a given mass per area of a fluid at rest under gravity.
+    r"""Return the depth and density, (n,) each, below a mass per area of a fluid at rest under gravity.
 
     The pressure carries the weight, :math:`P = P(\rho_0) + gM`; the law gives the density, and `depth_below_surface`
     the place. Particles of equal mass therefore lie at equal steps of M.

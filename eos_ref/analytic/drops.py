@@ -40,16 +40,16 @@ class Ellipse:
         return self.rate**2 * self.a**2 * self.b**2 / (self.a**2 + self.b**2)
 
     def velocity(self, x_nc: Array) -> Array:
-        """Velocity at places inside."""
+        """Return the velocity (n, 2) at positions (n, 2) inside."""
         return x_nc * np.array([self.rate, -self.rate])
 
     def pressure(self, x_nc: Array, rho: Any) -> Array:
-        """Pressure at places inside."""
+        """Return the pressure (n,) at positions (n, 2) inside."""
         return rho * self.centre * (1 - (x_nc[:, 0] / self.a) ** 2 - (x_nc[:, 1] / self.b) ** 2)
 
 
 def stretched(radius: Any, rate: Any, t: Any) -> Ellipse:
-    """A drop that was round, of a radius and a rate of strain, at t = 0.
+    """Return, at a time t, a drop that was round, of a radius and a rate of strain, at t = 0.
 
     Raises
     ------
@@ -67,12 +67,12 @@ def stretched(radius: Any, rate: Any, t: Any) -> Ellipse:
 
 
 def _strain(time: Any) -> Any:
-    """Strain at a time in units of the first rate: Newton's steps from above, where the integral is convex."""
+    """Return the strain at a time in units of the first rate, by Newton's method from above: the integral is convex."""
     place, weight = (0 * time + w for w in np.polynomial.legendre.leggauss(NODES))
-    found, last = time, np.inf
+    strain, last = time, np.inf
     while True:
-        integral = found / 2 * (weight * np.sqrt(np.cosh(found * (place + 1)))).sum()
-        step = (integral - time) / np.sqrt(np.cosh(2 * found))
+        integral = strain / 2 * (weight * np.sqrt(np.cosh(strain * (place + 1)))).sum()
+        step = (integral - time) / np.sqrt(np.cosh(2 * strain))
         if not abs(step) < last:
-            return found
-        found, last = found - step, abs(step)
+            return strain
+        strain, last = strain - step, abs(step)

@@ -66,19 +66,19 @@ class Riemann:
 
     @cached_property
     def log_pressure(self) -> Any:
-        """ln of the pressure between the waves.
+        """Logarithm of the pressure between the waves.
 
-        The velocity jump is an increasing, convex function of it: Newton's steps end in steps of rounding.
+        The velocity jump is an increasing, convex function of it, so that Newton's method converges to rounding.
         """
         target = self.left.u - self.right.u
         logs = [np.log(gas.pressure) for gas in (self.left, self.right)]
-        found, last = max(logs) + max(target, 0) / (self.left.c + self.right.c), np.inf
+        log_p, last = max(logs) + max(target, 0) / (self.left.c + self.right.c), np.inf
         while True:
-            jumps = [jump(gas.c, found - log) for gas, log in zip((self.left, self.right), logs, strict=True)]
+            jumps = [jump(gas.c, log_p - log) for gas, log in zip((self.left, self.right), logs, strict=True)]
             step = (jumps[0][0] + jumps[1][0] - target) / (jumps[0][1] + jumps[1][1])
             if not abs(step) < last:
-                return found
-            found, last = found - step, abs(step)
+                return log_p
+            log_p, last = log_p - step, abs(step)
 
     @cached_property
     def pressure(self) -> Any:
@@ -91,7 +91,7 @@ class Riemann:
         return self.right.u + jump(self.right.c, self.log_pressure - np.log(self.right.pressure))[0]
 
     def waves(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Speeds from left to right: outer and inner edge of the left wave, contact, inner and outer of the right.
+        """Return the speeds from left to right: outer and inner edge of the left wave, contact, inner and outer edge.
 
         The two edges of a shock are the same.
         """
@@ -100,7 +100,7 @@ class Riemann:
         return outer_l, inner_l, self.velocity, inner_r, outer_r
 
     def edges(self, gas: Gas, side: int) -> tuple[Any, Any]:
-        """Speeds of the outer and the inner edge of the wave on one side, -1 left or 1 right; of a shock the same."""
+        """Return the speeds of the outer and inner edge of the wave on a side, -1 left or 1 right."""
         ratio = self.pressure / gas.pressure
         if ratio > 1:
             speed = gas.u + side * gas.c * np.sqrt(ratio)
@@ -108,7 +108,7 @@ class Riemann:
         return gas.u + side * gas.c, self.velocity + side * gas.c
 
     def at(self, x_n: Array, t: Any) -> tuple[Array, Array]:
-        """Density and velocity at places x and a time t > 0.
+        """Return the density and velocity, (n,) each, at positions x (n,) and a time t > 0.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class Riemann:
     def _side(self, gas: Gas, side: int, xi_n: Array) -> tuple[Array, Array]:
         outer, inner = self.edges(gas, side)
         far_n, star_n = side * (xi_n - outer) > 0, side * (xi_n - inner) <= 0
-        fan_u_n = np.clip(xi_n, min(outer, inner), max(outer, inner)) - side * gas.c  # meant between the edges only
+        fan_u_n = np.clip(xi_n, min(outer, inner), max(outer, inner)) - side * gas.c  # used between the edges only
         u_n = np.where(far_n, gas.u, np.where(star_n, self.velocity, fan_u_n))
         fan_rho_n = gas.rho * np.exp(side * (fan_u_n - gas.u) / gas.c)
         rho_n = np.where(far_n, gas.rho, np.where(star_n, self.pressure / gas.c**2, fan_rho_n))
@@ -134,7 +134,7 @@ class Riemann:
 
 
 def jump(c: Any, log_ratio: Any) -> tuple[Any, Any]:
-    """Velocity gained across the right wave, and its derivative, for ln of the pressure ratio."""
+    """Return the velocity gained across the right wave, and its derivative, for the logarithm of the pressure ratio."""
     if log_ratio > 0:
         return 2 * c * np.sinh(log_ratio / 2), c * np.cosh(log_ratio / 2)
     return c * log_ratio, c

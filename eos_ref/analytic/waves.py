@@ -17,7 +17,7 @@ Array = Any  # of any float type
 
 
 def shear_wave(x_n: Array, t: Any, k: Any, nu: Any, amplitude: Any = 1.0) -> Array:
-    r"""Transverse velocity of a shear wave, :math:`v_y=A\sin(kx)\,e^{-\nu k^2t}`.
+    r"""Return the transverse velocity (n,) of a shear wave, :math:`v_y=A\sin(kx)\,e^{-\nu k^2t}`.
 
     Solves :math:`\partial_tv_y=\nu\,\partial_x^2v_y`, which at any amplitude is the whole equation of Navier and
     Stokes: the flow does not carry itself, as nothing depends on y. Source: Landau & Lifshitz, Fluid Mechanics (1987),
@@ -27,7 +27,7 @@ def shear_wave(x_n: Array, t: Any, k: Any, nu: Any, amplitude: Any = 1.0) -> Arr
 
 
 def taylor_green(x_n: Array, y_n: Array, t: Any, k: Any, nu: Any, amplitude: Any = 1.0) -> tuple[Array, Array, Array]:
-    r"""Velocity and pressure over density of decaying vortices in a plane.
+    r"""Return the velocity, and the pressure over density, of decaying vortices in a plane.
 
     .. math:: u=A\sin kx\cos ky\,F,\quad v=-A\cos kx\sin ky\,F,\quad
         \frac p\rho=\frac{A^2}4(\cos2kx+\cos2ky)F^2,\qquad F=e^{-2\nu k^2t}
@@ -46,7 +46,7 @@ def taylor_green(x_n: Array, y_n: Array, t: Any, k: Any, nu: Any, amplitude: Any
 
 
 def heat_wave(x_n: Array, t: Any, k: Any, diffusivity: Any, amplitude: Any = 1.0, mean: Any = 0.0) -> Array:
-    r"""Temperature of a wave of heat at rest, :math:`T=\bar T+A\sin(kx)\,e^{-\alpha k^2t}`.
+    r"""Return the temperature (n,) of a wave of heat at rest, :math:`T=\bar T+A\sin(kx)\,e^{-\alpha k^2t}`.
 
     Solves :math:`\partial_tT=\alpha\,\partial_x^2T` with :math:`\alpha=\kappa/(\rho c_v)`. Source: Landau & Lifshitz,
     Fluid Mechanics (1987), section 51.
@@ -57,7 +57,7 @@ def heat_wave(x_n: Array, t: Any, k: Any, diffusivity: Any, amplitude: Any = 1.0
 def sound_wave(
     x_n: Array, t: Any, k: Any, c: Any, nu: Any, rho0: Any = 1.0, amplitude: Any = 1.0
 ) -> tuple[Array, Array]:
-    r"""Density and velocity of a small standing wave of sound, at rest and compressed by A at t = 0.
+    r"""Return the density and velocity of a small standing wave of sound, at rest and compressed by A at t = 0.
 
     .. math:: \rho=\rho_0\{1+A\cos(kx)\,e^{-\Gamma t}[\cos\omega t+\tfrac\Gamma\omega\sin\omega t]\},\qquad
         v=A\,\frac{c^2k}\omega\sin(kx)\,e^{-\Gamma t}\sin\omega t,
@@ -97,7 +97,7 @@ def sound_wave(
 
 
 def damped(k: Any, c: Any, nu: Any) -> tuple[Any, Any]:
-    r"""Rate :math:`\Gamma=\nu_lk^2/2` at which sound is damped, and its angular frequency; see `sound_wave`.
+    r"""Return the rate :math:`\Gamma=\nu_lk^2/2` at which sound is damped, and its angular frequency; see `sound_wave`.
 
     Raises
     ------
@@ -111,11 +111,11 @@ def damped(k: Any, c: Any, nu: Any) -> tuple[Any, Any]:
 
 
 def damped_oscillation(f_t: Array, dt: Any) -> tuple[Any, Any]:
-    r"""Rate and angular frequency of :math:`f=e^{-\Gamma t}(a\cos\omega t+b\sin\omega t)` from values at even times.
+    r"""Return the rate and angular frequency of :math:`f=e^{-\Gamma t}(a\cos\omega t+b\sin\omega t)`.
 
-    Any such f obeys :math:`f_{j+1}=pf_j-qf_{j-1}` with :math:`p=2e^{-\Gamma\Delta t}\cos\omega\Delta t`,
-    :math:`q=e^{-2\Gamma\Delta t}`; p and q follow by least squares. Source: Prony's method, e.g. Hildebrand,
-    Introduction to Numerical Analysis (1974), section 9.4.
+    Any such f, at equal distances of time, obeys :math:`f_{j+1}=pf_j-qf_{j-1}` with
+    :math:`p=2e^{-\Gamma\Delta t}\cos\omega\Delta t` and :math:`q=e^{-2\Gamma\Delta t}`; p and q follow by least
+    squares. Source: Prony's method, e.g. Hildebrand, Introduction to Numerical Analysis (1974), section 9.4.
 
     Parameters
     ----------

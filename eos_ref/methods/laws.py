@@ -1,8 +1,8 @@
 r"""Ways to evaluate an equation of state.
 
 A method prepares, for one law and an interval of densities, a function of densities and energies that returns
-pressures in float64. `eos_ref.eos.laws` holds the law itself; the forms here are the alternatives to it that one meets
-elsewhere (textbooks, LAMMPS, tables, single precision), to be measured, and to be used where a tolerance allows
+pressures in float64. `eos_ref.eos.laws` holds the law itself; the forms here are alternatives that are in use elsewhere
+(textbooks, LAMMPS, tables, single precision). They are measured, and used where a tolerance allows
 (`eos_ref.methods.choice`).
 """
 
@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,9 @@ class LawMethod:
     Attributes
     ----------
     prepare : function of a law and the ends of an interval of densities; returns ``evaluate(rho_n, e_n)``
-    applies : whether a law can be evaluated so
+    applies : function of a law; returns whether the method can evaluate it
     conditioning : rank among the methods that cost the same, 0 the best conditioned one
-    store : of a law and float64 densities: what the method keeps of them, if not those
+    store : function of a law and float64 densities; returns what the method keeps of them, if not those
     """
 
     name: str
@@ -44,11 +45,11 @@ class LawMethod:
     store: Callable[[EOS, FloatArray], Any] | None = None
 
     def stored(self, law: EOS, rho_n: FloatArray) -> Any:
-        """Densities as the method keeps them between evaluations."""
+        """Return densities as the method keeps them between evaluations."""
         return rho_n if self.store is None else self.store(law, rho_n)
 
     def function(self, law: EOS, low: float, high: float) -> Evaluate:
-        """Pressures of float64 densities, whatever the method keeps of them."""
+        """Return the method as a function of float64 densities, whatever it keeps of them."""
         evaluate = self.prepare(law, low, high)
         return lambda rho_n, e_n: np.asarray(evaluate(self.stored(law, rho_n), e_n), float)
 
@@ -58,7 +59,7 @@ def _compiled(law: EOS, low: float, high: float) -> Evaluate:
 
 
 def _two_threads(law: EOS, low: float, high: float) -> Evaluate:
-    """Each thread takes one half of the states; compiled loops let go of Python's lock."""
+    """Give each thread one half of the states; compiled loops release Python's lock."""
     from eos_ref.eos import compiled
 
     pool = ThreadPoolExecutor(2)
@@ -96,7 +97,7 @@ def _as_lammps(law: EOS, low: float, high: float) -> Evaluate:
 
 
 def _polynomial(law: EOS, low: float, high: float) -> Evaluate:
-    r"""With :math:`d = \rho/\rho_0 - 1`, :math:`(1+d)^\gamma - 1 = d\,(\gamma + \binom\gamma2 d + \dots)` by Horner."""
+    r"""Expand :math:`(1+d)^\gamma - 1 = d\,(\gamma + \binom\gamma2 d + \dots)` in :math:`d = \rho/\rho_0 - 1`."""
     gamma = int(law.gamma)
     coefficients = [math.comb(gamma, k) for k in range(1, gamma + 1)]
     scale = law.cs**2 * law.rho0 / gamma
@@ -133,28 +134,14 @@ def _expm1(law: EOS, low: float, high: float) -> Evaluate:
     return evaluate
 
 
-def _float32(law: EOS, low: float, high: float) -> Evaluate:
-    return lambda rho_n, e_n: np.asarray(law.evaluate(rho_n, e_n))
-
-
-def _float32_state(law: EOS, low: float, high: float) -> Evaluate:
+def _float32(law: EOS, low: float, high: float, excess: bool = False) -> Evaluate:
     from eos_ref.methods import single
 
-    return lambda state_n, e_n: single.pressure(law, state_n, e_n, excess=False)
-
-
-def _float32_excess(law: EOS, low: float, high: float) -> Evaluate:
-    from eos_ref.methods import single
-
-    return lambda state_n, e_n: single.pressure(law, state_n, e_n, excess=True)
+    return partial(single.pressure, law, excess=excess)
 
 
 def _single(law: EOS, rho_n: FloatArray) -> Any:
     return rho_n.astype(np.float32)
-
-
-def _single_excess(law: EOS, rho_n: FloatArray) -> Any:
-    return (rho_n - law.rho0).astype(np.float32)
 
 
 def _linear_table(law: EOS, low: float, high: float) -> Evaluate:
@@ -169,20 +156,8 @@ def _cubic_table(law: EOS, low: float, high: float) -> Evaluate:
     return Table(law, low, high, NODES).pressure
 
 
-def _any(law: EOS) -> bool:
-    return True
-
-
 def _is_tait(law: EOS) -> bool:
     return law.exponent is not None
-
-
-def _has_textbook(law: EOS) -> bool:
-    return law.law.textbook is not None
-
-
-def _of_density_alone(law: EOS) -> bool:
-    return not law.needs_energy
 
 
 METHODS: tuple[LawMethod, ...] = (
@@ -194,16 +169,24 @@ METHODS: tuple[LawMethod, ...] = (
         "series", "any gamma near rho0: binomial series in d, compiled, as many terms as needed", _series, _is_tait
     ),
     LawMethod("polynomial", "whole gamma: binomial series in d = rho/rho0 - 1", _polynomial, _has_polynomial),
-    LawMethod("textbook", "the formula as printed, numpy's power", _textbook, _has_textbook, 3),
+    LawMethod(
+        "textbook", "the formula as printed, numpy's power", _textbook, lambda law: law.law.textbook is not None, 3
+    ),
     LawMethod("in LAMMPS' order", "LAMMPS' roundings, for the verdict exact", _as_lammps, conditioning=3),
-    LawMethod("float32 excess", "rho - rho0 kept in single, law in double", _float32_excess, _any, 2, _single_excess),
-    LawMethod("float32 state", "density kept in single, law in double", _float32_state, _any, 4, _single),
-    LawMethod("float32", "all in single precision", _float32, _any, 5, _single),
-    LawMethod("table, cubic", f"{NODES} values and slopes a side", _cubic_table, _of_density_alone, 6),
-    LawMethod("table, linear", f"{NODES} values", _linear_table, _of_density_alone, 7),
+    LawMethod(
+        "float32 excess",
+        "rho - rho0 kept in single, law in double",
+        partial(_float32, excess=True),
+        conditioning=2,
+        store=lambda law, rho_n: (rho_n - law.rho0).astype(np.float32),
+    ),
+    LawMethod("float32 state", "density kept in single, law in double", _float32, conditioning=4, store=_single),
+    LawMethod("float32", "all in single precision", _numpy, conditioning=5, store=_single),
+    LawMethod("table, cubic", f"{NODES} values and slopes a side", _cubic_table, lambda law: not law.needs_energy, 6),
+    LawMethod("table, linear", f"{NODES} values", _linear_table, lambda law: not law.needs_energy, 7),
 )
 
 
 def methods_of(law: EOS) -> list[LawMethod]:
-    """The methods that can evaluate a law."""
+    """Return the methods that can evaluate a law."""
     return [method for method in METHODS if method.applies(law)]

@@ -25,25 +25,24 @@ PASS = 4  # terms of Horner's scheme taken in one pass over a block
 
 
 def coefficients(law: EOS, reach: float) -> FloatArray:
-    r"""Coefficients of 1, d, d^2, ... of :math:`[(1+d)^\gamma-1]/(\gamma d)`, until what follows is below rounding.
+    r"""Return the coefficients of 1, d, d^2, ... of :math:`[(1+d)^\gamma-1]/(\gamma d)`, at most `MOST`.
 
-    Of a whole gamma the series ends by itself. The terms left out add up to less than :math:`2^{-54}` where :math:`|d|`
-    does not exceed ``reach`` < 1; at most `MOST`.
+    The terms left out add up to less than :math:`2^{-54}` where :math:`|d|` does not exceed ``reach`` < 1. The series
+    of a whole gamma ends by itself.
     """
-    found = [1.0]
-    while len(found) < MOST:
-        k = len(found)
-        next_ = found[-1] * (law.gamma - k) / (k + 1)
+    terms = [1.0]
+    for k in range(1, MOST):
+        next_ = terms[-1] * (law.gamma - k) / (k + 1)
         # From here on the ratio of a term to the one before is below this, so that the rest is a geometric series.
         ratio = reach * max(1.0, abs(law.gamma - k - 1) / (k + 2))
         if next_ == 0 or (ratio < 1 and abs(next_) * reach**k / (1 - ratio) < 2.0**-54):
             break
-        found.append(next_)
-    return np.array(found)
+        terms.append(next_)
+    return np.array(terms)
 
 
 def pressure(law: EOS, coefficient_k: FloatArray, rho_n: FloatArray) -> FloatArray:
-    """Pressure of every density (n,)."""
+    """Return the pressure (n,) of every density (n,)."""
     padded = np.zeros(-(-len(coefficient_k) // PASS) * PASS)
     padded[: len(coefficient_k)] = coefficient_k
     p_n = np.empty(rho_n.shape)

@@ -15,7 +15,7 @@ from eos_ref.eos.table import FloatArray
 
 
 def pressure(law: EOS, state_n: Any, e_n: FloatArray | None, excess: bool) -> FloatArray:
-    """Pressures (n,) in float64 of float32 densities, or of float32 differences to rho0."""
+    """Return the pressures (n,) in float64 of float32 densities, or of float32 differences from rho0."""
     p_n = np.empty(state_n.shape)
     _widened(state_n, np.empty(0) if e_n is None else e_n, law.rho0 if excess else 0.0, *law.settings, p_n)
     return p_n

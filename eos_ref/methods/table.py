@@ -42,14 +42,14 @@ class Table:
         self.coefficient_skf = np.stack(sides)
 
     def pressure(self, rho_n: FloatArray, e_n: FloatArray | None = None) -> FloatArray:
-        """Pressure of every density (n,)."""
+        """Return the pressure (n,) of every density (n,)."""
         p_n = np.empty(rho_n.shape)
         _interpolate(rho_n, self.rho0, 1 / self.step_s, self.coefficient_skf, self.background, p_n)
         return p_n
 
 
 def _coefficients(law: EOS, step: float, nodes: int) -> FloatArray:
-    """Of every interval p, a, b, c: the pressure at t from 0 to 1 is p + t (a + t (b + t c)), without background."""
+    """Return p, a, b, c of every interval, (nodes - 1, 4): at t from 0 to 1, P - P_b = p + t (a + t (b + t c))."""
     rho_k = law.rho0 + step * np.arange(nodes)
     p_k, slope_k = np.asarray(law.evaluate(rho_k)) - law.background, np.asarray(law.stiffness(rho_k)) * step
     rise_k = np.diff(p_k)

@@ -1,11 +1,11 @@
 r"""The worst relative error of a way to evaluate a law, found by search over an interval of compressions.
 
-Relative to the sum of the law's own value and the background pressure, both taken absolute: a background that happens
-to cancel the law's value makes every method lose digits, and says nothing of the method.
+Errors are relative to the sum of the absolute values of the law and of the background pressure: a background that
+happens to cancel the law makes every method lose digits, and says nothing of the method.
 
 Sampling alone misses the worst case: rounding errors jump from one double to the next. The search samples the
 interval, then climbs from the worst samples to their neighbours, one to 2**20 doubles away, and finally certifies the
-worst with Arb. All but the last evaluate whole arrays; the yardstick on the way is the law in extended precision.
+worst with Arb. All steps but the last evaluate whole arrays and compare with the law in extended precision.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ class Regime:
         return f"|rho/rho0 - 1| from {self.low:g} to {self.high:g}"
 
     def ends(self, law: EOS) -> tuple[float, float]:
-        """Least and greatest density."""
+        """Return the least and the greatest density."""
         return law.rho0 * (1 - min(self.high, 0.9)), law.rho0 * (1 + self.high)
 
     def densities(self, law: EOS, n: int) -> FloatArray:
-        """Densities (n,) with distances in geometric progression, the signs alternating."""
+        """Return densities (n,) whose distances are in geometric progression, with alternating signs."""
         d_n = np.geomspace(self.low, self.high, n)
         d_n[1::2] *= -1
         return np.asarray(law.rho0 * (1 + np.where(d_n < -0.9, -d_n, d_n)))
 
     def holds(self, law: EOS, rho_n: FloatArray) -> Any:
-        """Whether densities belong to the regime; at its ends one rounding of slack."""
+        """Return whether densities (n,) belong to the regime; at its ends one rounding of slack."""
         d_n = np.abs(rho_n / law.rho0 - 1)
         low, high = self.ends(law)
         return (d_n >= self.low * (1 - 1e-12) - 2.0**-53) & (d_n > 0) & (rho_n >= low) & (rho_n <= high)
@@ -70,13 +70,13 @@ class Worst:
 def worst_case(
     evaluate: Evaluate, law: EOS, rho_n: FloatArray, inside: Callable[[FloatArray], Any], e: float | None = None
 ) -> Worst:
-    """Largest relative error of pressures, by search from some densities.
+    """Return the largest relative error of pressures, searching from some densities.
 
     Parameters
     ----------
-    evaluate : function of densities and energies
+    evaluate : function of densities and energies; returns pressures
     rho_n : (n,) densities to begin with
-    inside : function of densities; where the search may go
+    inside : function of densities; returns where the search may go
     e : energy per unit mass, of laws that need one
 
     Raises
@@ -87,7 +87,7 @@ def worst_case(
     rho_n = np.unique(rho_n[law.is_defined(rho_n) & inside(rho_n)])
     if not rho_n.size:
         raise InputError("density", "none of the interval lies in the law's domain")
-    seen = rho_n.size
+    evaluations = rho_n.size
     error_n = _screened(evaluate, law, rho_n, e)
     for _ in range(ROUNDS):
         best = rho_n[np.argsort(error_n)[-CLIMBERS:]]
@@ -95,20 +95,20 @@ def worst_case(
         near = near[np.isfinite(near) & law.is_defined(near)]
         near = np.unique(np.concatenate([best, near[inside(near)]]))
         near_error = _screened(evaluate, law, near, e)
-        seen += near.size
+        evaluations += near.size
         if near_error.max() <= error_n.max():
             break
         rho_n, error_n = near, near_error
     order = np.argsort(error_n)[-3:]
     certified = [(certain_error(evaluate, law, float(rho), e), float(rho)) for rho in rho_n[order]]
     error, rho = max(certified)
-    return Worst(error, rho, seen)
+    return Worst(error, rho, evaluations)
 
 
 def certain_error(evaluate: Evaluate, law: EOS, rho: float, e: float | None = None) -> float:
-    """Error of one pressure relative to the law's value and the background added up, rounded up.
+    """Return the error of one pressure over the sum of the law's value and the background, rounded up.
 
-    Where both are 0, relative to rho0 cs^2.
+    Where both are 0, it is relative to rho0 cs^2.
     """
     energy_n = None if e is None else np.array([e])
     value = float(evaluate(np.array([rho]), energy_n)[0])

@@ -100,7 +100,7 @@ def test_column_holds_its_mass(law: EOS) -> None:
     eps = float(np.finfo(float).eps)
     condition_n = 1 + law.sound_speed(rho_n) ** 2 / (gravity * z_n)
     of_depth = 1 + float(law.sound_speed(rho)) ** 2 / (gravity * depth)
-    assert depth / 2 * float(weights @ rho_n) == pytest.approx(mass, rel=4 * eps * of_depth)
+    assert abs(depth / 2 * float(weights @ rho_n) / mass - 1) < 4 * eps * of_depth
     assert rho == float(law.density(law.background + mass * gravity))
     assert (np.abs(depth_below_surface(law, rho_n, gravity) / z_n - 1) < 4 * eps * condition_n).all()
 

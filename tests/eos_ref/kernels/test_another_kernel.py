@@ -75,7 +75,7 @@ def test_the_normalisation_is_that_of_the_shape(dimension: int) -> None:
     values_n = shape(q_n) * q_n ** (dimension - 1)
     eps = np.finfo(float).eps
     bound = float(eps * (2 * values_n.max() / np.sum(weight * values_n) + 20 / 2))
-    assert integral * WENDLAND.normalisation(dimension, cut) == pytest.approx(1, rel=bound)
+    assert abs(integral * WENDLAND.normalisation(dimension, cut) - 1) < bound
     assert WENDLAND.self_value(dimension, cut) == WENDLAND.normalisation(dimension, cut)
 
 

@@ -53,12 +53,17 @@ def test_far_from_rho0_every_method_is_the_law(method: LawMethod, law: EOS) -> N
     """At 0.1 to 2 times rho0 no form cancels by more than some 2**5: what is left is the precision it works in.
 
     In single precision the law's condition number, at most some 8 gamma here, multiplies the rounding of the state.
+    A table is off by h^2/8 |P''| where it is linear, and by less where it is cubic.
     """
     converges = method.name != "series"  # a power series converges within |d| < 1 only
-    error = worst(method, law, Regime(0.1, 2.0 if converges else 0.5))
-    tabulated = method.name.startswith("table")
-    limit = 2e-4 if tabulated else 64 * SINGLE * max(steepness(law), 1.0) if method.store else 256 * bounds.EPS
-    assert error < limit
+    regime = Regime(0.1, 2.0 if converges else 0.5)
+    limit = 64 * SINGLE * max(steepness(law), 1.0) if method.store else 256 * bounds.EPS
+    if method.name.startswith("table"):
+        rho_n = np.sort(regime.densities(law, 4096))
+        h, size_n = np.ptp(rho_n) / (NODES - 1), np.abs(law.evaluate(rho_n) - law.background) + abs(law.background)
+        # In a gap of the densities, around rho0, the difference of slopes is still between those of its ends.
+        limit += 1.1 * h**2 / 8 * float(np.max(np.abs(np.gradient(law.stiffness(rho_n), rho_n)) / size_n))
+    assert worst(method, law, regime) < limit
 
 
 @pytest.mark.parametrize(("method", "law"), cases(), ids=lambda v: getattr(v, "name", getattr(v, "style", "")))
@@ -85,7 +90,7 @@ def test_the_series_counts_the_terms_it_needs_and_diverges_beyond() -> None:
     counts = [len(series.coefficients(law, reach)) for reach in (1e-9, 1e-3, 0.1, 0.5)]
     assert counts == sorted(counts)
     assert counts[0] < 4 < counts[-1] <= series.MOST
-    for reach in (1e-9, 1e-3, 0.1, 0.3):
+    for reach in (1e-9, 1e-3, 0.1, 0.3):  # half an eps for each of the seven operations outside the sum, and the sum
         assert worst(named("series"), law, Regime(reach / 10, reach)) < 8 * bounds.EPS
     assert worst(named("series"), law, Regime(1.5, 2.0)) > 1
     water = EOS("tait/water", 1.2345, 7.89)

@@ -34,7 +34,8 @@ class Basis:
     """
 
     def __init__(self, order: int, dimension: int) -> None:
-        functions = reproducing.basis(order, [_Monomial(1.0, (a,)) for a in range(dimension)])
+        coordinates: list[Any] = [_Monomial(1.0, (a,)) for a in range(dimension)]
+        functions = reproducing.basis(order, coordinates)
         place = {axes: k for k, axes in enumerate(graded(dimension, 2 * order))}
         self.factor_b = np.array([f.factor for f in functions])
         self.place_b = np.array([place[f.axes] for f in functions])
@@ -76,21 +77,14 @@ def moments(pairs: Pairs, volume_n: Any, cut: float, like: Any, like_m: Any, out
 
 @_jit
 def coefficients(
-    moment_nm: Any,
-    index_bb: Any,
-    place_b: Any,
-    factor_b: Any,
-    scale: float,
-    corrected_n: Any,
-    one: Any,
-    out_nf: Any,
+    moment_nm: Any, index_bb: Any, place_b: Any, factor_b: Any, scale: float, corrected_n: Any, one: Any, out_nf: Any
 ) -> None:
-    """Columns 1 to d of the inverse moment matrices, as coefficients of monomials; fewer ``corrected_n`` may remain.
+    """Solve for columns 1 to d of the inverse moment matrices, as coefficients of monomials, into ``out_nf``.
 
-    Entry a, b of a matrix is factor_a factor_b times moment index_bb[a, b]; basis function b is factor_b times
-    monomial place_b[b]. The matrices of as many particles as ``one`` has ones are taken together, one in each lane (l)
-    of a register; lanes without a particle, or without a factor, hold numbers that nobody reads.
-    """
+    Particles without a factor are taken out of ``corrected_n``. Entry a, b of a matrix is factor_a factor_b times
+    moment index_bb[a, b]; basis function b is factor_b times monomial place_b[b]. The matrices of as many particles as
+    ``one`` has ones are taken together, one in each lane (l) of a register; lanes without a particle, or without a
+    factor, hold numbers that nobody reads."""
     size, lanes = factor_b.size, len(one)
     d = out_nf.shape[1] // size
     moment_ml, lower_l = np.zeros((moment_nm.shape[1], lanes)), np.zeros((size * size, lanes))
@@ -117,7 +111,7 @@ def coefficients(
 
 @inline
 def _factorise(lower_l: Any, pivot_l: Any, one: Any) -> None:
-    """Cholesky's factor in place, row after row; where a square of a pivot is not positive there is none."""
+    """Put Cholesky's factor in place, row after row; where a square of a pivot is not positive there is none."""
     size = pivot_l.shape[0]
     for a in range(size):
         for b in range(a + 1):
@@ -160,7 +154,7 @@ def corrected_gradients(
     gi_pc: Any,
     gj_pc: Any,
 ) -> None:
-    """Corrected gradients of both sides of every pair; a side without coefficients has the plain one."""
+    """Evaluate the corrected gradients of both sides of every pair; a side without coefficients has the plain one."""
     for i in range(corrected_n.size):
         c_i = row(coefficient_nf, i, like_f)
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):

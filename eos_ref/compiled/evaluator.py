@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -21,24 +22,21 @@ from eos_ref.compiled import corrections, forces, loops
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.evaluator import Evaluator
+from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.jit import announce_first_use
-from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms
+from eos_ref.model.parameters import Gradients, PairTerms, State
 from eos_ref.numbers.columns import Axes, axes, joined
 
 SKIN = 0.1  # of the cutoff
 LANES = (1.0,) * 8  # doubles in a register
 
 
+@dataclass(eq=False, repr=False)
 class CompiledEvaluator(Evaluator):
-    """Compiled evaluator, with the interface of `ArrayEvaluator`; float64 only.
+    """Stages of a force evaluation by compiled sums, float64 only; see `Evaluator` for the other parameters.
 
     Parameters
     ----------
-    model : Model
-    box : Box
-    type_n : (n,) types, 1 to N
-    solid_n : (n,) whether a particle is solid; may be set anew when phases change
     skin : float, optional
         How far beyond the cutoff pairs are listed: the list lasts until a particle has moved by half of it.
     threads : int, optional
@@ -50,34 +48,28 @@ class CompiledEvaluator(Evaluator):
     summation: on the number of threads, and on the positions that came first where those were without spatial order.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        box: Box,
-        type_n: IntArray,
-        solid_n: BoolArray,
-        skin: float | None = None,
-        threads: int = 1,
-    ) -> None:
-        super().__init__(model, box, type_n, solid_n)
+    skin: float | None = None
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         announce_first_use(loops.quintic_geometry)
-        d = model.dimension
-        self.like = (0.0,) * d
-        self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if skin is None else skin)
+        model, box = self.model, self.box
+        self.like = (0.0,) * model.dimension
+        self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if self.skin is None else self.skin)
         self.edge = tuple(edge if p else 0.0 for edge, p in zip(box.edge_c, box.periodic, strict=True))
         self.reach = _least_square(model.cut)
-        self.basis = corrections.Basis(model.order, d) if model.corrects_gradients else None
-        if not isinstance(threads, int) or threads < 1:
-            raise InputError("threads", "must be a whole number, at least 1", threads)
-        self.threads = threads
-        self.workers = ThreadPoolExecutor(threads)  # without threads until there is something for two of them
+        self.basis = corrections.Basis(model.order, model.dimension) if model.corrects_gradients else None
+        if not isinstance(self.threads, int) or self.threads < 1:
+            raise InputError("threads", "must be a whole number, at least 1", self.threads)
+        self.workers = ThreadPoolExecutor(self.threads)  # without threads until there is something for two of them
         self.parts: list[Any] = []  # `loops.Pairs` for every thread, with the rows of the others empty
         self._buffers: dict[str, Any] = {}
 
     # --- internal order
 
     def _in(self, array_n: Any) -> Any:
-        """A caller's array in internal order."""
+        """Return a caller's array in internal order."""
         array_n = np.ascontiguousarray(array_n)
         if array_n.dtype not in (np.float64, np.bool_):
             array_n = array_n.astype(np.float64 if array_n.dtype.kind == "f" else np.int64)
@@ -85,16 +77,16 @@ class CompiledEvaluator(Evaluator):
         return array_n if order_n is None else np.take(array_n, order_n, axis=0)
 
     def _out(self, array_n: Any) -> Any:
-        """An array in internal order as the caller has it."""
+        """Return an array in internal order as the caller has it."""
         order_n = self.neighbours.order_n
         if order_n is None:
             return array_n
-        found_n = np.empty_like(array_n)
-        found_n[order_n] = array_n
-        return found_n
+        result_n = np.empty_like(array_n)
+        result_n[order_n] = array_n
+        return result_n
 
     def _buffer(self, name: str, width: int = 0, dtype: Any = np.float64) -> Any:
-        """Room for what is kept of every listed pair, for as long as the list lasts."""
+        """Return an array for what is kept of every listed pair, for as long as the list lasts."""
         if name not in self._buffers:
             # Pages of pairs that turn out to be too far are never touched, so that they take no memory.
             size = len(self.neighbours.j_p)
@@ -102,15 +94,15 @@ class CompiledEvaluator(Evaluator):
         return self._buffers[name]
 
     def _volume_among_solids(self, rho_n: Any) -> Any:
-        """Volume of a particle for one of its phase if that is solid; see `ArrayEvaluator.density_pair`."""
+        """Return the volumes with which solids meet each other, (n,); see `ArrayEvaluator.density_pair`."""
         return self.mass_n / (self.rho0_n if self.walls else rho_n)
 
     def _spline(self) -> list[Any]:
-        """The pairs with the gradients of the quintic spline, whatever the kernel."""
+        """Return the pairs with the gradients of the quintic spline, whatever the kernel."""
         return [pairs._replace(gi_pc=None, gj_pc=None) for pairs in self.parts]
 
     def _shares(self, start_n: Any) -> list[Any]:
-        """Where the rows begin, for every thread with the rows of the others empty; about as many pairs for each."""
+        """Return where the rows begin, for every thread with the others' rows empty; about as many pairs for each."""
         start_n = start_n.view(np.uint64)
         even = int(start_n[-1]) * np.arange(self.threads + 1) // self.threads
         ends = start_n[np.searchsorted(start_n, even.astype(np.uint64))]
@@ -132,7 +124,7 @@ class CompiledEvaluator(Evaluator):
     # --- pairs, kernel values, coordination; sums over neighbours
 
     def move(self, x_nc: Any) -> None:
-        """Take new positions; see `ArrayEvaluator.move`. Any periodic image will do."""
+        """Find the pairs of new positions (n, d), any image of each, and evaluate the kernel once for all sums."""
         x_nc = np.ascontiguousarray(x_nc, float)
         model, near, d = self.model, self.neighbours, self.model.dimension
         if not near.holds(x_nc):
@@ -150,14 +142,13 @@ class CompiledEvaluator(Evaluator):
         self.corrected_n = np.zeros(self.n, bool)
 
     def kernel_sum(self, weight_n: Any = None) -> FloatArray:
-        """See `Evaluator.kernel_sum`."""
         sum_n = np.zeros(self.n)
         weight_n = np.ones(self.n) if weight_n is None else self._in(weight_n)
         self._each(loops.kernel_sum, self.parts, (weight_n,), (sum_n,))
         return np.asarray(self._out(sum_n))
 
     def correct(self, rho_n: Any) -> None:
-        """Gradients of the reproducing kernels; see `ArrayEvaluator.correct`."""
+        """Evaluate the gradients of the reproducing kernels; see `ArrayEvaluator.correct`."""
         basis, model = self.basis, self.model
         if basis is None:
             return
@@ -179,27 +170,19 @@ class CompiledEvaluator(Evaluator):
         self.corrected_n = self._out(corrected_n)
 
     def wall_sums(self, pressure_n: Any, rho_n: Any, acceleration_nc: Any) -> tuple[FloatArray, ...]:
-        """See `Evaluator.wall_sums`."""
         all_n, same_n, wall_nf = np.zeros(self.n), np.zeros(self.n), np.zeros((self.n, 2))
         inputs = map(self._in, (self.solid_n, pressure_n, rho_n, acceleration_nc))
         self._each(loops.wall_sums, self._spline(), (*inputs, self.like), (all_n, same_n, wall_nf))
         return self._out(all_n), self._out(same_n), *axes(self._out(wall_nf))
 
-    def gradients(
-        self,
-        chi_n: Any = None,
-        v_nc: Any = None,
-        rho_n: Any = None,
-        energy_n: Any = None,
-        want: Sequence[str] = ("v", "rho"),
-    ) -> Gradients:
-        """See `Evaluator.gradients`; all in one pass over the pairs."""
-        found, d = Gradients(), self.model.dimension
-        scalars = {"rho": self.apparent_density(rho_n), "energy": energy_n}
+    def gradients(self, state: State, chi_n: Any = None, want: Sequence[str] = ("v", "rho")) -> Gradients:
+        """Return gradients of some fields of a state, from one pass over the pairs; see `Evaluator.gradients`."""
+        gradients, d, v_nc = Gradients(), self.model.dimension, state.v_nc
+        scalars: dict[str, Any] = {"rho": self.apparent_density(state.rho_n), "energy": state.energy_n}
         names = [name for name in scalars if name in want]
-        velocity = [v_nc[:, a] for a in range(d)] if "v" in want else []
+        velocity: list[Any] = axes(v_nc) if "v" in want else []
         if not velocity and not names:
-            return found
+            return gradients
         count = len(velocity) + len(names)
         slips = (1.0,) * len(velocity) + (0.0,) * len(names)
         sum_nf = np.zeros((self.n, count * d))
@@ -213,49 +196,35 @@ class CompiledEvaluator(Evaluator):
         self._each(loops.gradients, self.parts, (*arrays, self.model.cut, slips, self.like), (sum_nf,))
         sum_nf = self._out(sum_nf)
         if velocity:
-            found.v_ncc = sum_nf[:, : d * d].reshape(self.n, d, d)
+            gradients.v_ncc = sum_nf[:, : d * d].reshape(self.n, d, d)
         for k, name in enumerate(names, len(velocity)):
-            setattr(found, f"{name}_nc", sum_nf[:, k * d : (k + 1) * d])
-        return found
+            setattr(gradients, f"{name}_nc", sum_nf[:, k * d : (k + 1) * d])
+        return gradients
 
-    def shift_sums(self, volume_n: Any, w_h: float) -> Axes:
-        """See `Evaluator.shift_sums`."""
+    def shift_sums(self, volume_n: Any, w_h: Any) -> Axes:
         sum_nc = np.zeros((self.n, self.model.dimension))
         self._each(loops.shift_sums, self._spline(), (self._in(volume_n), w_h, self.like), (sum_nc,))
         return axes(self._out(sum_nc))
 
     def color_sums(self, volume_n: Any) -> tuple[Axes, FloatArray, FloatArray]:
-        """See `Evaluator.color_sums`."""
         gradient_nc, color_n, same_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n), np.zeros(self.n)
         inputs = self._in(volume_n), self._in(self.type_n), self.like
         self._each(loops.color_sums, self._spline(), inputs, (gradient_nc, color_n, same_n))
         return axes(self._out(gradient_nc)), self._out(color_n), self._out(same_n)
 
     def surface_sums(self, rho_n: Any) -> tuple[Axes, FloatArray]:
-        """See `Evaluator.surface_sums`."""
         gradient_nc, divr_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n)
         inputs = (self.volume_of_wall(rho_n), self._volume_among_solids(rho_n), self.solid_n)
         self._each(loops.surface_sums, self._spline(), (*map(self._in, inputs), self.like), (gradient_nc, divr_n))
         return axes(self._out(gradient_nc)), self._out(divr_n)
 
     def nearest(self, class_n: Any) -> FloatArray:
-        """See `Evaluator.nearest`."""
         r_n = np.full(self.n, self.model.cut)
         self._each(loops.nearest, self._spline(), (self._in(class_n == 1), self.like), (r_n,), np.minimum)
         return np.asarray(self._out(r_n))
 
-    def pair_terms(
-        self,
-        v_nc: Any,
-        rho_n: Any,
-        pressure_n: Any,
-        viscosity_n: Any,
-        sound_n: Any,
-        chi_n: Any,
-        grad: Gradients,
-        temperature_n: Any = None,
-    ) -> PairTerms:
-        """See `Evaluator.pair_terms`."""
+    def pair_terms(self, fields: PairInput) -> PairTerms:
+        v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n = fields
         model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
         hot, damped = model.thermal is not None, pair.rho_damp and model.corrects_gradients
         solids = self.solid_n.any()
@@ -271,12 +240,12 @@ class CompiledEvaluator(Evaluator):
             self.conduction() if hot else None,
             temperature_n if hot else None,
         ]
-        fields = forces.Fields(*(None if array is None else self._in(array) for array in properties))
+        arrays = forces.Fields(*(None if array is None else self._in(array) for array in properties))
         terms = forces.Terms(
             float(pair.artificial_viscosity), float(pair.rho_damp), pair.harmonic_means, model.h, model.cut
         )
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
-        inputs = fields, terms, self.like, self.like * d
+        inputs = arrays, terms, self.like, self.like * d
         self._each(forces.pair_terms, self.parts, inputs, (force_nf, drho_n, heat_n))
         force_nf = self._out(force_nf)
         pressure, rest = axes(force_nf[:, :d]), axes(force_nf[:, d:])
@@ -287,12 +256,11 @@ class CompiledEvaluator(Evaluator):
     # --- properties of a particle
 
     def eos_pressure(self, rho_n: Any, e_n: Any) -> FloatArray:
-        """See `Evaluator.eos_pressure`."""
         return self.model.eos.pressure(rho_n, self.type_n, e_n)
 
 
 def _least_square(cut: float) -> float:
-    """The least number whose square root reaches the cutoff: r*r below it is the same as r < cut."""
+    """Return the least number whose square root reaches the cutoff: r*r below it is the same as r < cut."""
     square = cut * cut
     while math.sqrt(square) >= cut:
         square = math.nextafter(square, 0.0)

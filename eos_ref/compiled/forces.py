@@ -167,7 +167,7 @@ def pair_terms(
 
 @inline
 def _ratios(slope_p: Any, gi_pc: Any, p: int, x: Any, g_a: Any, g_b: Any, rr: float) -> tuple[float, float]:
-    """x.gradient over r squared of both sides; both factors have their sign turned for b."""
+    """Return x.gradient over r squared of both sides; both factors have their sign turned for b."""
     if gi_pc is None:
         return slope_p[p], slope_p[p]
     return dot(x, g_a) / rr, dot(x, g_b) / rr
@@ -180,14 +180,14 @@ def _mean(a: float, b: float, harmonic: bool) -> float:
 
 @inline
 def _artificial(a: Particle, b: Particle, v: Any, x: Any, rr: float, sound: float, terms: Terms) -> float:
-    """Artificial viscous pressure, with the velocities extrapolated to the midpoint."""
+    """Return the artificial viscous pressure, with the velocities extrapolated to the midpoint."""
     u = v - matrix_times(0.5 * (a.v_gradient + b.v_gradient), x)
     return _artificial_term(terms.zeta, sound, dot(u, x), rr, terms.h, a.rho + b.rho)  # type: ignore[no-any-return]
 
 
 @inline
 def _repulsion(a: Particle, b: Particle, rr: float, sound: float, terms: Terms) -> float:
-    """Repulsion of fluid and solid over r."""
+    """Return the repulsion of fluid and solid over r."""
     r = math.sqrt(rr)
     chi, rho0 = (a.chi, a.rho0) if a.solid else (b.chi, b.rho0)
     return _repulsion_term(chi, r, rho0, sound, terms.cut) / r  # type: ignore[no-any-return]
@@ -195,7 +195,7 @@ def _repulsion(a: Particle, b: Particle, rr: float, sound: float, terms: Terms) 
 
 @inline
 def _density_difference(gi_pc: Any, a: Particle, b: Particle, x: Any) -> float:
-    """Density of b less that of a, beyond equilibrium or beyond what the gradients explain."""
+    """Return the density of b less that of a, beyond equilibrium or beyond what the gradients explain."""
     if gi_pc is None:
         return (b.rho - b.rho0) - (a.rho - a.rho0)
     return b.rho - a.rho + dot(0.5 * (a.rho_gradient + b.rho_gradient), x)  # type: ignore[no-any-return]

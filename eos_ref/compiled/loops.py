@@ -57,7 +57,7 @@ class Pairs(NamedTuple):
 
 
 def _values(kernel: Kernel) -> Any:
-    """The loop that turns squared distances into W, and ``slope_p`` into W'/r."""
+    """Return the loop that turns squared distances into W, and ``slope_p`` into W'/r."""
     shape, slope = inline(kernel.shape), inline(kernel.slope)
 
     def values(w_p: Any, slope_p: Any, h: float, sigma: float) -> None:
@@ -109,13 +109,13 @@ _geometry_of_quintic = inline(_geometry(QUINTIC))
 def quintic_geometry(
     near: Pairs, x_nc: Any, j_p: Any, image_pc: Any, edge: Any, reach: float, h: float, sigma: float, count_n: Any
 ) -> None:
-    """The loop of the quintic spline; see `geometry`."""
+    """Keep the pairs of a list with their values of the quintic spline; see `geometry`."""
     _geometry_of_quintic(near, x_nc, j_p, image_pc, edge, reach, h, sigma, count_n)
 
 
 @cache
 def geometry(kernel: Kernel) -> Any:
-    """The loop that keeps in ``near`` the pairs of a list with r*r < reach, with their values of a kernel.
+    """Return the loop that keeps in ``near`` the pairs of a list with r*r < reach, with their values of a kernel.
 
     It adds to the count of neighbours as well. ``near.start_n`` holds where the rows of the list begin, and afterwards
     those of the pairs kept. Each kernel has a loop of its own, in which it is inlined. That of the quintic spline is
@@ -126,7 +126,7 @@ def geometry(kernel: Kernel) -> Any:
 
 @inline
 def both_gradients(pairs: Pairs, p: int, like: Any) -> Any:
-    """Gradient that i uses, and that of j with its sign turned: what the one gains by it the other loses."""
+    """Return the gradient that i uses, and that of j with its sign turned: what the one gains by it the other loses."""
     return _choose_gradients(pairs.slope_p, pairs.x_pc, pairs.gi_pc, pairs.gj_pc, p, like)
 
 

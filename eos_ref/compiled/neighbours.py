@@ -57,7 +57,7 @@ class Neighbours:
         self._x_nc: FloatArray | None = None
 
     def holds(self, x_nc: FloatArray) -> bool:
-        """Whether the list lists all pairs of new positions (n, d); particles may have been wrapped into the box."""
+        """Return whether the list holds all pairs of new positions (n, d), which may have been wrapped into the box."""
         if self._x_nc is None:
             return False
         moved_nc = np.empty(x_nc.shape, np.int16)
@@ -114,14 +114,14 @@ class Neighbours:
 
 
 def _coherent(points: FloatArray, extent: FloatArray, reach: float) -> bool:
-    """Whether particles that follow each other mostly lie close to each other, as in a lattice or in LAMMPS' order."""
+    """Return whether consecutive particles mostly lie close to each other, as in a lattice or in LAMMPS' order."""
     step_nc = np.abs(np.diff(points, axis=0))
     step_nc = np.minimum(step_nc, np.abs(extent - step_nc))
     return len(points) <= WINDOW or bool((np.square(step_nc).sum(axis=1) < (2 * reach) ** 2).mean() > 0.9)
 
 
 def _along_curve(points: FloatArray, size: float) -> IntArray:
-    """Order of points by cells of a size, the cells along Morton's curve: near in space is near in memory."""
+    """Return an order of points by cells of a size, along Morton's curve: near in space is near in memory."""
     key_n = np.zeros(len(points), np.uint64)
     for a in range(3):
         cell_n = np.minimum(points[:, a] / size, 2.0**21 - 1).astype(np.uint64)
@@ -135,7 +135,7 @@ def _along_curve(points: FloatArray, size: float) -> IntArray:
 
 @_jit
 def _compare(x_nc: Any, old_nc: Any, edge_c: Any, limit: float, moved_nc: Any) -> int:
-    """Whether all are within a distance of where they were, perhaps in another image; which, goes to ``moved_nc``."""
+    """Return whether all are within a distance of where they were, perhaps in another image (to ``moved_nc``)."""
     state = VALID
     for i in range(x_nc.shape[0]):
         rr = 0.0

@@ -15,52 +15,52 @@ WIDTH = 8  # doubles in the widest registers
 
 
 def widths(size: int) -> list[int]:
-    """Registers that hold a vector. The last may be wider than what is left: only powers of two stay in registers."""
+    """Return the widths of a vector's registers; the last is a power of two, as no other stays in registers."""
     left = size % WIDTH
     return [WIDTH] * (size // WIDTH) + ([1 << (left - 1).bit_length()] if left else [])
 
 
 def unpacked(builder: Any, vector: Any) -> list[Any]:
-    """Registers of a vector."""
+    """Return the registers of a vector."""
     return [builder.extract_value(vector, k) for k in range(len(vector.type.elements))]
 
 
 def packed(builder: Any, registers: list[Any]) -> Any:
-    """Vector of registers."""
-    found = ir.Constant(ir.LiteralStructType([register.type for register in registers]), ir.Undefined)
+    """Return the vector of some registers."""
+    vector = ir.Constant(ir.LiteralStructType([register.type for register in registers]), ir.Undefined)
     for k, register in enumerate(registers):
-        found = builder.insert_value(found, register, k)
-    return found
+        vector = builder.insert_value(vector, register, k)
+    return vector
 
 
 def constants(numbers: list[float]) -> list[Any]:
-    """Registers of numbers that are known."""
-    found = []
+    """Return registers of constants."""
+    registers = []
     for k, width in enumerate(widths(len(numbers))):
         part = numbers[k * WIDTH : (k + 1) * WIDTH]
-        found.append(ir.Constant(ir.VectorType(DOUBLE, width), part + [0.0] * (width - len(part))))
-    return found
+        registers.append(ir.Constant(ir.VectorType(DOUBLE, width), part + [0.0] * (width - len(part))))
+    return registers
 
 
 # --- lanes
 
 
 def shuffled(builder: Any, register: Any, other: Any, lanes: list[int | None]) -> Any:
-    """Lanes of a register, and those of another counted on; None: of no meaning, the first of the other."""
+    """Pick lanes of a register, those of another counted on; None: of no meaning, the first of the other."""
     mask = [ir.Constant(LANE, register.type.count if lane is None else lane) for lane in lanes]
     return builder.shuffle_vector(register, other, ir.Constant(ir.VectorType(LANE, len(mask)), mask))
 
 
 def resized(builder: Any, register: Any, size: int) -> Any:
-    """The first lanes of a register, or the register with lanes of no meaning."""
+    """Return the first lanes of a register, or the register with lanes of no meaning."""
     kept = min(size, register.type.count)
     lanes: list[int | None] = [*range(kept)]
     return shuffled(builder, register, ir.Constant(register.type, ir.Undefined), lanes + [None] * (size - kept))
 
 
 def picked(builder: Any, registers: list[Any], places: list[int]) -> list[Any]:
-    """Registers of the components at these places."""
-    found, start = [], 0
+    """Return registers of the components at some places."""
+    result, start = [], 0
     for width in widths(len(places)):
         wanted = dict(enumerate(places[start : start + width]))
         parts: Any = None
@@ -72,26 +72,26 @@ def picked(builder: Any, registers: list[Any], places: list[int]) -> list[Any]:
             part = shuffled(builder, register, nothing, [lanes.get(lane) for lane in range(width)])
             choice: list[int | None] = [lane + width * (lane in lanes) for lane in range(width)]
             parts = part if parts is None else shuffled(builder, parts, part, choice)
-        found.append(parts)
+        result.append(parts)
         start += width
-    return found
+    return result
 
 
 # --- arithmetic
 
 
 def added(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
-    """Sums of lanes."""
+    """Add lane by lane."""
     return [builder.fadd(x, y) for x, y in zip(a, b, strict=True)]
 
 
 def multiplied(builder: Any, a: list[Any], b: list[Any]) -> list[Any]:
-    """Products of lanes."""
+    """Multiply lane by lane."""
     return [builder.fmul(x, y) for x, y in zip(a, b, strict=True)]
 
 
 def sum_of_pieces(builder: Any, registers: list[Any], pieces: list[list[int]]) -> list[Any]:
-    """Sum of vectors picked from one, from the first on."""
+    """Sum the vectors picked from one, from the first on."""
     total = picked(builder, registers, pieces[0])
     for piece in pieces[1:]:
         total = added(builder, total, picked(builder, registers, piece))
@@ -110,23 +110,23 @@ class Place(NamedTuple):
 
 def places(builder: Any, data: Any, first: Any, element: ir.Type, size: int) -> list[Place]:
     """Return where a row's parts lie, one for each register; ``first`` counts the elements before the row."""
-    found = []
+    parts = []
     for start in range(0, size, WIDTH):
         part = ir.VectorType(element, min(size - start, WIDTH))
         cell = builder.gep(data, [builder.add(first, first.type(start))], source_etype=element)
-        found.append(Place(builder.bitcast(cell, part.as_pointer()), part))
-    return found
+        parts.append(Place(builder.bitcast(cell, part.as_pointer()), part))
+    return parts
 
 
 def loaded(builder: Any, row: list[Place], align: int) -> list[Any]:
     """Return the registers of a row; whole numbers become doubles."""
-    found = []
+    registers = []
     for address, part in row:
         register = builder.load(address, align=align, typ=part)
         if not isinstance(part.element, ir.DoubleType):
             register = builder.sitofp(register, ir.VectorType(DOUBLE, part.count))
-        found.append(resized(builder, register, *widths(part.count)))
-    return found
+        registers.append(resized(builder, register, *widths(part.count)))
+    return registers
 
 
 def store(builder: Any, registers: list[Any], row: list[Place], align: int) -> None:

@@ -22,24 +22,7 @@ from numba import types
 from numba.core.cgutils import get_or_insert_function
 from numba.extending import intrinsic, models, overload, register_model
 
-from eos_ref.compiled.registers import (
-    DOUBLE,
-    LANE,
-    Place,
-    added,
-    constants,
-    loaded,
-    multiplied,
-    packed,
-    picked,
-    places,
-    resized,
-    shuffled,
-    store,
-    sum_of_pieces,
-    unpacked,
-    widths,
-)
+from eos_ref.compiled import registers as reg
 
 
 class Vector(types.Type):
@@ -53,11 +36,13 @@ class Vector(types.Type):
 @register_model(Vector)
 class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, vector: Vector) -> None:
-        super().__init__(manager, vector, ir.LiteralStructType([ir.VectorType(DOUBLE, w) for w in widths(vector.size)]))
+        super().__init__(
+            manager, vector, ir.LiteralStructType([ir.VectorType(reg.DOUBLE, w) for w in reg.widths(vector.size)])
+        )
 
 
 def graded(dimension: int, degree: int) -> list[tuple[int, ...]]:
-    """Monomials up to a degree, each as the axes that it multiplies, by degree: (), (0,), (1,), (0, 0), (0, 1), ..."""
+    """Return the monomials up to a degree, each as the axes that it multiplies: (), (0,), (1,), (0, 0), (0, 1), ..."""
     return [axes for k in range(degree + 1) for axes in combinations_with_replacement(range(dimension), k)]
 
 
@@ -68,8 +53,8 @@ def _componentwise(operation: str) -> Any:
     @intrinsic
     def function(typing_context, a, b):
         def code(context, builder, signature, args):
-            pairs = zip(*(unpacked(builder, arg) for arg in args), strict=True)
-            return packed(builder, [getattr(builder, operation)(x, y) for x, y in pairs])
+            pairs = zip(*(reg.unpacked(builder, arg) for arg in args), strict=True)
+            return reg.packed(builder, [getattr(builder, operation)(x, y) for x, y in pairs])
 
         return a(a, b), code
 
@@ -82,9 +67,11 @@ _plus, _minus, _times, _over = map(_componentwise, ("fadd", "fsub", "fmul", "fdi
 @intrinsic
 def _scaled(typing_context, factor, a):
     def code(context, builder, signature, args):
-        nothing = ir.Constant(ir.VectorType(DOUBLE, 1), ir.Undefined)
-        number = [builder.insert_element(nothing, args[0], LANE(0))]
-        return packed(builder, multiplied(builder, picked(builder, number, [0] * a.size), unpacked(builder, args[1])))
+        nothing = ir.Constant(ir.VectorType(reg.DOUBLE, 1), ir.Undefined)
+        number = [builder.insert_element(nothing, args[0], reg.LANE(0))]
+        return reg.packed(
+            builder, reg.multiplied(builder, reg.picked(builder, number, [0] * a.size), reg.unpacked(builder, args[1]))
+        )
 
     return a(types.float64, a), code
 
@@ -113,105 +100,109 @@ def _truediv(a, b):
 
 @intrinsic
 def roots(typing_context, a):
-    """Square root of every component."""
+    """Return the square root of every component."""
 
     def code(context, builder, signature, args):
-        found = []
-        for register in unpacked(builder, args[0]):
+        result = []
+        for register in reg.unpacked(builder, args[0]):
             form = ir.FunctionType(register.type, [register.type])
             root = get_or_insert_function(builder.module, form, f"llvm.sqrt.v{register.type.count}f64")
-            found.append(builder.call(root, [register]))
-        return packed(builder, found)
+            result.append(builder.call(root, [register]))
+        return reg.packed(builder, result)
 
     return a(a), code
 
 
 @intrinsic
 def vector(typing_context, parts):
-    """Vector of the numbers in a tuple, as many as fit one register."""
-    (width,) = widths(len(parts))
+    """Return the vector of the numbers in a tuple, as many as fit one register."""
+    (width,) = reg.widths(len(parts))
 
     def code(context, builder, signature, args):
-        found = ir.Constant(ir.VectorType(DOUBLE, width), ir.Undefined)
+        register = ir.Constant(ir.VectorType(reg.DOUBLE, width), ir.Undefined)
         for k in range(len(parts)):
-            found = builder.insert_element(found, builder.extract_value(args[0], k), LANE(k))
-        return packed(builder, [found])
+            register = builder.insert_element(register, builder.extract_value(args[0], k), reg.LANE(k))
+        return reg.packed(builder, [register])
 
     return Vector(len(parts))(parts), code
 
 
 @intrinsic
 def zero(typing_context, like):
-    """Vector of zeros."""
-    found = Vector(len(like))
+    """Return a vector of zeros."""
+    kind = Vector(len(like))
 
     def code(context, builder, signature, args):
-        return ir.Constant(context.get_value_type(found), None)
+        return ir.Constant(context.get_value_type(kind), None)
 
-    return found(like), code
+    return kind(like), code
 
 
 @intrinsic
 def joined(typing_context, a, b):
-    """Components of one vector followed by those of another of the same length, each in one register."""
+    """Return the components of one vector followed by those of another of the same length, each in one register."""
 
     def code(context, builder, signature, args):
-        (left,), (right,) = (unpacked(builder, arg) for arg in args)
+        (left,), (right,) = (reg.unpacked(builder, arg) for arg in args)
         width = left.type.count
         lanes: list[int | None] = [*range(a.size), *range(width, width + a.size)]
-        return packed(builder, [resized(builder, shuffled(builder, left, right, lanes), *widths(2 * a.size))])
+        return reg.packed(
+            builder, [reg.resized(builder, reg.shuffled(builder, left, right, lanes), *reg.widths(2 * a.size))]
+        )
 
     return Vector(2 * a.size)(a, b), code
 
 
 @intrinsic
 def outer(typing_context, a, b):
-    """All products a[k]*b[l], the second index running fastest."""
+    """Return all products a[k]*b[l], the second index running fastest."""
     size = a.size * b.size
 
     def code(context, builder, signature, args):
-        left = picked(builder, unpacked(builder, args[0]), [k // b.size for k in range(size)])
-        right = picked(builder, unpacked(builder, args[1]), [k % b.size for k in range(size)])
-        return packed(builder, multiplied(builder, left, right))
+        left = reg.picked(builder, reg.unpacked(builder, args[0]), [k // b.size for k in range(size)])
+        right = reg.picked(builder, reg.unpacked(builder, args[1]), [k % b.size for k in range(size)])
+        return reg.packed(builder, reg.multiplied(builder, left, right))
 
     return Vector(size)(a, b), code
 
 
 @intrinsic
 def dot(typing_context, a, b):
-    """Scalar product, summed from the first component on."""
+    """Return the scalar product, summed from the first component on."""
 
     def code(context, builder, signature, args):
-        product = multiplied(builder, *(unpacked(builder, arg) for arg in args))
-        (total,) = sum_of_pieces(builder, product, [[k] for k in range(a.size)])
-        return builder.extract_element(total, LANE(0))
+        product = reg.multiplied(builder, *(reg.unpacked(builder, arg) for arg in args))
+        (total,) = reg.sum_of_pieces(builder, product, [[k] for k in range(a.size)])
+        return builder.extract_element(total, reg.LANE(0))
 
     return types.float64(a, b), code
 
 
 @intrinsic
 def matrix_times(typing_context, matrix, a):
-    """Matrix, given row after row, times a vector."""
+    """Multiply a matrix, given row after row, by a vector."""
     rows, size = matrix.size // a.size, a.size
 
     def code(context, builder, signature, args):
-        repeated = picked(builder, unpacked(builder, args[1]), [k % size for k in range(matrix.size)])
-        product = multiplied(builder, unpacked(builder, args[0]), repeated)
-        return packed(builder, sum_of_pieces(builder, product, [[*range(k, matrix.size, size)] for k in range(size)]))
+        repeated = reg.picked(builder, reg.unpacked(builder, args[1]), [k % size for k in range(matrix.size)])
+        product = reg.multiplied(builder, reg.unpacked(builder, args[0]), repeated)
+        return reg.packed(
+            builder, reg.sum_of_pieces(builder, product, [[*range(k, matrix.size, size)] for k in range(size)])
+        )
 
     return Vector(rows)(matrix, a), code
 
 
 @intrinsic
 def columns_times(typing_context, matrix, a):
-    """Matrix, given column after column, times a vector."""
+    """Multiply a matrix, given column after column, by a vector."""
     rows, size = matrix.size // a.size, a.size
 
     def code(context, builder, signature, args):
-        repeated = picked(builder, unpacked(builder, args[1]), [k // rows for k in range(matrix.size)])
-        product = multiplied(builder, unpacked(builder, args[0]), repeated)
-        return packed(
-            builder, sum_of_pieces(builder, product, [[*range(k * rows, (k + 1) * rows)] for k in range(size)])
+        repeated = reg.picked(builder, reg.unpacked(builder, args[1]), [k // rows for k in range(matrix.size)])
+        product = reg.multiplied(builder, reg.unpacked(builder, args[0]), repeated)
+        return reg.packed(
+            builder, reg.sum_of_pieces(builder, product, [[*range(k * rows, (k + 1) * rows)] for k in range(size)])
         )
 
     return Vector(rows)(matrix, a), code
@@ -226,33 +217,35 @@ def _degree(dimension: int, count: int) -> int:
 
 @intrinsic
 def monomials(typing_context, u, like):
-    """Products of components in the order of `graded`, as many as ``like`` has entries."""
+    """Return products of components in the order of `graded`, as many as ``like`` has entries."""
     degree = _degree(u.size, len(like))
 
     def code(context, builder, signature, args):
-        (x,) = unpacked(builder, args[0])
-        (ones,), width = constants([1.0] * u.size), x.type.count
+        (x,) = reg.unpacked(builder, args[0])
+        (ones,), width = reg.constants([1.0] * u.size), x.type.count
         lanes: list[int | None] = [0, *range(width, width + u.size)]
-        found = [resized(builder, shuffled(builder, ones, x, lanes), *widths(len(lanes)))]
-        known = 1
-        while known < degree:  # the product of any two is one of twice the degree
-            parts, known = graded(u.size, known), min(2 * known, degree)
-            wanted = graded(u.size, known)
+        products = [reg.resized(builder, reg.shuffled(builder, ones, x, lanes), *reg.widths(len(lanes)))]
+        reached = 1
+        while reached < degree:  # the product of any two is one of twice the degree
+            parts, reached = graded(u.size, reached), min(2 * reached, degree)
+            wanted = graded(u.size, reached)
             left = [parts.index(axes[: len(axes) // 2]) for axes in wanted]
             right = [parts.index(axes[len(axes) // 2 :]) for axes in wanted]
-            found = multiplied(builder, picked(builder, found, left), picked(builder, found, right))
-        return packed(builder, found)
+            products = reg.multiplied(
+                builder, reg.picked(builder, products, left), reg.picked(builder, products, right)
+            )
+        return reg.packed(builder, products)
 
     return Vector(len(like))(u, like), code
 
 
 @intrinsic
 def mirrored(typing_context, products, u):
-    """The monomials of -u, given those of u."""
+    """Return the monomials of -u, given those of u."""
     sign = [(-1.0) ** len(axes) for axes in graded(u.size, _degree(u.size, products.size))]
 
     def code(context, builder, signature, args):
-        return packed(builder, multiplied(builder, unpacked(builder, args[0]), constants(sign)))
+        return reg.packed(builder, reg.multiplied(builder, reg.unpacked(builder, args[0]), reg.constants(sign)))
 
     return products(products, u), code
 
@@ -261,26 +254,26 @@ def mirrored(typing_context, products, u):
 
 
 def _bytes(array: Any) -> int:
-    """What a row is aligned to: one entry."""
+    """Return the bytes that a row is aligned to: those of one entry."""
     return int(array.dtype.bitwidth // 8)
 
 
-def _places(context: Any, builder: Any, signature: Any, args: Any, size: int) -> list[Place]:
+def _places(context: Any, builder: Any, signature: Any, args: Any, size: int) -> list[reg.Place]:
     """Return where the parts of a row lie; the array is contiguous, its rows as long as the vector."""
     array_type, index_type = signature.args[:2]
     data = context.make_array(array_type)(context, builder, value=args[0]).data
     k = context.cast(builder, args[1], index_type, types.intp)
     first = builder.mul(k, context.get_constant(types.intp, size))
-    return places(builder, data, first, context.get_data_type(array_type.dtype), size)
+    return reg.places(builder, data, first, context.get_data_type(array_type.dtype), size)
 
 
 @intrinsic
 def row(typing_context, array_nc, k, like):
-    """Row k as a vector of as many components as ``like``; whole numbers become doubles."""
+    """Return row k as a vector of as many components as ``like``; whole numbers become doubles."""
 
     def code(context, builder, signature, args):
         at = _places(context, builder, signature, args, len(like))
-        return packed(builder, loaded(builder, at, _bytes(array_nc)))
+        return reg.packed(builder, reg.loaded(builder, at, _bytes(array_nc)))
 
     return Vector(len(like))(array_nc, k, like), code
 
@@ -291,7 +284,7 @@ def put(typing_context, array_nc, k, vector):
 
     def code(context, builder, signature, args):
         at = _places(context, builder, signature, args, vector.size)
-        store(builder, unpacked(builder, args[2]), at, _bytes(array_nc))
+        reg.store(builder, reg.unpacked(builder, args[2]), at, _bytes(array_nc))
         return context.get_dummy_value()
 
     return types.none(array_nc, k, vector), code
@@ -303,8 +296,8 @@ def add_to(typing_context, array_nc, k, vector):
 
     def code(context, builder, signature, args):
         at = _places(context, builder, signature, args, vector.size)
-        found = loaded(builder, at, _bytes(array_nc))
-        store(builder, added(builder, found, unpacked(builder, args[2])), at, _bytes(array_nc))
+        before = reg.loaded(builder, at, _bytes(array_nc))
+        reg.store(builder, reg.added(builder, before, reg.unpacked(builder, args[2])), at, _bytes(array_nc))
         return context.get_dummy_value()
 
     return types.none(array_nc, k, vector), code

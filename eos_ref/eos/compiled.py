@@ -31,7 +31,7 @@ BLOCK = 2048  # particles handled at a time: all arrays of a block fit the first
 
 @intrinsic
 def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """a*b + c with one rounding, on every machine."""
+    """Return a*b + c with one rounding, on every machine."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.fma(*args)
@@ -41,7 +41,7 @@ def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
 
 @intrinsic
 def _bits(typing_context: Any, x: Any) -> Any:
-    """The 64 bits of a double."""
+    """Return the 64 bits of a double."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.bitcast(args[0], ir.IntType(64))
@@ -51,7 +51,7 @@ def _bits(typing_context: Any, x: Any) -> Any:
 
 @intrinsic
 def _from_bits(typing_context: Any, x: Any) -> Any:
-    """The double with these 64 bits."""
+    """Return the double with these 64 bits."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.bitcast(args[0], ir.DoubleType())
@@ -76,7 +76,7 @@ _E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1 / math.facto
 
 @inline
 def _log_ratio(a: float, b: float) -> float:
-    """ln(a/b) for ratios within 2**-1000 to 2**1000, relative error below 2 eps.
+    """Return ln(a/b) for ratios within 2**-1000 to 2**1000, relative error below 2 eps.
 
     a is scaled by a power of two to within sqrt(2) of b, where a - b is exact; then
     ln(a/b) = 2 atanh(s), s = (a-b)/(a+b), by its series (s**2 < 0.0295, remainder below 2**-58).
@@ -96,7 +96,7 @@ def _log_ratio(a: float, b: float) -> float:
 
 @inline
 def _expm1(y: float) -> float:
-    """exp(y) - 1, relative error below 2 eps; infinite above 709.8, NaN stays NaN."""
+    """Return exp(y) - 1, relative error below 2 eps; infinite above 709.8, NaN stays NaN."""
     y = 710.0 if y > 710.0 else y
     y = -700.0 if y < -700.0 else y
     shifted = _fma(y, _INVERSE_LN2, _ROUND)
@@ -115,53 +115,32 @@ def _expm1(y: float) -> float:
 
 @overload(elementary.powm1)
 def _powm1(rho: Any, rho0: Any, gamma: Any) -> Any:
-    def code(rho: Any, rho0: Any, gamma: Any) -> Any:
-        return _expm1(gamma * _log_ratio(float(rho), float(rho0)))
-
-    return code
+    return lambda rho, rho0, gamma: _expm1(gamma * _log_ratio(float(rho), float(rho0)))
 
 
 @overload(elementary.maximum)
 def _maximum(a: Any, b: Any) -> Any:
-    def code(a: Any, b: Any) -> Any:
-        return a if (a >= b) | (a != a) else b  # as in numpy, either's NaN is the result
-
-    return code
+    return lambda a, b: a if (a >= b) | (a != a) else b  # as in numpy, either's NaN is the result
 
 
 @overload(elementary.minimum)
 def _minimum(a: Any, b: Any) -> Any:
-    def code(a: Any, b: Any) -> Any:
-        return a if (a <= b) | (a != a) else b
-
-    return code
+    return lambda a, b: a if (a <= b) | (a != a) else b
 
 
 @overload(elementary.where)
 def _where(condition: Any, a: Any, b: Any) -> Any:
-    def code(condition: Any, a: Any, b: Any) -> Any:
-        return a if condition else b
-
-    return code
+    return lambda condition, a, b: a if condition else b
 
 
 @overload(elementary.root1p)
 def _root1p(y: Any, gamma: Any) -> Any:
-    def code(y: Any, gamma: Any) -> Any:
-        return math.exp(math.log1p(y) / gamma)
-
-    return code
+    return lambda y, gamma: math.exp(math.log1p(y) / gamma)
 
 
 def _register(name: str) -> None:
     compiled = getattr(math, name)
-
-    @overload(getattr(elementary, name))
-    def _unary(x: Any) -> Any:
-        def code(x: Any) -> Any:
-            return compiled(x)
-
-        return code
+    overload(getattr(elementary, name))(lambda x: lambda x: compiled(x))
 
 
 for _name in ("asin", "asinh", "exp", "log1p", "sin", "sinh", "sqrt"):
@@ -174,7 +153,7 @@ for _formula in vars(laws).values():
 
 
 def power_range(rho0: float) -> tuple[float, float]:
-    """Least and greatest density for which the compiled powm1 holds; an empty interval for extreme rho0."""
+    """Return the least and greatest density for which the compiled powm1 holds; an empty interval for extreme rho0."""
     if not 2.0**-1000 <= rho0 <= 2.0**1000:  # 1/rho0 would not be a normal number
         return math.inf, -math.inf
     # Neither end may be rounded to 0 or to infinity, where the ratio has no exponent.
@@ -188,7 +167,7 @@ _BODIES = {law.style: inline(law.pressure) for law in LAWS.values()}
 
 
 def _loop(law: Law) -> Any:
-    """The loop over particles of one law; returns how many ratios lie outside the range of powm1."""
+    """Return the loop over particles of one law; it returns how many ratios lie outside the range of powm1."""
     body, needs_energy, uses_powm1 = _BODIES[law.style], law.needs_energy, law.uses_powm1
 
     def loop(rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any) -> int:
@@ -214,7 +193,7 @@ def _no_law(
 
 
 def _choice(styles: tuple[str, ...]) -> Any:
-    """The loops of some styles, the last ones of `STYLES`, behind a chain of comparisons with their places there."""
+    """Return the loops of the last of `STYLES`, behind a chain of comparisons with their places there."""
     if not styles:
         return _no_law
     place, loop, others = STYLES.index(styles[0]), _loop(LAWS[styles[0]]), _choice(styles[1:])
@@ -236,13 +215,13 @@ _chosen = _choice(STYLES)
 def _one_type(
     style: int, rho_n: Any, e_n: Any, rho0: float, cs: float, parameter: float, background: float, out_n: Any
 ) -> int:
-    """Pressure of particles that share one type; returns how many ratios lie outside the range of powm1."""
+    """Evaluate the pressure of particles that share one type; return how many ratios lie outside the range of powm1."""
     return _chosen(style, rho_n, e_n, rho0, cs, parameter, background, out_n)  # type: ignore[no-any-return]
 
 
 @numba.njit(error_model="numpy")
 def _extremes(type_b: Any) -> tuple[int, int]:
-    """Lowest and highest type of a block."""
+    """Return the lowest and highest type of a block."""
     low = high = type_b[0]
     for i in range(type_b.size):
         low = type_b[i] if type_b[i] < low else low
@@ -270,7 +249,7 @@ def pressure(
     background_t: Any,
     out_n: Any,
 ) -> int:
-    """Pressure of every particle from the law of its type, in blocks that stay in the first-level cache.
+    """Evaluate the pressure of every particle from the law of its type, in blocks that stay in the first-level cache.
 
     Per-type arrays are indexed by type - 1. A block of one type is evaluated in place; in a mixed block each
     law runs over the whole block and its type's particles are picked, which keeps every loop vectorised.
@@ -284,16 +263,8 @@ def pressure(
         low, high = _extremes(type_n[start:stop])
         for t in range(low - 1, high):
             target = out_n[start:stop] if low == high else scratch[: stop - start]
-            outside += _one_type(
-                style_t[t],
-                rho_n[start:stop],
-                e_b,
-                rho0_t[t],
-                cs_t[t],
-                parameter_t[t],
-                background_t[t],
-                target,
-            )
+            law = rho0_t[t], cs_t[t], parameter_t[t], background_t[t]
+            outside += _one_type(style_t[t], rho_n[start:stop], e_b, *law, target)
             if low != high:
                 _pick(target, type_n[start:stop], t + 1, out_n[start:stop])
     return outside
@@ -303,7 +274,7 @@ def pressure(
 def pressure_of_one_type(
     rho_n: Any, e_n: Any, style: int, rho0: float, cs: float, parameter: float, background: float, out_n: Any
 ) -> int:
-    """Pressure of particles that all have the same law; see `pressure`."""
+    """Evaluate the pressure of particles that all have the same law; see `pressure`."""
     outside = 0
     for start in range(0, rho_n.size, BLOCK):
         stop = min(start + BLOCK, rho_n.size)

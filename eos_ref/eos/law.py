@@ -1,15 +1,13 @@
-"""What one equation of state is: its formulas, its parameter, its domain and what rounding does to it."""
+"""One equation of state: its formulas, its parameter, its domain and what rounding does to it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from eos_ref.numbers.elementary import Number
-
-Formula = Callable[[Number, Number, Number, Number, Number], Number]
+Formula = Callable[[Any, Any, Any, Any, Any], Any]  # of numbers of one type, see `eos_ref.numbers.number.Number`
 
 
 class Interval(NamedTuple):
@@ -24,7 +22,7 @@ EVERYWHERE = Interval(-math.inf, math.inf)
 
 @dataclass(frozen=True)
 class EnergyTerms:
-    r"""What a law has besides if it depends on the internal energy per unit mass.
+    r"""Formulas that a law has besides if it depends on the internal energy per unit mass.
 
     Attributes
     ----------
@@ -40,7 +38,7 @@ class EnergyTerms:
     slope: Formula
     inverse_slope: Formula
     underflow: Formula
-    sound_squared: Callable[[Number, Number], Number]
+    sound_squared: Callable[[Any, Any], Any]
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class Law:
     parameter : str, optional
         Name of the argument of the style.
     allows, rule : function of the parameter, str
-        Whether a finite parameter is one of the law, and what to say if it is not.
+        Whether a finite parameter is one of the law, and the rule that is printed if it is not.
     exponent : function of the parameter
         Exponent :math:`\gamma` of Tait's law, None for the laws that are none.
     uses_powm1 : bool
@@ -93,7 +91,7 @@ class Law:
     terms_text: str
     roundings: Callable[[float], float]
     reference_eps: float
-    lammps: Callable[[Number, Number, Number, Number, Number, Number], Number]
+    lammps: Callable[[Any, Any, Any, Any, Any, Any], Any]
     parameter: str | None = None
     allows: Callable[[float], bool] = lambda parameter: True
     rule: str = ""
@@ -108,5 +106,5 @@ class Law:
 
     @property
     def needs_energy(self) -> bool:
-        """Whether the pressure depends on the internal energy."""
+        """Return whether the pressure depends on the internal energy."""
         return self.energy is not None

@@ -10,35 +10,36 @@ fix rheo/pressure. The inverses and derivatives follow from them by algebra.
 
 from __future__ import annotations
 
-from eos_ref.numbers.elementary import Number, asin, asinh, powm1, root1p, sin, sinh, sqrt
+from eos_ref.numbers.elementary import asin, asinh, powm1, root1p, sin, sinh, sqrt
+from eos_ref.numbers.number import Number
 
 
 def linear(rho: Number, rho0: Number, cs: Number) -> Number:
-    r"""Linear law, :math:`P = c^2 (\rho - \rho_0)`."""
+    r"""Return the pressure of the linear law, :math:`P = c^2 (\rho - \rho_0)`."""
     return cs * cs * (rho - rho0)
 
 
 def linear_density(p: Number, rho0: Number, cs: Number) -> Number:
-    r"""Inverse of the linear law, :math:`\rho = \rho_0 + P/c^2`."""
+    r"""Return the inverse of the linear law, :math:`\rho = \rho_0 + P/c^2`."""
     return rho0 + p / (cs * cs)
 
 
 def linear_stiffness(rho: Number, rho0: Number, cs: Number) -> Number:
-    r"""Derivative of the linear law, :math:`\partial P/\partial\rho = c^2`."""
+    r"""Return the derivative of the linear law, :math:`\partial P/\partial\rho = c^2`."""
     return cs * cs + 0 * rho
 
 
 def cubic(rho: Number, rho0: Number, cs: Number, a3: Number) -> Number:
-    r"""Cubic law, :math:`P = c^2 [(\rho-\rho_0) + A_3 (\rho-\rho_0)^3]`; ``a3`` in 1/density\ :sup:`2`.
+    r"""Return the pressure of the cubic law, :math:`P = c^2 [(\rho-\rho_0) + A_3 (\rho-\rho_0)^3]`.
 
-    The manual gives :math:`A_3` in pressure/density\ :sup:`2`; the formula requires 1/density\ :sup:`2`.
+    The formula requires ``a3`` in 1/density\ :sup:`2`; the manual gives pressure/density\ :sup:`2`.
     """
     d = rho - rho0
     return cs * cs * (d + a3 * d * d * d)
 
 
 def cubic_density(p: Number, rho0: Number, cs: Number, a3: Number) -> Number:
-    r"""Inverse of the cubic law on the branch through :math:`\rho_0`.
+    r"""Return the inverse of the cubic law on the branch through :math:`\rho_0`.
 
     With :math:`y = P/c^2` the root of :math:`\delta + A_3\delta^3 = y` is, for :math:`A_3 > 0`,
     :math:`\delta = \frac{2}{\sqrt{3A_3}}\sinh\!\big(\tfrac13\mathrm{asinh}(\tfrac{3\sqrt{3A_3}}{2}y)\big)`;
@@ -56,13 +57,13 @@ def cubic_density(p: Number, rho0: Number, cs: Number, a3: Number) -> Number:
 
 
 def cubic_stiffness(rho: Number, rho0: Number, cs: Number, a3: Number) -> Number:
-    r"""Derivative of the cubic law, :math:`\partial P/\partial\rho = c^2 [1 + 3 A_3 (\rho-\rho_0)^2]`."""
+    r"""Return the derivative of the cubic law, :math:`\partial P/\partial\rho = c^2 [1 + 3 A_3 (\rho-\rho_0)^2]`."""
     d = rho - rho0
     return cs * cs * (1 + 3 * a3 * d * d)
 
 
 def tait_water(rho: Number, rho0: Number, cs: Number) -> Number:
-    r"""Tait's law for water, :math:`P = \frac{c^2\rho_0}{7}\big[(\rho/\rho_0)^7 - 1\big]`.
+    r"""Return the pressure of Tait's law for water, :math:`P = \frac{c^2\rho_0}{7}\big[(\rho/\rho_0)^7 - 1\big]`.
 
     Evaluated by the identity :math:`x^7 - 1 = (x - 1)[1 + x(1 + x)(1 + x^2 + x^4)]` with
     :math:`x = \rho/\rho_0`: the difference :math:`\rho - \rho_0` is taken first and for :math:`\rho > 0` the
@@ -74,12 +75,12 @@ def tait_water(rho: Number, rho0: Number, cs: Number) -> Number:
 
 
 def tait_general(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
-    r"""General Tait law, :math:`P = \frac{c^2\rho_0}{\gamma}\big[(\rho/\rho_0)^\gamma - 1\big]`."""
-    return cs * cs * rho0 / gamma * powm1(rho, rho0, gamma)
+    r"""Return the pressure of Tait's law, :math:`P = \frac{c^2\rho_0}{\gamma}\big[(\rho/\rho_0)^\gamma - 1\big]`."""
+    return cs * cs * rho0 / gamma * powm1(rho, rho0, gamma)  # type: ignore[no-any-return]
 
 
 def tait_density(p: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
-    r"""Inverse of Tait's law, :math:`\rho = \rho_0 (1 + \gamma P/(c^2\rho_0))^{1/\gamma}`.
+    r"""Return the inverse of Tait's law, :math:`\rho = \rho_0 (1 + \gamma P/(c^2\rho_0))^{1/\gamma}`.
 
     NaN for a bracket below 0.
     """
@@ -87,22 +88,22 @@ def tait_density(p: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
 
 
 def tait_stiffness(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
-    r"""Derivative of Tait's law, :math:`\partial P/\partial\rho = c^2 (\rho/\rho_0)^{\gamma-1}`."""
+    r"""Return the derivative of Tait's law, :math:`\partial P/\partial\rho = c^2 (\rho/\rho_0)^{\gamma-1}`."""
     return cs * cs * (rho / rho0) ** (gamma - 1)
 
 
 def ideal_gas(rho: Number, e: Number, gamma: Number) -> Number:
-    r"""Ideal gas, :math:`P = (\gamma - 1)\rho e`."""
+    r"""Return the pressure of an ideal gas, :math:`P = (\gamma - 1)\rho e`."""
     return (gamma - 1) * rho * e
 
 
 def ideal_gas_density(p: Number, e: Number, gamma: Number) -> Number:
-    r"""Inverse of the ideal-gas law, :math:`\rho = P/((\gamma - 1) e)`."""
+    r"""Return the inverse of the ideal-gas law, :math:`\rho = P/((\gamma - 1) e)`."""
     return p / ((gamma - 1) * e)
 
 
 def ideal_gas_stiffness(e: Number, gamma: Number) -> Number:
-    r"""Derivative at constant energy, :math:`(\partial P/\partial\rho)_e = (\gamma-1)e`.
+    r"""Return the derivative at constant energy, :math:`(\partial P/\partial\rho)_e = (\gamma-1)e`.
 
     The thermodynamic (adiabatic) value is :math:`\gamma(\gamma-1)e`.
     """

@@ -6,31 +6,31 @@ A new law is a set of formulas in `eos_ref.eos.laws`, its record in `LAWS` and i
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from eos_ref.eos import lammps_rounding, laws
 from eos_ref.eos.law import EVERYWHERE, EnergyTerms, Interval, Law
-from eos_ref.numbers.elementary import Number, powm1
+from eos_ref.numbers.elementary import powm1
 
 Style = Literal["linear", "cubic", "tait/water", "tait/general", "ideal/gas"]
 SUBNORMAL = 2.0**-1074
 
 
 def _cubic_branch(rho0: float, a3: float) -> Interval:
-    """Between the spinodals of a negative A3."""
+    """Return the interval between the spinodals of a negative A3."""
     half_width = math.inf if a3 >= 0 else 1 / math.sqrt(3 * -a3)
     return Interval(rho0 - half_width, rho0 + half_width)
 
 
-def _tait_terms(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
+def _tait_terms(rho: Any, rho0: Any, cs: Any, gamma: Any) -> Any:
     power = np.abs(powm1(rho, rho0, gamma) + 1)
     return cs * cs * rho0 / abs(gamma) * (power + 1)
 
 
 def _tait_domain(gamma: float) -> Interval:
-    """Positive densities, unless the exponent is a whole number; a negative one excludes 0 as well."""
+    """Return the positive densities, unless the exponent is a whole number; a negative one excludes 0 as well."""
     return EVERYWHERE if gamma == round(gamma) else Interval(0.0, math.inf)
 
 
@@ -39,7 +39,7 @@ def _tait_branch(rho0: float, gamma: float) -> Interval:
     return EVERYWHERE if odd else Interval(0.0, math.inf)
 
 
-def _tait_as_printed(rho: Number, rho0: Number, cs: Number, gamma: Number) -> Number:
+def _tait_as_printed(rho: Any, rho0: Any, cs: Any, gamma: Any) -> Any:
     return cs**2 * rho0 / gamma * ((rho / rho0) ** gamma - 1)
 
 

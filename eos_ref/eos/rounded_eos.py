@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from eos_ref.eos import bounds
 from eos_ref.eos.table import EOS, EOSTable
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Rounded, error, value
 
 
 def by_type(
-    law: Callable[[EOS, Number, Number], Number],
+    law: Callable[[EOS, Any, Any], Any],
     table: EOSTable,
     type_n: npt.NDArray[np.integer],
-    argument_n: Number,
-    e_n: Number,
-) -> Number:
-    """`pressure` or `density` of every particle by the law of its type; ``e_n`` energy per mass, or None."""
-    found, errors = np.empty(len(type_n), value(argument_n).dtype), np.zeros(len(type_n))
+    argument_n: Array,
+    e_n: Array | None,
+) -> Array:
+    """Return the `pressure` or `density` of every particle by the law of its type, (n,); ``e_n`` energy per mass."""
+    values, errors = np.empty(len(type_n), value(argument_n).dtype), np.zeros(len(type_n))
     for t, eos in enumerate(table, 1):
         at = type_n == t
         part = law(eos, argument_n[at], None if e_n is None else e_n[at])
-        found[at], errors[at] = value(part), error(part)
-    return Rounded(found, errors) if isinstance(argument_n, Rounded) else found
+        values[at], errors[at] = value(part), error(part)
+    return Rounded(values, errors) if isinstance(argument_n, Rounded) else values
 
 
-def pressure(eos: EOS, rho: Number, e: Number) -> Number:
-    """Pressure; of a `Rounded` density with the law's own rounding bound and the density's error carried over."""
+def pressure(eos: EOS, rho: Any, e: Any) -> Any:
+    """Return the pressure; that of a `Rounded` density has the law's own rounding bound and the density's error."""
     if not isinstance(rho, Rounded):
         return eos.evaluate(rho, e)
     energy = None if e is None else value(e)
@@ -44,8 +45,8 @@ def pressure(eos: EOS, rho: Number, e: Number) -> Number:
     return Rounded(p, own + carried)
 
 
-def density(eos: EOS, p: Number, e: Number) -> Number:
-    r"""Density of a pressure; the error of a `Rounded` pressure divided by :math:`\partial P/\partial\rho`."""
+def density(eos: EOS, p: Any, e: Any) -> Any:
+    r"""Return the density of a pressure; of a `Rounded` one with its error over :math:`\partial P/\partial\rho`."""
     if not isinstance(p, Rounded):
         return np.asarray(eos.density(p, e))
     energy = None if e is None else value(e)

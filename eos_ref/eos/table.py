@@ -14,7 +14,6 @@ import numpy.typing as npt
 from eos_ref.eos.law import Interval, Law
 from eos_ref.eos.registry import LAWS, STYLES, Style
 from eos_ref.errors import InputError
-from eos_ref.numbers.elementary import Number
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -71,17 +70,17 @@ class EOS:
 
     @property
     def law(self) -> Law:
-        """What the style stands for."""
+        """Return the record of the style."""
         return LAWS[self.style]
 
     @property
     def exponent(self) -> float | None:
-        """Exponent of Tait's law (7 for water); None for the other laws."""
+        """Return the exponent of Tait's law (7 for water); None for the other laws."""
         return self.law.exponent(self.parameter or 0.0)
 
     @property
     def gamma(self) -> float:
-        """Exponent of Tait's law (7 for water) or heat capacity ratio of a gas.
+        """Return the exponent of Tait's law (7 for water) or heat capacity ratio of a gas.
 
         Raises
         ------
@@ -95,16 +94,16 @@ class EOS:
 
     @property
     def needs_energy(self) -> bool:
-        """Whether the law depends on the internal energy."""
+        """Return whether the law depends on the internal energy."""
         return self.law.needs_energy
 
     @property
     def settings(self) -> tuple[int, float, float, float, float]:
-        """Place of the style in `STYLES`, rho0, cs, parameter (0 if none), background: as compiled loops take them."""
+        """Return the place of the style in `STYLES`, rho0, cs, parameter (or 0), background, for compiled loops."""
         return STYLES.index(self.style), self.rho0, self.cs, self.parameter or 0.0, self.background
 
-    def evaluate(self, rho: Number, e: Number = None, convert: Any = None) -> Number:
-        """Pressure in the number type of ``rho``: numpy arrays and scalars of any float type, or Arb balls.
+    def evaluate(self, rho: Any, e: Any = None, convert: Any = None) -> Any:
+        """Return the pressure in the number type of ``rho``: numpy arrays and scalars of any float type, or Arb balls.
 
         ``convert`` turns the parameters into that type (for Arb: ``flint.arb``); numpy's types need none.
         """
@@ -167,16 +166,12 @@ class EOS:
         from eos_ref.eos import compiled
 
         p_n = np.empty(rho_n.shape)
-        outside = compiled.pressure_of_one_type(
-            np.ravel(rho_n),
-            self._energy_array(e, rho_n),
-            *self.settings,
-            p_n.reshape(-1),
-        )
+        e_n = self._energy_array(e, rho_n)
+        outside = compiled.pressure_of_one_type(np.ravel(rho_n), e_n, *self.settings, p_n.reshape(-1))
         return (self._patched(p_n, rho_n) if outside else p_n)[()]
 
-    def density(self, p: Number, e: Number = None) -> Number:
-        r"""Inverse: density at which the pressure (background included) is ``p``; NaN where there is none.
+    def density(self, p: npt.ArrayLike, e: npt.ArrayLike | None = None) -> Any:
+        r"""Return the density at which the pressure (background included) is ``p``; NaN where there is none.
 
         For a cubic law with :math:`A_3 < 0` the root on the monotone branch through :math:`\rho_0`; for
         Tait's laws the root >= 0, although an odd power has a negative one as well.
@@ -185,17 +180,17 @@ class EOS:
         with np.errstate(all="ignore"):
             return self.law.density(p, self._energy_n(e), self.rho0, self.cs, self.parameter)
 
-    def stiffness(self, rho: Number, e: Number = None) -> Number:
-        r"""Derivative :math:`(\partial P/\partial\rho)_e`, local sound speed squared (velocity squared)."""
+    def stiffness(self, rho: npt.ArrayLike, e: npt.ArrayLike | None = None) -> Any:
+        r"""Return the derivative :math:`(\partial P/\partial\rho)_e`, local sound speed squared (velocity squared)."""
         rho = np.asarray(rho, float)
         # numpy's power of a scalar is another one than that of an array, and differs in the last bit.
         with np.errstate(all="ignore"):
-            found = self.law.stiffness(np.atleast_1d(rho), self._energy_n(e), self.rho0, self.cs, self.parameter)
-        shape = np.broadcast_shapes(rho.shape, np.shape(e) if self.needs_energy else ())
-        return np.asarray(found).reshape(shape)[()]
+            stiffness = self.law.stiffness(np.atleast_1d(rho), self._energy_n(e), self.rho0, self.cs, self.parameter)
+        shape = np.broadcast_shapes(rho.shape, np.shape(np.asarray(e)) if self.needs_energy else ())
+        return np.asarray(stiffness).reshape(shape)[()]
 
-    def sound_speed(self, rho: Number, e: Number = None) -> Number:
-        r"""Local sound speed :math:`\sqrt{(\partial P/\partial\rho)_e}` (velocity); NaN where it is not real.
+    def sound_speed(self, rho: npt.ArrayLike, e: npt.ArrayLike | None = None) -> Any:
+        r"""Return the local sound speed :math:`\sqrt{(\partial P/\partial\rho)_e}` (velocity); NaN if not real.
 
         For ideal/gas this is the isothermal value :math:`\sqrt{(\gamma-1)e}`; the adiabatic one is
         :math:`\sqrt\gamma` times larger.
@@ -205,19 +200,19 @@ class EOS:
 
     @property
     def defined(self) -> Interval:
-        """Densities at which the law has a real, finite value; a negative gamma excludes 0 as well."""
+        """Return the interval of densities with a real, finite value; a negative gamma excludes 0 as well."""
         return self.law.defined(self.parameter or 0.0)
 
     @property
     def monotone(self) -> Interval:
-        """Interval around rho0 on which the pressure grows with density: hyperbolic and invertible.
+        """Return the interval around rho0 on which the pressure grows with density: hyperbolic and invertible.
 
         For a law of the energy that takes a positive one.
         """
         return self.law.monotone(self.rho0, self.parameter or 0.0)
 
     def is_defined(self, rho: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Whether the law has a finite value at each density."""
+        """Return whether the law has a finite value at each density, in the shape of ``rho``."""
         rho_n = np.asarray(rho, float)
         low, high = self.defined
         inside: npt.NDArray[np.bool_] = np.isfinite(rho_n) & (rho_n >= low) & (rho_n <= high)
@@ -225,12 +220,12 @@ class EOS:
             inside &= rho_n != 0
         return inside
 
-    def _energy(self, e: Number) -> Number:
+    def _energy(self, e: Any) -> Any:
         if e is None and self.needs_energy:
             raise InputError("energy", f"{self.style} needs the internal energy per unit mass of every particle")
         return e
 
-    def _energy_n(self, e: Number) -> Number:
+    def _energy_n(self, e: Any) -> Any:
         return np.asarray(self._energy(e), float) if self.needs_energy else None
 
     def _energy_array(self, e: npt.ArrayLike | None, rho_n: FloatArray) -> FloatArray:
@@ -253,7 +248,7 @@ class EOS:
 
 
 def examples(rho0: float = 1.0, cs: float = 1.0) -> tuple[EOS, ...]:
-    """One law of every style, in order, no two of them the same."""
+    """Return one law of every style, in order, no two of them the same."""
     return tuple(EOS(cast(Style, law.style), rho0, cs, law.example) for law in LAWS.values())
 
 
@@ -293,7 +288,7 @@ class EOSTable:
 
     @property
     def needs_energy(self) -> bool:
-        """Whether any type's law depends on the internal energy."""
+        """Return whether any type's law depends on the internal energy."""
         return any(law.needs_energy for law in self.laws)
 
     @cached_property
@@ -342,10 +337,7 @@ class EOSTable:
             raise InputError("per-atom arrays", "must have one value per particle", found)
         if types.size and types.dtype.kind not in "iu":
             raise InputError("atom type", "must be a whole number", str(types.dtype))
-        if types.dtype not in (
-            np.int32,
-            np.int64,
-        ):  # LAMMPS' own type; every other one would be compiled anew
+        if types.dtype not in (np.int32, np.int64):  # LAMMPS' own type; every other one would be compiled anew
             types = types.astype(np.int64)
         if rho.size and not (types.min() >= 1 and types.max() <= len(self)):
             found = f"{types.min()} to {types.max()}"

@@ -8,19 +8,21 @@ these are.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from eos_ref.eos import rounded_eos
 from eos_ref.errors import InputError
-from eos_ref.evaluation.evaluator import Evaluator
+from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
-from eos_ref.model.parameters import BoolArray, Gradients, PairTerms
-from eos_ref.numbers.columns import Axes, Number, axes, dot, joined, matrix
-from eos_ref.numbers.elementary import sqrt, where
+from eos_ref.model.parameters import BoolArray, Gradients, PairTerms, State
+from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix
+from eos_ref.numbers.elementary import N, sqrt, where
 from eos_ref.numbers.matrices import cholesky, solve_unit
+from eos_ref.numbers.number import Array, Number
 from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, value
 
 
@@ -29,8 +31,7 @@ class ArrayEvaluator(Evaluator):
 
     # --- pairs, kernel values, coordination
 
-    def move(self, x_nc: Number) -> None:
-        """Find the pairs of new positions and evaluate the kernel once for all sums."""
+    def move(self, x_nc: Array) -> None:
         model, cut, kernel = self.model, self.model.cut, self.model.kernel
         if not np.isfinite(value(x_nc).astype(float)).all():
             raise InputError("positions", "must be finite; the time step may be too long")
@@ -48,12 +49,14 @@ class ArrayEvaluator(Evaluator):
         self.coordination_n = np.bincount(self.i, minlength=self.n)
         self.corrected_n = np.zeros(self.n, bool)
 
-    def constant(self, factor: Number) -> Number:
-        """A parameter's value; its evaluation rounds at most nine times on either side (kernel: pi, h, powers)."""
-        return Rounded(factor, 5 * ROUNDING * abs(factor)) if isinstance(self.r, Rounded) else factor
+    def constant(self, factor: N) -> N:
+        """Return a parameter's value; its evaluation rounds at most nine times on either side (pi, h, powers)."""
+        if not isinstance(self.r, Rounded):
+            return factor
+        return Rounded(factor, 5 * ROUNDING * abs(factor))  # type: ignore[return-value]
 
-    def total(self, term_p: Number) -> Number:
-        """Sum over the neighbours of every particle."""
+    def total(self, term_p: Any) -> Any:
+        """Return the sums over the neighbours of every particle, (n,), of terms (p,)."""
         if isinstance(term_p, Rounded):
             return term_p.sum_by(self.i, self.n)
         if term_p.dtype == np.float64:
@@ -62,14 +65,13 @@ class ArrayEvaluator(Evaluator):
         np.add.at(total_n, self.i, term_p)
         return total_n
 
-    def kernel_sum(self, weight_n: Number = None) -> Number:
-        """See `Evaluator.kernel_sum`."""
-        return self.total(self.w if weight_n is None else weight_n[self.j] * self.w)
+    def kernel_sum(self, weight_n: Array | None = None) -> Array:
+        return self.total(self.w if weight_n is None else weight_n[self.j] * self.w)  # type: ignore[no-any-return]
 
     # --- reproducing kernels
 
-    def correct(self, rho_n: Number) -> None:
-        r"""Gradients of the reproducing kernels RK1 and RK2, for both sides of every pair.
+    def correct(self, rho_n: Array) -> None:
+        r"""Evaluate the gradients of the reproducing kernels RK1 and RK2, for both sides of every pair.
 
         :math:`\mathbf M_i=\sum_jV_jW_{ij}\mathbf H\mathbf H^T`,
         :math:`(\widetilde\nabla W_{ij})_a=-\frac1{r_c}W_{ij}\mathbf H\cdot\mathbf M_i^{-1}\mathbf e_{1+a}`: the moving
@@ -93,8 +95,11 @@ class ArrayEvaluator(Evaluator):
                 product = product + h_b * c_b[self.i]
             self.g.append(where(used_p, -(self.w * product) / self.model.cut, self.gradw[a]))
 
-    def moments(self, rho_n: Number) -> tuple[list[Number], list[list[Number]]]:
-        """Basis of every pair, and by rows of its lower triangle the moment matrix of every particle; see `correct`."""
+    def moments(self, rho_n: Array) -> tuple[list[Array], list[list[Array]]]:
+        """Return the bases of pairs, functions of shape (p,), and the moment matrices; see `correct`.
+
+        These by rows of their lower triangles, entries of shape (n,).
+        """
         volume_p = self.volume_of_wall(rho_n)[self.j]
         h = basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
         weight = volume_p * self.w
@@ -102,8 +107,7 @@ class ArrayEvaluator(Evaluator):
 
     # --- walls
 
-    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
-        """See `Evaluator.wall_sums`."""
+    def wall_sums(self, pressure_n: Array, rho_n: Array, acceleration_nc: Array) -> tuple[Array, ...]:
         i, j = self.i, self.j
         reach = dot([a_n[j] - a_n[i] for a_n in axes(acceleration_nc)], self.x)
         wall_p = self.solid_n[i] & ~self.solid_n[j]
@@ -111,97 +115,91 @@ class ArrayEvaluator(Evaluator):
         sum_n = self.total(where(wall_p, self.w * (pressure_n[j] + rho_n[j] * reach), 0.0))
         return *self.phase_sums(), support_n, sum_n
 
-    def same_phase(self) -> Number:
-        """Same-phase fraction alone, without the densities of walls; see `Evaluator.same_fraction`."""
+    def same_phase(self) -> Array:
+        """Return the same-phase fractions alone, without the densities of walls; see `Evaluator.same_fraction`."""
         return self.same_fraction(*self.phase_sums())
 
-    def phase_sums(self) -> tuple[Number, Number]:
-        """Sums of the kernel over all neighbours, and over those of the same phase."""
+    def phase_sums(self) -> tuple[Array, Array]:
+        """Return the sums of the kernel over all neighbours, and over those of the same phase."""
         same_p = self.solid_n[self.i] == self.solid_n[self.j]
         return self.total(self.w), self.total(where(same_p, self.w, 0.0))
 
-    def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
-        """Densities of both particles as the pair sees them; see `apparent_density`, solids see rho0 of each other."""
+    def density_pair(self, rho_n: Array) -> tuple[Array, Array]:
+        """Return the densities of both particles of every pair as it meets them, (p,).
+
+        Those of `apparent_density`; solids meet each other with rho0.
+        """
         i, j = self.i, self.j
         if not self.walls:
             return rho_n[i], rho_n[j]
         apparent_n = self.apparent_density(rho_n)
         both = self.solid_n[i] & self.solid_n[j]
-        return tuple(where(both, self.rho0_n[k], apparent_n[k]) for k in (i, j))
+        rho_i, rho_j = (where(both, self.rho0_n[k], apparent_n[k]) for k in (i, j))
+        return rho_i, rho_j
 
-    def velocity_difference(self, v_nc: Number, chi_n: Number) -> Axes:
-        """Velocity of i less that of j, a solid's as its fluid partner sees it (no slip at the interface)."""
+    def velocity_difference(self, v_nc: Array, chi_n: Array | None) -> Axes:
+        """Return the velocity of i less that of j, a solid's as its fluid partner meets it (no slip at the wall)."""
         v = axes(v_nc)
         if not self.walls:
             return [v_n[self.i] - v_n[self.j] for v_n in v]
+        assert chi_n is not None
         solid_i, solid_j = self.solid_n[self.i], self.solid_n[self.j]
         chi_i, chi_j = chi_n[self.i], chi_n[self.j]
         ratio = self.no_slip(where(solid_i, chi_i, chi_j), where(solid_i, chi_j, chi_i))
         difference = []
         for v_i, v_j in ((v_n[self.i], v_n[self.j]) for v_n in v):
-            seen_i = where(solid_i & ~solid_j, self.wall_velocity(v_i, v_j, ratio), v_i)
-            seen_j = where(solid_j & ~solid_i, self.wall_velocity(v_j, v_i, ratio), v_j)
-            difference.append(seen_i - seen_j)
+            met_i = where(solid_i & ~solid_j, self.wall_velocity(v_i, v_j, ratio), v_i)
+            met_j = where(solid_j & ~solid_i, self.wall_velocity(v_j, v_i, ratio), v_j)
+            difference.append(met_i - met_j)
         return difference
 
-    def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
-        r"""Velocity of a solid as a fluid particle sees it, :math:`\mathbf v_s+(\mathbf v_s-\mathbf v_f)k`."""
+    def wall_velocity(self, v_solid: Array, v_fluid: Array, ratio: Array) -> Array:
+        r"""Return the velocity of a solid as fluid meets it, :math:`\mathbf v_s+(\mathbf v_s-\mathbf v_f)k`."""
         return v_solid + (v_solid - v_fluid) * ratio
 
-    def no_slip(self, chi_solid: Number, chi_fluid: Number) -> Number:
-        """Factor of the velocity extrapolation; see `interactions.no_slip_ratio`."""
+    def no_slip(self, chi_solid: Array, chi_fluid: Array) -> Array:
+        """Return the factor of the velocity extrapolation; see `interactions.no_slip_ratio`."""
         return interactions.no_slip_ratio(chi_solid, chi_fluid, self.model.cut)
 
     # --- gradients
 
-    def gradients(
-        self,
-        chi_n: Number = None,
-        v_nc: Number = None,
-        rho_n: Number = None,
-        energy_n: Number = None,
-        want: Sequence[str] = ("v", "rho"),
-    ) -> Gradients:
-        """See `Evaluator.gradients`."""
-        rho_i, rho_j = self.density_pair(rho_n)
+    def gradients(self, state: State, chi_n: Array | None = None, want: Sequence[str] = ("v", "rho")) -> Gradients:
+        rho_i, rho_j = self.density_pair(state.rho_n)
         volume = self.mass_n[self.j] / rho_j
-        found = Gradients()
+        gradients = Gradients()
         if "v" in want:
-            v = self.velocity_difference(v_nc, chi_n)
-            found.v_ncc = joined([[self.total(-(volume * v_a) * g_b) for g_b in self.g] for v_a in v])
+            v = self.velocity_difference(state.v_nc, chi_n)
+            gradients.v_ncc = joined([[self.total(-(volume * v_a) * g_b) for g_b in self.g] for v_a in v])
         if "rho" in want:
-            found.rho_nc = self._gradient(volume, rho_j - rho_i)
+            gradients.rho_nc = self._gradient(volume, rho_j - rho_i)
         if "energy" in want:
-            found.energy_nc = self._gradient(volume, energy_n[self.j] - energy_n[self.i])
-        return found
+            gradients.energy_nc = self._gradient(volume, state.energy_n[self.j] - state.energy_n[self.i])
+        return gradients
 
-    def _gradient(self, volume_p: Number, difference_p: Number) -> Number:
+    def _gradient(self, volume_p: Array, difference_p: Array) -> Array:
         return joined([self.total(volume_p * difference_p * g_a) for g_a in self.g])
 
     # --- shifting, surfaces
 
-    def shift_sums(self, volume_n: Number, w_h: Number) -> Axes:
-        """See `Evaluator.shift_sums`."""
+    def shift_sums(self, volume_n: Array, w_h: Number) -> Axes:
         weight = volume_n[self.j] * interactions.shift_weight(self.w, w_h)
         return [self.total(weight * g_a) for g_a in self.gradw]
 
-    def color_sums(self, volume_n: Number) -> tuple[Axes, Number, Number]:
-        """See `Evaluator.color_sums`."""
+    def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
         other, volume = self.type_n[self.i] != self.type_n[self.j], volume_n[self.j]
         gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
         return gradient, self.total(where(other, volume * self.w, 0.0)), self.same_type_support(other)
 
-    def same_type_support(self, other: BoolArray) -> Number:
-        r"""Support by particles of the same type, :math:`\sum_jW_{ij}\delta_{ij}` (manual)."""
-        return self.total(where(other, 0.0, self.w))
+    def same_type_support(self, other: BoolArray) -> Array:
+        r"""Return the support by particles of the same type, (n,): :math:`\sum_jW_{ij}\delta_{ij}` (manual)."""
+        return self.total(where(other, 0.0, self.w))  # type: ignore[no-any-return]
 
-    def surface_sums(self, rho_n: Number) -> tuple[Axes, Number]:
-        """See `Evaluator.surface_sums`."""
+    def surface_sums(self, rho_n: Array) -> tuple[Axes, Array]:
         volume = self.mass_n[self.j] / self.density_pair(rho_n)[1]
         return [self.total(volume * g_a) for g_a in self.gradw], self.total(-(volume * dot(self.x, self.gradw)))
 
-    def nearest(self, class_n: Number) -> Number:
-        """See `Evaluator.nearest`; open where rounding leaves the class of a neighbour open."""
+    def nearest(self, class_n: Array) -> Array:
+        """Return the distance to the nearest neighbour of class 1, (n,); open where a neighbour's class is."""
         near = (value(class_n) == 1)[self.j]
         nearest_n = np.full(self.n, self.model.cut)
         np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
@@ -212,24 +210,13 @@ class ArrayEvaluator(Evaluator):
 
     # --- properties of a particle
 
-    def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
-        """See `Evaluator.eos_pressure`."""
+    def eos_pressure(self, rho_n: Array, e_n: Array | None) -> Array:
         return rounded_eos.by_type(rounded_eos.pressure, self.model.eos, self.type_n, rho_n, e_n)
 
     # --- pair terms
 
-    def pair_terms(
-        self,
-        v_nc: Number,
-        rho_n: Number,
-        pressure_n: Number,
-        viscosity_n: Number,
-        sound_n: Number,
-        chi_n: Number,
-        grad: Gradients,
-        temperature_n: Number = None,
-    ) -> PairTerms:
-        """See `Evaluator.pair_terms`."""
+    def pair_terms(self, fields: PairInput) -> PairTerms:
+        v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n = fields
         model, i, j = self.model, self.i, self.j
         rho_i, rho_j = self.density_pair(rho_n)
         volume_i, volume_j = self.collecting_volume(rho_i), self.mass_n[j] / rho_j
@@ -249,10 +236,11 @@ class ArrayEvaluator(Evaluator):
             for f_a, v_a in zip(pressure_force, self.velocity_difference(v_nc, chi_n), strict=True)
         ]
         if self.walls:
+            assert chi_n is not None
             repulsion = self.repulsion(chi_n, sound) / self.r
             force = [f_a + self.total(repulsion * x_a) for f_a, x_a in zip(force, self.x, strict=True)]
         heat_n = None
-        if model.thermal is not None:
+        if temperature_n is not None:
             kappa_n = self.conduction()
             kappa = mean(kappa_n[i], kappa_n[j])
             flow = interactions.heat_term(kappa, self.heated_volume(rho_i, rho_j), volume_j, F)
@@ -260,16 +248,16 @@ class ArrayEvaluator(Evaluator):
         drho_n = self.diffusion(rho_n, volume_j, F, grad)
         return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n)
 
-    def collecting_volume(self, rho_i: Number) -> Number:
-        """Volume of the particle that a pair's force acts on."""
+    def collecting_volume(self, rho_i: Array) -> Array:
+        """Return the volume of the particle that a pair's force acts on."""
         return self.mass_n[self.i] / rho_i
 
-    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
-        """Volume of the particle that a pair's heat flows into."""
+    def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
+        """Return the volume of the particle that a pair's heat flows into."""
         return self.mass_n[self.i] / rho_i
 
-    def artificial(self, v_nc: Number, rho_n: Number, sound: Number, grad: Gradients) -> Number:
-        """Artificial viscous pressure of every pair; not between fluid and reconstructed solid."""
+    def artificial(self, v_nc: Array, rho_n: Array, sound: Array, grad: Gradients) -> Array:
+        """Return the artificial viscous pressure of every pair, (p,); not between fluid and reconstructed solid."""
         i, j = self.i, self.j
         u = [v_n[i] - v_n[j] for v_n in axes(v_nc)]
         G = [[0.5 * (c_n[i] + c_n[j]) for c_n in row] for row in matrix(grad.v_ncc)]
@@ -278,8 +266,8 @@ class ArrayEvaluator(Evaluator):
         q = interactions.artificial_term(zeta, sound, dot(u, self.x), self.rr, self.model.h, rho_n[i] + rho_n[j])
         return where(self.solid_n[i] != self.solid_n[j], 0.0, q) if self.walls else q
 
-    def repulsion(self, chi_n: Number, sound: Number) -> Number:
-        """Extra repulsion of fluid and solid close to each other; see `interactions.repulsion_term`."""
+    def repulsion(self, chi_n: Array, sound: Array) -> Array:
+        """Return the extra repulsion of fluid and solid close to each other; see `interactions.repulsion_term`."""
         i, j = self.i, self.j
         solid_i = self.solid_n[i]
         chi = where(solid_i, chi_n[i], chi_n[j])
@@ -287,8 +275,8 @@ class ArrayEvaluator(Evaluator):
         term = interactions.repulsion_term(chi, self.r, rho0, sound, self.model.cut)
         return where(solid_i != self.solid_n[j], term, 0.0)
 
-    def diffusion(self, rho_n: Number, volume_j: Number, F: Number, grad: Gradients) -> Number:
-        """Rate of density by rho/damp, between fluid particles."""
+    def diffusion(self, rho_n: Array, volume_j: Array, F: Array, grad: Gradients) -> Array:
+        """Return the rates of density by rho/damp, between fluid particles, (n,)."""
         xi = self.model.pair.rho_damp
         if not xi:
             return np.zeros(self.n)
@@ -299,4 +287,5 @@ class ArrayEvaluator(Evaluator):
         else:
             difference = (rho_n[j] - self.rho0_n[j]) - (rho_n[i] - self.rho0_n[i])
         fluid = ~self.solid_n[i] & ~self.solid_n[j]
-        return self.total(where(fluid, interactions.diffusion_term(xi, volume_j, difference, F), 0.0))
+        term_p = interactions.diffusion_term(xi, volume_j, difference, F)
+        return self.total(where(fluid, term_p, 0.0))  # type: ignore[no-any-return]

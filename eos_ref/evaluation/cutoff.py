@@ -27,19 +27,18 @@ class AtCutoff(ArrayEvaluator):
         x = value(x_nc)
         r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
         near_n = np.bincount(i[r > cut - width], minlength=self.n)
-        self.counted_n = Rounded(self.coordination_n.astype(float), near_n.astype(float))
+        self.counted_n = Rounded(self.coordination_n, near_n)
         if near_n.any():
             certain_n = np.bincount(i[r <= cut - width], minlength=self.n)
             # Whole numbers from certain to certain + near; the quarter makes "less than a whole number" open just if
             # some of them are less and some are not.
-            open_: Any = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
-            self.coordination_n = open_
+            self.coordination_n = Rounded(certain_n + 0.5 * near_n + 0.25, 0.5 * near_n)
 
-    def counted(self) -> Any:
-        """Number of neighbours, open by the pairs at the cutoff."""
+    def counted(self) -> Rounded:
+        """Return the number of neighbours, (n,), open by the pairs at the cutoff."""
         return self.counted_n
 
 
 def at_cutoff(stages: type[ArrayEvaluator]) -> type[ArrayEvaluator]:
-    """Stages whose coordination is open where rounding decides."""
+    """Return stages whose coordination is open where rounding decides."""
     return type("Counted", (AtCutoff,) if stages is ArrayEvaluator else (stages, AtCutoff), {})

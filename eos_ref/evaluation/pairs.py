@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
@@ -11,7 +9,7 @@ from eos_ref.model.parameters import Box, IntArray
 
 
 def compacted(x_n: FloatArray, reach: float) -> FloatArray:
-    """Coordinates along an open axis from 0 on, with empty stretches longer than two reaches shortened to that.
+    """Return the coordinates along an open axis from 0 on, empty stretches cut down to two reaches; both (n,).
 
     Who is whose neighbour within a reach does not change. A cell list covers all the space between particles, and one
     particle far away from the others would ask for more cells than there can be.
@@ -22,14 +20,14 @@ def compacted(x_n: FloatArray, reach: float) -> FloatArray:
     ends_n = np.append(begins_n[1:], len(x_n))
     spans = sorted_n[ends_n - 1] - sorted_n[begins_n]
     origins = np.concatenate([[0.0], np.cumsum(spans[:-1] + 2 * reach)])
-    found_n = np.empty(len(x_n))
+    compact_n = np.empty(len(x_n))
     sizes = ends_n - begins_n
-    found_n[order_n] = (sorted_n - np.repeat(sorted_n[begins_n], sizes)) + np.repeat(origins, sizes)
-    return found_n
+    compact_n[order_n] = (sorted_n - np.repeat(sorted_n[begins_n], sizes)) + np.repeat(origins, sizes)
+    return compact_n
 
 
-def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray, Any]:
-    """All ordered pairs and images with r < cut: indices i, j and the displacement of j's image.
+def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return all ordered pairs and images with r < cut: indices i, j (p,) and displacements of j's image (p, d).
 
     A box shorter than two cutoffs gives every image of its own, a particle's own images among them.
     """
@@ -44,7 +42,7 @@ def directed_pairs(x_nc: Any, box: Box, cut: float) -> tuple[IntArray, IntArray,
     points[:, :d] = x_nc + wrap_nc
     for a in (a for a in range(d) if not box.periodic[a] and n):
         points[:, a] = compacted(points[:, a], cut)
-    span = np.ptp(points[:, :d], axis=0) + 4 * cut
+    span = points[:, :d].max(axis=0, initial=0.0) + 4 * cut  # from 0 on along open axes
     extent[:d] = np.where(box.periodic, edge, span)
     periodic = [*box.periodic, *([False] * (3 - d))]
     wide = vesin.NeighborList(cutoff=cut * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)

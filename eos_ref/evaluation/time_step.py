@@ -19,11 +19,12 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.evaluator import Evaluator
+from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.model import per_atom, quantities
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state
-from eos_ref.numbers.columns import Number, axes, dot, joined, matrix
+from eos_ref.numbers.columns import axes, dot, joined, matrix
 from eos_ref.numbers.elementary import where
+from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Rounded, value
 
 MakeEvaluator = Callable[[Model, Box, IntArray, BoolArray], Evaluator]  # a class, or one with some settings
@@ -88,19 +89,19 @@ class Simulation:
         self.evaluator: Evaluator = evaluator
         self.asked = fields or quantities.needed_to_step(self.model)
         self.plan = quantities.required(self.model, self.asked)
-        self.other_nc: Number = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
-        self.fields: dict[str, Number] = {}
+        self.other_nc: Any = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
+        self.fields: dict[str, Any] = {}
         self.gradient, self.surface = Gradients(), Surface()
-        self.chi_n: Number = None
-        self.pressure_force_nc: Number = None
+        self.chi_n: Array | None = None
+        self.pressure_force_nc: Array | None = None
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
         self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
 
     # --- force evaluation
 
-    def evaluate(self) -> dict[str, Number]:
-        """Evaluate everything the plan names, for the state as it is (F of the documentation)."""
+    def evaluate(self) -> dict[str, Any]:
+        """Evaluate everything the plan names, for the state as it is (F of the documentation), and return `fields`."""
         s, e, plan = self.state, self.evaluator, self.plan
         self.fields, self.evaluated = {}, replace(s)
         self.gradient, self.pressure_force_nc = Gradients(), None
@@ -109,7 +110,7 @@ class Simulation:
             self.fields["coordination"] = e.counted()
         self._densities()
         if want := [name.removeprefix("grad/") for name in plan if name.startswith("grad/")]:
-            self.gradient = e.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
+            self.gradient = e.gradients(s, self.chi_n, want)
         self._surfaces()
         self.properties()
         if "f" in plan or "heatflow" in plan or "drho" in plan:
@@ -128,7 +129,7 @@ class Simulation:
             self.reconstruct()
 
     def reconstruct(self) -> None:
-        """Same-phase fraction and densities of walls, from the accelerations kept."""
+        """Evaluate the same-phase fractions and densities of walls, from the accelerations kept."""
         s = self.state
         self.chi_n, s.rho_n = self.evaluator.interface(s.rho_n, self.other_nc, s.energy_n)
         self.fields["chi"] = self.chi_n
@@ -143,32 +144,33 @@ class Simulation:
 
     def properties(self) -> None:
         """Evaluate the properties of a particle that the plan has: viscosity, pressure, temperature."""
-        s, e, found, plan = self.state, self.evaluator, self.fields, self.plan
+        s, e, fields, plan = self.state, self.evaluator, self.fields, self.plan
         if "viscosity" in plan:
-            found["viscosity"] = e.viscosity(self.gradient.v_ncc)
+            fields["viscosity"] = e.viscosity(self.gradient.v_ncc)
         if "pressure" in plan:
-            found["pressure_used"] = e.pressure(s.rho_n, s.energy_n)
+            fields["pressure_used"] = e.pressure(s.rho_n, s.energy_n)
         if "temperature" in plan:
-            found["temperature"] = e.temperature(s.energy_n)
+            fields["temperature"] = e.temperature(s.energy_n)
 
     def _forces(self) -> None:
-        s, e, found = self.state, self.evaluator, self.fields
+        s, e, fields = self.state, self.evaluator, self.fields
         zero_n = np.zeros(len(self.mass_n))
         pressure_n = e.pressure(e.apparent_density(s.rho_n), s.energy_n) if "f" in self.plan else zero_n
-        viscosity_n = found.get("viscosity", zero_n)
+        viscosity_n = fields.get("viscosity", zero_n)
         sound_n = e.sound_speed(s.energy_n)
+        T_n = fields.get("temperature")
         terms = e.pair_terms(
-            s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, found.get("temperature")
+            PairInput(s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, T_n)
         )
-        found["drho"] = terms.drho_n
+        fields["drho"] = terms.drho_n
         if terms.heat_n is not None:
-            found["heatflow"] = terms.heat_n
+            fields["heatflow"] = terms.heat_n
         if "f" in self.plan:
             self.pressure_force_nc = terms.pressure_force_nc
-            found["f"] = self._external(terms.force_nc)
+            fields["f"] = self._external(terms.force_nc)
 
-    def _external(self, force_nc: Number) -> Number:
-        """Forces of other fixes, in their order."""
+    def _external(self, force_nc: Array) -> Array:
+        """Add the forces of other fixes, in their order."""
         for force in self.model.forces:
             acts_n = force.acts_on(self.state.type_n)
             if force.style == "setforce":
@@ -185,7 +187,7 @@ class Simulation:
         return force_nc
 
     def setup(self) -> None:
-        """The evaluation before the first step, without a history of forces."""
+        """Evaluate before the first step, without a history of forces."""
         self.evaluate()
 
     # --- time step
@@ -202,7 +204,7 @@ class Simulation:
         self.other_nc = np.where(given, force_nc, force_nc - self.pressure_force_nc) / mass
 
     def step(self, dt: float) -> None:
-        """One step of length dt (velocity Verlet with the half-step gradients at old positions)."""
+        """Take one step of length dt (velocity Verlet with the half-step gradients at old positions)."""
         s, model = self.state, self.model
         self._check_steps()
         if not self.fields:
@@ -249,17 +251,17 @@ class Simulation:
             self.step(dt)
 
     def rounded(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
-        """The last evaluation once more in `eos_ref.numbers.rounded` arrays: every field with its rounding bound."""
+        """Return the last evaluation once more in `Rounded` arrays: every field with its rounding bound."""
         return self._evaluated_in(Rounded, evaluator)
 
     def precise(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
-        """The last evaluation once more in longdoubles, where these have more digits than doubles.
+        """Return the last evaluation once more in longdoubles, where these have more digits than doubles.
 
         The inverse of an equation of state, which walls need, stays in doubles.
         """
         return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator)
 
-    def _evaluated_in(self, number: Callable[[Any], Number], evaluator: MakeEvaluator) -> Simulation:
+    def _evaluated_in(self, number: Callable[[Any], Array], evaluator: MakeEvaluator) -> Simulation:
         s = self.evaluated
         twin: Simulation = copy.copy(self)
         energy_n = None if s.energy_n is None else number(s.energy_n)
@@ -282,16 +284,16 @@ class Simulation:
             want += ["energy"] if fix.thermal else []
         if not want:
             return Gradients()
-        return self.evaluator.gradients(self.chi_n, s.v_nc, s.rho_n, s.energy_n, want)
+        return self.evaluator.gradients(s, self.chi_n, want)
 
-    def _continuity(self, dt: float, drho_n: Number, gradient: Gradients) -> None:
+    def _continuity(self, dt: float, drho_n: Array, gradient: Gradients) -> None:
         s = self.state
         trace_n = gradient.v_ncc[:, 0, 0].copy()  # np.trace takes five times as long
         for a in range(1, self.model.dimension):
             trace_n += gradient.v_ncc[:, a, a]
         s.rho_n = np.where(s.solid_n, s.rho_n, s.rho_n + dt * (drho_n - s.rho_n * trace_n))
 
-    def _shift(self, dt: float, shift_nc: Number, gradient: Gradients) -> None:
+    def _shift(self, dt: float, shift_nc: Array, gradient: Gradients) -> None:
         s = self.state
         s.x_nc = s.x_nc + dt * shift_nc
         shift = axes(shift_nc)  # sums over a short last axis take ten times as long as sums of columns
@@ -314,8 +316,8 @@ class Simulation:
 
     # --- outputs
 
-    def output(self, field: str) -> Number:
-        """A field as LAMMPS reports it now: of the state, or of the last force evaluation.
+    def output(self, field: str) -> Any:
+        """Return a field as LAMMPS reports it now: of the state, or of the last force evaluation.
 
         Raises
         ------
@@ -329,13 +331,13 @@ class Simulation:
             raise InputError("field", "was not evaluated: name it in fields", field)
         return self.fields[field]
 
-    def stress(self, total: bool) -> Number:
-        """Viscous or total stress of the last gradients and viscosities, and of the pressure of the state."""
+    def stress(self, total: bool) -> Array:
+        """Return the viscous or total stresses, (n, d, d), of the last gradients and the present pressure."""
         viscosity_n, p_n = self.fields["viscosity"], self.output("pressure") if total else None
         return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))
 
     def status(self) -> FloatArray:
-        """Status word: 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
+        """Return the status words, (n,): 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
         s = self.state
         if "surface" not in self.fields:
             return s.solid_n.astype(float)

@@ -1,11 +1,10 @@
-"""What one kernel is: shape, slope, support and normalisation; both evaluators take it from here."""
+"""One kernel: shape, slope, support and normalisation; both evaluators take it from here."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-
-from eos_ref.numbers.elementary import Number
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -27,13 +26,13 @@ class Kernel:
     name: str
     support: float
     factor: Callable[[int, float], float]
-    shape: Callable[[Number], Number]
-    slope: Callable[[Number], Number]
+    shape: Callable[[Any], Any]
+    slope: Callable[[Any], Any]
 
     def normalisation(self, dimension: int, cut: float) -> float:
-        r"""Factor :math:`\sigma` of a support radius."""
+        r"""Return the factor :math:`\sigma` of a support radius (1/length**d)."""
         return self.factor(dimension, cut / self.support)
 
     def self_value(self, dimension: int, cut: float) -> float:
-        """W(0), dimension 1/length**d."""
+        """Return W(0) (1/length**d)."""
         return float(self.shape(0.0)) * self.normalisation(dimension, cut)

@@ -9,25 +9,25 @@ from __future__ import annotations
 import math
 
 from eos_ref.kernels.kernel import Kernel
-from eos_ref.numbers.elementary import Number, maximum
+from eos_ref.numbers.elementary import N, maximum
 
 
-def quintic(q: Number) -> Number:
-    r"""Shape of the quintic spline, :math:`(3-q)_+^5 - 6(2-q)_+^5 + 15(1-q)_+^5`; 66 at q = 0."""
+def quintic(q: N) -> N:
+    r"""Return the shape of the quintic spline, :math:`(3-q)_+^5 - 6(2-q)_+^5 + 15(1-q)_+^5`; 66 at q = 0."""
     a, b, c = maximum(3 - q, 0.0), maximum(2 - q, 0.0), maximum(1 - q, 0.0)
     aa, bb, cc = a * a, b * b, c * c
     return aa * aa * a - 6 * (bb * bb * b) + 15 * (cc * cc * c)
 
 
-def quintic_slope(q: Number) -> Number:
-    r"""Its derivative, :math:`-5[(3-q)_+^4 - 6(2-q)_+^4 + 15(1-q)_+^4]`."""
+def quintic_slope(q: N) -> N:
+    r"""Return the derivative of the shape, :math:`-5[(3-q)_+^4 - 6(2-q)_+^4 + 15(1-q)_+^4]`."""
     a, b, c = maximum(3 - q, 0.0), maximum(2 - q, 0.0), maximum(1 - q, 0.0)
     aa, bb, cc = a * a, b * b, c * c
     return -5 * (aa * aa - 6 * (bb * bb) + 15 * (cc * cc))
 
 
 def normalisation(dimension: int, h: float) -> float:
-    r"""Factor that makes the kernel's integral 1: :math:`7/(478\pi h^2)` in 2D, :math:`1/(120\pi h^3)` in 3D."""
+    r"""Return the factor of an integral of 1: :math:`7/(478\pi h^2)` in 2D, :math:`1/(120\pi h^3)` in 3D."""
     return 7 / (478 * math.pi * h**2) if dimension == 2 else 1 / (120 * math.pi * h**3)
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 
-from eos_ref.numbers.elementary import Number
+from eos_ref.numbers.elementary import N
 
 
-def basis(order: int, u: list[Number]) -> list[Number]:
-    r"""Basis H of a reproducing kernel of an order, at :math:`\mathbf u = \mathbf x_{ij}/r_c`.
+def basis(order: int, u: list[N]) -> list[N]:
+    r"""Return the basis H of a reproducing kernel of an order, at :math:`\mathbf u = \mathbf x_{ij}/r_c`.
 
     Order 0: (1). Order 1: (1, u_x, u_y[, u_z]). Order 2 appends :math:`\frac12u_a^2` for every axis, then
     :math:`u_au_b` for a < b.
@@ -27,5 +27,5 @@ def basis(order: int, u: list[Number]) -> list[Number]:
 
 
 def basis_size(order: int, dimension: int) -> int:
-    """Number of functions in the basis."""
+    """Return the number of functions in the basis."""
     return math.comb(dimension + order, order)

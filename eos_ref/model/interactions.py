@@ -12,31 +12,31 @@ distance, ``F`` the ratio :math:`\mathbf x_{ij}\cdot\widetilde\nabla W_{ij}/r^2`
 
 from __future__ import annotations
 
-from eos_ref.numbers.elementary import Number, maximum, minimum, sqrt, where
+from eos_ref.numbers.elementary import N, maximum, minimum, sqrt, where
 
 VISCOUS_SOFTENING = 1e-2  # epsilon of the artificial viscosity, in units of h**2
 REPULSION_CHI = 0.9  # solids deeper in their phase than this repel fluid at short range
 NORMAL_SOFTENING = 1e-10  # added to |grad C| in the surface normal, absolute
 
 
-def arithmetic_mean(a: Number, b: Number) -> Number:
-    """Mean of a coefficient of two particles, (a + b)/2."""
+def arithmetic_mean(a: N, b: N) -> N:
+    """Return the mean of a coefficient of two particles, (a + b)/2."""
     return 0.5 * (a + b)
 
 
-def harmonic_mean(a: Number, b: Number) -> Number:
-    """Mean of a coefficient of two particles with keyword harmonic/means, 2ab/(a + b); 0 if both are 0."""
+def harmonic_mean(a: N, b: N) -> N:
+    """Return the mean of a coefficient of two particles with keyword harmonic/means, 2ab/(a + b); 0 if both are 0."""
     total = a + b
-    return where(total == 0, 0.0, 2 * (a * b) / where(total == 0, 1.0, total))
+    return where(total == 0, 0.0, 2 * (a * b) / where(total == 0, 1.0, total))  # type: ignore[comparison-overlap]
 
 
-def pressure_term(volume_i: Number, volume_j: Number, p_sum: Number) -> Number:
-    r"""Symmetric sum form, :math:`-V_iV_j(P_i+P_j)`: times :math:`\widetilde\nabla W_{ij}` the force on i."""
+def pressure_term(volume_i: N, volume_j: N, p_sum: N) -> N:
+    r"""Return the symmetric sum, :math:`-V_iV_j(P_i+P_j)`: times :math:`\widetilde\nabla W_{ij}` the force on i."""
     return -(volume_i * volume_j) * p_sum
 
 
-def artificial_term(zeta: Number, cs: Number, ux: Number, rr: Number, h: Number, rho_sum: Number) -> Number:
-    r"""Artificial viscous pressure :math:`q(\rho_i+\rho_j)`, to be added to :math:`P_i+P_j`.
+def artificial_term(zeta: float, cs: N, ux: N, rr: N, h: float, rho_sum: N) -> N:
+    r"""Return the artificial viscous pressure :math:`q(\rho_i+\rho_j)`, to be added to :math:`P_i+P_j`.
 
     :math:`\mu = \min(0, \frac{\mathbf u\cdot\mathbf x/h}{r^2/h^2+\epsilon})`,
     :math:`q = \zeta(-2\bar c\mu + \mu^2)`, with ``ux`` = :math:`\mathbf u\cdot\mathbf x_{ij}` and
@@ -49,24 +49,24 @@ def artificial_term(zeta: Number, cs: Number, ux: Number, rr: Number, h: Number,
     return zeta * (mu * mu - 2 * (cs * mu)) * rho_sum
 
 
-def viscous_term(eta: Number, volume_i: Number, volume_j: Number, F: Number) -> Number:
-    r"""Viscous coefficient :math:`2\bar\eta V_iV_jF`, times v_ij.
+def viscous_term(eta: N, volume_i: N, volume_j: N, F: N) -> N:
+    r"""Return the viscous coefficient :math:`2\bar\eta V_iV_jF`, times v_ij.
 
     Source: Morris, Fox & Zhu, J. Comput. Phys. 136, 214 (1997).
     """
     return 2 * eta * (volume_i * volume_j) * F
 
 
-def heat_term(kappa: Number, volume_i: Number, volume_j: Number, F: Number) -> Number:
-    r"""Heat coefficient :math:`2\bar\kappa V_iV_jF`: times T_i - T_j.
+def heat_term(kappa: N, volume_i: N, volume_j: N, F: N) -> N:
+    r"""Return the heat coefficient :math:`2\bar\kappa V_iV_jF`: times T_i - T_j.
 
     Source: Cleary & Monaghan, J. Comput. Phys. 148, 227 (1999).
     """
     return 2 * kappa * (volume_i * volume_j) * F
 
 
-def diffusion_term(xi: Number, volume_j: Number, difference: Number, F: Number) -> Number:
-    r"""Density diffusion into i, :math:`-2\xi V_j\psi_{ij}F`.
+def diffusion_term(xi: float, volume_j: N, difference: N, F: N) -> N:
+    r"""Return the density diffusion into i, :math:`-2\xi V_j\psi_{ij}F`.
 
     :math:`\psi` is :math:`(\rho_j-\rho_{0,j})-(\rho_i-\rho_{0,i})` for the kernels quintic and RK0 (Molteni &
     Colagrossi, Comput. Phys. Commun. 180, 861 (2009)) and
@@ -76,15 +76,15 @@ def diffusion_term(xi: Number, volume_j: Number, difference: Number, F: Number) 
     return -2 * xi * volume_j * difference * F
 
 
-def interface_distance(chi: Number, cut: Number) -> Number:
-    r"""Estimated distance to the interface, :math:`d = 2r_c(\chi-\frac12)` (Palermo et al. 2024)."""
+def interface_distance(chi: N, cut: float) -> N:
+    r"""Return the estimated distance to the interface, :math:`d = 2r_c(\chi-\frac12)` (Palermo et al. 2024)."""
     return 2 * cut * (chi - 0.5)
 
 
-def no_slip_ratio(chi_solid: Number, chi_fluid: Number, cut: Number) -> Number:
-    r"""Ratio :math:`\max(d_s,0)/\max(d_f,\frac{\sqrt3}{12}r_c)` of the distances to the interface.
+def no_slip_ratio(chi_solid: N, chi_fluid: N, cut: float) -> N:
+    r"""Return the ratio :math:`\max(d_s,0)/\max(d_f,\frac{\sqrt3}{12}r_c)` of the distances to the interface.
 
-    The solid's velocity as the fluid sees it is :math:`\mathbf v_s + (\mathbf v_s-\mathbf v_f)` times this.
+    The solid's velocity as the fluid meets it is :math:`\mathbf v_s + (\mathbf v_s-\mathbf v_f)` times this.
     Source: Takeda, Miyama & Sekiya, Prog. Theor. Phys. 92, 939 (1994); Morris, Fox & Zhu (1997).
     """
     d_solid = maximum(interface_distance(chi_solid, cut), 0.0)
@@ -92,8 +92,8 @@ def no_slip_ratio(chi_solid: Number, chi_fluid: Number, cut: Number) -> Number:
     return d_solid / d_fluid
 
 
-def repulsion_term(chi_solid: Number, r: Number, rho0_solid: Number, cs: Number, cut: Number) -> Number:
-    r"""Short-range repulsion of fluid and solid, times :math:`\mathbf x_{ij}/r` the force on i.
+def repulsion_term(chi_solid: N, r: N, rho0_solid: N, cs: N, cut: float) -> N:
+    r"""Return the short-range repulsion of fluid and solid, times :math:`\mathbf x_{ij}/r` the force on i.
 
     :math:`(\chi_s-0.9)(\frac{r_c}2-r)\rho_{0,s}\bar c^2r_c` for :math:`\chi_s>0.9` and :math:`r<r_c/2`, else 0.
     """
@@ -101,8 +101,8 @@ def repulsion_term(chi_solid: Number, r: Number, rho0_solid: Number, cs: Number,
     return maximum(chi_solid - REPULSION_CHI, 0.0) * near * rho0_solid * (cs * cs) * cut
 
 
-def shift_weight(w: Number, w_h: Number) -> Number:
-    r"""Weight of a neighbour in the shifting sum, :math:`1+\frac15(W_{ij}/W(h))^4`."""
+def shift_weight(w: N, w_h: N) -> N:
+    r"""Return the weight of a neighbour in the shifting sum, :math:`1+\frac15(W_{ij}/W(h))^4`."""
     s = w / w_h
     ss = s * s
     return 1 + 0.2 * (ss * ss)

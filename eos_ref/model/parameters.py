@@ -8,7 +8,7 @@ mass is an acceleration (lj, si, cgs, micro, nano).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sized
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -25,6 +25,16 @@ from eos_ref.syntax.ranges import type_range
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.integer[Any]]
+
+
+def _check_positive(what: str, number: float) -> None:
+    if not (math.isfinite(number) and number > 0):
+        raise InputError(what, "must be positive", number)
+
+
+def _check_not_negative(what: str, number: float) -> None:
+    if not (math.isfinite(number) and number >= 0):
+        raise InputError(what, "must be finite and not negative", number)
 
 
 @dataclass(frozen=True)
@@ -44,7 +54,7 @@ class Box:
 
     @property
     def edge_c(self) -> tuple[float, ...]:
-        """Edge lengths."""
+        """Return the edge lengths."""
         return tuple(high - low for low, high in zip(self.low_c, self.high_c, strict=True))
 
 
@@ -85,12 +95,9 @@ class Thermal:
     T_freeze: float | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.conductivity) and self.conductivity >= 0):
-            raise InputError("conductivity", "must be finite and not negative", self.conductivity)
-        if not (math.isfinite(self.specific_heat) and self.specific_heat > 0):
-            raise InputError("specific/heat", "must be positive", self.specific_heat)
-        if not (math.isfinite(self.latent_heat) and self.latent_heat >= 0):
-            raise InputError("latent/heat", "must be finite and not negative", self.latent_heat)
+        _check_not_negative("conductivity", self.conductivity)
+        _check_positive("specific/heat", self.specific_heat)
+        _check_not_negative("latent/heat", self.latent_heat)
         if self.T_freeze is not None and not math.isfinite(self.T_freeze):
             raise InputError("Tfreeze", "must be a finite number", self.T_freeze)
         if self.latent_heat and self.T_freeze is None:
@@ -108,9 +115,7 @@ class PairRheo:
 
     def __post_init__(self) -> None:
         for name in ("artificial_viscosity", "rho_damp"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise InputError(f"{name} of pair rheo", "must be finite and not negative", value)
+            _check_not_negative(f"{name} of pair rheo", getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -134,7 +139,7 @@ class Force:
                 raise InputError(self.style, "needs finite components", component)
 
     def acts_on(self, type_n: IntArray) -> BoolArray:
-        """Which particles it acts on."""
+        """Return which particles it acts on, (n,)."""
         return np.ones(type_n.shape, bool) if self.types is None else np.isin(type_n, self.types)
 
 
@@ -173,88 +178,94 @@ class Model:
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise InputError("dimension", "must be 2 or 3", self.dimension)
-        n = len(self.mass_t)
         for what, values in (("equation of state", self.eos), ("viscosity", self.viscosity), ("thermal", self.thermal)):
-            if values is not None and len(values) != n:
-                raise InputError(what, f"needs one value per atom type ({n})", len(values))
+            self._check_count(what, values)
         for mass in self.mass_t:
-            if not (math.isfinite(mass) and mass > 0):
-                raise InputError("mass", "must be positive", mass)
-        if self.fix.kernel not in KERNELS:
-            raise InputError("kernel", f"must be one of {', '.join(KERNELS)}", self.fix.kernel)
-        if not (math.isfinite(self.fix.cut) and self.fix.cut > 0):
-            raise InputError("cut", "must be positive", self.fix.cut)
-        if self.pair.cut != self.fix.cut:
-            raise InputError(
-                "cutoff of pair_style rheo", f"must equal that of fix rheo ({self.fix.cut:g})", self.pair.cut
-            )
-        if self.fix.self_mass and not self.fix.rho_sum:
+            _check_positive("mass", mass)
+        self._check_kernel()
+        self._check_thermal()
+        for what, values_t in (("density", self.fix.rho0), ("speed/sound", self.fix.cs)):
+            self._check_count(what, values_t)
+            for number in values_t or ():
+                _check_positive(what, number)
+        for types in self.fix.shift.exclude_types if self.fix.shift else ():
+            type_range(types, len(self.mass_t), "exclude/type")
+        for force in self.forces:
+            self._check_force(force)
+
+    def _check_count(self, what: str, values: Sized | None) -> None:
+        n = len(self.mass_t)
+        if values is not None and len(values) != n:
+            raise InputError(what, f"needs one value per atom type ({n})", len(values))
+
+    def _check_kernel(self) -> None:
+        fix = self.fix
+        if fix.kernel not in KERNELS:
+            raise InputError("kernel", f"must be one of {', '.join(KERNELS)}", fix.kernel)
+        _check_positive("cut", fix.cut)
+        if self.pair.cut != fix.cut:
+            raise InputError("cutoff of pair_style rheo", f"must equal that of fix rheo ({fix.cut:g})", self.pair.cut)
+        if fix.self_mass and not fix.rho_sum:
             raise InputError("self/mass", "is an argument of rho/sum")
+
+    def _check_thermal(self) -> None:
         if self.fix.thermal != (self.thermal is not None):
             rule = "needs fix rheo/thermal" if self.fix.thermal else "needs the keyword thermal of fix rheo"
             raise InputError("thermal", rule)
         for law in self.eos:
             if law.needs_energy and not self.fix.thermal:
                 raise InputError(law.style, "needs particles with energy (keyword thermal)")
-        for what, values_t in (("density", self.fix.rho0), ("speed/sound", self.fix.cs)):
-            if values_t is not None and len(values_t) != n:
-                raise InputError(what, f"needs one value per atom type ({n})", len(values_t))
-            for number in values_t or ():
-                if not (math.isfinite(number) and number > 0):
-                    raise InputError(what, "must be positive", number)
-        if self.fix.shift:
-            for types in self.fix.shift.exclude_types:
-                type_range(types, n, "exclude/type")
-        for force in self.forces:
-            if len(force.vector) != self.dimension:
-                raise InputError(force.style, f"needs {self.dimension} components", len(force.vector))
-            for t in force.types or ():
-                if not 1 <= t <= n:
-                    raise InputError(f"types of {force.style}", f"must lie within 1 to {n}", t)
+
+    def _check_force(self, force: Force) -> None:
+        if len(force.vector) != self.dimension:
+            raise InputError(force.style, f"needs {self.dimension} components", len(force.vector))
+        for t in force.types or ():
+            if not 1 <= t <= len(self.mass_t):
+                raise InputError(f"types of {force.style}", f"must lie within 1 to {len(self.mass_t)}", t)
 
     @property
     def cut(self) -> float:
-        """Support radius of the kernel."""
+        """Return the support radius of the kernel (length)."""
         return self.fix.cut
 
     @property
     def h(self) -> float:
-        """Smoothing length, cut/3 of the quintic spline."""
+        """Return the smoothing length, cut/3 of the quintic spline."""
         return self.fix.cut / self.kernel.support
 
     @property
     def kernel(self) -> Kernel:
-        """Kernel of all sums; a reproducing kernel corrects its gradients."""
+        """Return the kernel of all sums; a reproducing kernel corrects its gradients."""
         return KERNELS[self.fix.kernel].kernel
 
     @property
     def order(self) -> int:
-        """Order of the reproducing kernel; -1 for a kernel without correction."""
+        """Return the order of the reproducing kernel; -1 for a kernel without correction."""
         return KERNELS[self.fix.kernel].order
 
     @property
     def corrects_gradients(self) -> bool:
-        """Whether gradients are those of a reproducing kernel (RK1, RK2); RK0 has no unique gradient."""
+        """Return whether gradients are those of a reproducing kernel (RK1, RK2); RK0 has no unique gradient."""
         return self.order >= 1
 
     @cached_property
     def mass(self) -> FloatArray:
-        """Mass, indexed by type - 1, as are the following."""
+        """Return the mass of every type, indexed by type - 1, as are the following."""
         return np.array(self.mass_t)
 
     @cached_property
     def rho0(self) -> FloatArray:
-        """Equilibrium density."""
+        """Return the equilibrium density of every type."""
         return np.array(self.fix.rho0 or (1.0,) * len(self.mass_t))
 
     @cached_property
     def cs(self) -> FloatArray:
-        """Speed of sound given in fix rheo."""
+        """Return the speed of sound of every type, given in fix rheo."""
         return np.array(self.fix.cs or (1.0,) * len(self.mass_t))
 
     @cached_property
     def shifted_t(self) -> BoolArray:
-        """Which types are shifted (exclude/type)."""
+        """Return which types are shifted (exclude/type)."""
         shifted_t = np.ones(len(self.mass_t), bool)
         for types in self.fix.shift.exclude_types if self.fix.shift else ():
             shifted_t[[t - 1 for t in type_range(types, len(self.mass_t))]] = False
@@ -263,7 +274,7 @@ class Model:
 
 @dataclass
 class State:
-    """What a step changes, one row per particle.
+    """State of the particles, which a step changes: one row per particle.
 
     Attributes
     ----------
@@ -282,22 +293,13 @@ class State:
     energy_n: Any = None
 
     def copy(self) -> State:
-        """A state that shares no array with this one."""
-        energy_n = None if self.energy_n is None else self.energy_n.copy()
-        return replace(
-            self,
-            x_nc=self.x_nc.copy(),
-            v_nc=self.v_nc.copy(),
-            rho_n=self.rho_n.copy(),
-            type_n=self.type_n.copy(),
-            solid_n=self.solid_n.copy(),
-            energy_n=energy_n,
-        )
+        """Return a state that shares no array with this one."""
+        return replace(self, **{name: array.copy() for name, array in vars(self).items() if array is not None})
 
 
 @dataclass(frozen=True)
 class PairTerms:
-    """What the pairs give: force, its pressure and artificial part, density diffusion, heat flow."""
+    """Sums over the pairs: force (n, d), its pressure and artificial part, density diffusion (n,), heat flow (n,)."""
 
     force_nc: Any
     pressure_force_nc: Any
@@ -338,15 +340,11 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
         raise InputError("particles", "must be at least one", n, where)
     if len(box.low_c) != d:
         raise InputError("box", f"needs {d} axes", len(box.low_c), where)
-    shapes: Sequence[tuple[str, Any, tuple[int, ...]]] = (
-        ("positions", state.x_nc, (n, d)),
-        ("velocities", state.v_nc, (n, d)),
-        ("density", state.rho_n, (n,)),
-        ("type", state.type_n, (n,)),
-        ("solid", state.solid_n, (n,)),
-        *([("energy", state.energy_n, (n,))] if state.energy_n is not None else []),
-    )
-    for what, values, shape in shapes:
+    names = ("positions", "velocities", "density", "type", "solid", "energy")
+    shapes = ((n, d), (n, d), (n,), (n,), (n,), (n,))
+    for what, values, shape in zip(names, vars(state).values(), shapes, strict=True):
+        if values is None and what == "energy":
+            continue
         if np.shape(values) != shape:
             raise InputError(what, f"must have the shape {shape}", np.shape(values), where)
         finite = np.isfinite(np.asarray(values, float)).reshape(n, -1).all(axis=1)
@@ -356,9 +354,9 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     for what, values, kind, rule in kinds:
         if values.dtype.kind not in kind:
             raise InputError(what, f"must be {rule}", str(values.dtype), where)
-    if state.type_n.min() < 1 or state.type_n.max() > len(model.mass_t):
-        found = int(state.type_n.min() if state.type_n.min() < 1 else state.type_n.max())
-        raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", found, where)
+    low, high = int(state.type_n.min()), int(state.type_n.max())
+    if low < 1 or high > len(model.mass_t):
+        raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", low if low < 1 else high, where)
     if model.thermal is not None and state.energy_n is None:
         raise InputError("energy", "must be given for every particle of a thermal model", where=where)
     if not model.fix.rho_sum and not (state.rho_n > 0).all():
@@ -373,9 +371,5 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     unique, first = np.unique(wrapped_nc, axis=0, return_index=True)
     if len(unique) < n:
         k = int(np.setdiff1d(np.arange(n), first)[0])
-        raise InputError(
-            "position",
-            f"of particle {k + 1} must differ from those of all others",
-            tuple(state.x_nc[k].tolist()),
-            where,
-        )
+        rule = f"of particle {k + 1} must differ from those of all others"
+        raise InputError("position", rule, tuple(state.x_nc[k].tolist()), where)

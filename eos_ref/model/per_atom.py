@@ -7,45 +7,47 @@ Plain operators and `eos_ref.numbers.elementary` functions; see `eos_ref.eos.law
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from eos_ref.numbers.elementary import Number, maximum, sqrt, where
+from eos_ref.numbers.elementary import N, maximum, sqrt, where
 
 
-def strain_rate(G: Sequence[Sequence[Number]]) -> Number:
-    r"""Magnitude :math:`\dot\gamma = \sqrt{2\mathbf D:\mathbf D}`, :math:`\mathbf D = \frac12(\mathbf G+\mathbf G^T)`.
+def strain_rate(G: Sequence[Sequence[N]]) -> N:
+    r"""Return the magnitude of the strain rate, :math:`\dot\gamma = \sqrt{2\mathbf D:\mathbf D}` (1/time).
 
-    ``G[a][b]`` is :math:`\partial v_a/\partial x_b` (1/time). D is not made traceless.
+    :math:`\mathbf D = \frac12(\mathbf G+\mathbf G^T)`, ``G[a][b]`` is :math:`\partial v_a/\partial x_b`.
+    D is not made traceless.
     """
-    total: Number = 0.0
+    total: Any = 0.0
     for a in range(len(G)):
         for b in range(len(G)):
             D = 0.5 * (G[a][b] + G[b][a])
             total = total + D * D
-    return sqrt(2 * total)
+    return sqrt(2 * total)  # type: ignore[no-any-return]
 
 
-def power_viscosity(eta: Number, gd0: Number, K: Number, n: Number, rate: Number) -> Number:
-    r"""Viscosity of the style power, a regularised Herschel-Bulkley law (manual, fix rheo/viscosity).
+def power_viscosity(eta: Any, gd0: Any, K: Any, n: Any, rate: N) -> N:
+    r"""Return the viscosity of the style power, a regularised Herschel-Bulkley law (manual, fix rheo/viscosity).
 
     :math:`\eta` for :math:`\dot\gamma\le\dot\gamma_0`, else :math:`K\dot\gamma^{n-1} + \tau_0/\dot\gamma` with
     :math:`\tau_0 = \eta\dot\gamma_0 - K\dot\gamma_0^n`, which is continuous at :math:`\dot\gamma_0`.
     """
     tau0 = eta * gd0 - K * gd0**n
     beyond = maximum(rate, gd0)
-    return where(rate > gd0, K * beyond ** (n - 1) + tau0 / beyond, eta)
+    return where(rate > gd0, K * beyond ** (n - 1) + tau0 / beyond, eta)  # type: ignore[no-any-return]
 
 
-def temperature(e: Number, cv: Number, latent_heat: Number, freezes: Number, T_freeze: Number) -> Number:
-    r"""Temperature from the energy per mass, :math:`T = e/c_v`.
+def temperature(e: N, cv: Any, latent_heat: Any, freezes: Any, T_freeze: Any) -> N:
+    r"""Return the temperature that follows from the energy per mass, :math:`T = e/c_v`.
 
     With a freezing temperature :math:`T_c` and latent heat L: :math:`\max(T_c, (e-L)/c_v)` where :math:`e/c_v > T_c`.
     """
     T = e / cv
-    return where(freezes & (T_freeze < T), maximum((e - latent_heat) / cv, T_freeze), T)
+    return where(freezes & (T_freeze < T), maximum((e - latent_heat) / cv, T_freeze), T)  # type: ignore[no-any-return]
 
 
-def stress(G: Sequence[Sequence[Number]], eta: Number, p: Number = None) -> list[list[Number]]:
-    r"""Viscous stress :math:`\eta(\partial_bv_a + \partial_av_b)`, plus :math:`P\delta_{ab}` if p is given.
+def stress(G: Sequence[Sequence[N]], eta: N, p: N | None = None) -> list[list[N]]:
+    r"""Return the viscous stress :math:`\eta(\partial_bv_a + \partial_av_b)`, plus :math:`P\delta_{ab}` if p is given.
 
     The sign of the pressure is that of LAMMPS' output; Cauchy's convention would be the opposite one.
     """

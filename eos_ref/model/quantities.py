@@ -15,8 +15,8 @@ import numpy as np
 
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Gradients, Model, State, Surface
+from eos_ref.numbers.number import Array
 
-Array = Any  # of every number type of an evaluation
 Keyword = Literal["interface/reconstruct", "shift", "surface/detection", "thermal"]
 
 

@@ -8,23 +8,25 @@ their compiled counterparts.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-Number = Any  # numpy floating array or scalar, Python float, or flint.arb
+from eos_ref.numbers.number import Number
+
+N = TypeVar("N", bound=Number)
 
 
 def _is_ball(x: Number) -> bool:
     return type(x).__module__.startswith("flint")
 
 
-def _unary(name: str, ufunc: Callable[[Number], Number]) -> Callable[[Number], Number]:
-    def function(x: Number) -> Number:
-        return getattr(x, name)() if hasattr(x, name) else ufunc(x)
+def _unary(name: str, ufunc: Callable[[Any], Any]) -> Callable[[N], N]:
+    def function(x: N) -> N:
+        return getattr(x, name)() if hasattr(x, name) else ufunc(x)  # type: ignore[no-any-return]
 
     function.__name__ = name
-    function.__doc__ = f"``{name}(x)`` of an array, a scalar or an Arb ball."
+    function.__doc__ = f"Return ``{name}(x)`` of an array, a scalar or an Arb ball."
     return function
 
 
@@ -37,32 +39,32 @@ sinh = _unary("sinh", np.sinh)
 sqrt = _unary("sqrt", np.sqrt)
 
 
-def maximum(a: Number, b: Number) -> Number:
-    """Larger of two numbers, element by element."""
+def maximum(a: N | float, b: N | float) -> N:
+    """Return the larger of two numbers, element by element."""
     for x in (a, b):
         if hasattr(x, "maximum"):
-            return x.maximum(b if x is a else a)
-    return np.maximum(a, b)
+            return x.maximum(b if x is a else a)  # type: ignore[no-any-return]
+    return np.maximum(a, b)  # type: ignore[no-any-return, arg-type]
 
 
-def minimum(a: Number, b: Number) -> Number:
-    """Smaller of two numbers, element by element."""
+def minimum(a: N | float, b: N | float) -> N:
+    """Return the smaller of two numbers, element by element."""
     for x in (a, b):
         if hasattr(x, "minimum"):
-            return x.minimum(b if x is a else a)
-    return np.minimum(a, b)
+            return x.minimum(b if x is a else a)  # type: ignore[no-any-return]
+    return np.minimum(a, b)  # type: ignore[no-any-return, arg-type]
 
 
-def where(condition: Number, a: Number, b: Number) -> Number:
-    """``a`` where the condition holds, else ``b``; both are evaluated."""
+def where(condition: Any, a: N | float, b: N | float) -> N:
+    """Return ``a`` where the condition holds, else ``b``; both are evaluated."""
     for x in (condition, a, b):
         if hasattr(x, "where"):
-            return x.where(condition, a, b)
-    return np.where(condition, a, b)
+            return x.where(condition, a, b)  # type: ignore[no-any-return]
+    return np.where(condition, a, b)  # type: ignore[return-value, arg-type]
 
 
-def powm1(rho: Number, rho0: Number, gamma: Number) -> Number:
-    r"""Power of a ratio, less one: :math:`(\rho/\rho_0)^\gamma - 1`, accurate where the two nearly cancel.
+def powm1(rho: Any, rho0: Any, gamma: Any) -> Any:
+    r"""Return the power of a ratio, less one: :math:`(\rho/\rho_0)^\gamma - 1`, accurate where the two nearly cancel.
 
     Evaluated as :math:`\mathrm{expm1}(\gamma \ln(\rho/\rho_0))`, the logarithm taken from the exact
     difference :math:`\rho-\rho_0` near :math:`\rho_0`. A negative ratio has a value only for whole ``gamma``.
@@ -95,8 +97,8 @@ def powm1(rho: Number, rho0: Number, gamma: Number) -> Number:
         return np.where(rho < 0, np.nan, value)[()]
 
 
-def root1p(y: Number, gamma: Number) -> Number:
-    r"""Inverse power: :math:`(1 + y)^{1/\gamma}`, NaN for :math:`y < -1`.
+def root1p(y: N, gamma: Number) -> N:
+    r"""Return the inverse power :math:`(1 + y)^{1/\gamma}`, NaN for :math:`y < -1`.
 
     Parameters
     ----------

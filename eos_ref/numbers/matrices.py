@@ -6,19 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref.numbers.columns import Number
 from eos_ref.numbers.elementary import sqrt, where
+from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 
 
-def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], Any]:
-    """Lower factors of many symmetric matrices at once, given by rows of their lower triangles; and which have one."""
+def cholesky(m: list[list[Array]]) -> tuple[list[list[Any]], Any]:
+    """Factorise many symmetric matrices at once, given by rows of their lower triangles, entries of shape (n,).
+
+    Returns their lower factors, likewise, and the flags (n,) of those that have one: the positive definite.
+    """
     size = len(m)
-    factor: list[list[Number]] = [[0.0] * size for _ in range(size)]
+    factor: list[list[Any]] = [[0.0] * size for _ in range(size)]
     definite_n: Any = np.ones(np.shape(value(m[0][0])), bool)  # a Decision for numbers that carry errors
     for a in range(size):
         for b in range(a + 1):
-            rest = m[a][b]
+            rest: Any = m[a][b]
             for k in range(b):
                 rest = rest - factor[a][k] * factor[b][k]
             if a == b:
@@ -30,16 +33,16 @@ def cholesky(m: list[list[Number]]) -> tuple[list[list[Number]], Any]:
     return factor, definite_n
 
 
-def solve_unit(factor: list[list[Number]], row: int) -> list[Number]:
-    """Solve for the unit vector of one row, given the lower factors."""
+def solve_unit(factor: list[list[Any]], row: int) -> list[Any]:
+    """Solve for the unit vector of one row, given the lower factors; one array (n,) for every component."""
     size = len(factor)
-    y: list[Number] = []
+    y: list[Any] = []
     for a in range(size):
-        rest: Number = 1.0 if a == row else 0.0
+        rest: Any = 1.0 if a == row else 0.0
         for k in range(a):
             rest = rest - factor[a][k] * y[k]
         y.append(rest / factor[a][a])
-    x: list[Number] = [0.0] * size
+    x: list[Any] = [0.0] * size
     for a in reversed(range(size)):
         rest = y[a]
         for k in range(a + 1, size):

@@ -25,17 +25,17 @@ Array = npt.NDArray[Any]
 
 
 def value(x: Any) -> Array:
-    """The values of an array of any kind."""
+    """Return the values of an array of any kind."""
     return x.value if isinstance(x, Rounded) else np.asarray(x)
 
 
 def error(x: Any) -> Array:
-    """The errors of an array; 0 for plain numbers, which are exact."""
+    """Return the errors of an array; 0 for plain numbers, which are exact."""
     return x.error if isinstance(x, Rounded) else np.zeros(np.shape(x))
 
 
 def placed(part: Any, at: Array, rest: Any) -> Any:
-    """An array of any kind with other elements in some places."""
+    """Return a copy of an array of any kind, ``rest``, with the elements of ``part`` in the places ``at``."""
     values = value(rest).copy()
     values[at] = value(part)
     if not isinstance(part, Rounded) and not isinstance(rest, Rounded):
@@ -53,11 +53,15 @@ class Decision:
     def __init__(self, answer: Any, open_: Any) -> None:
         self.answer, self.open = np.asarray(answer), np.asarray(open_)
 
+    @classmethod
+    def of(cls, flags: Any) -> Decision:
+        """Return plain flags as a decision that is nowhere open; a decision as it is."""
+        return flags if isinstance(flags, Decision) else cls(flags, np.zeros(np.shape(flags), bool))
+
     def __and__(self, other: Any) -> Decision:
-        b = other if isinstance(other, Decision) else Decision(other, np.zeros(np.shape(other), bool))
-        return Decision(
-            self.answer & b.answer, (self.open & (b.answer | b.open)) | (b.open & (self.answer | self.open))
-        )
+        b = Decision.of(other)
+        open_ = (self.open & (b.answer | b.open)) | (b.open & (self.answer | self.open))
+        return Decision(self.answer & b.answer, open_)
 
     __rand__ = __and__
 
@@ -65,8 +69,7 @@ class Decision:
         return Decision(~self.answer, self.open)
 
     def __or__(self, other: Any) -> Decision:
-        b = other if isinstance(other, Decision) else Decision(other, np.zeros(np.shape(other), bool))
-        return ~(~self & ~b)
+        return ~(~self & ~Decision.of(other))
 
     __ror__ = __or__
 
@@ -93,17 +96,17 @@ class Rounded:
 
     def __init__(self, value: Any, error: Any = 0.0) -> None:
         self.value = np.asarray(value, float)
-        known = np.asarray(error, float)
-        if np.isnan(known).any():  # inf times 0: nothing is known
-            known = np.where(np.isnan(known), np.inf, known)
-        self.error = np.broadcast_to(known, self.value.shape)
+        bound = np.asarray(error, float)
+        if np.isnan(bound).any():  # inf times 0: nothing is known
+            bound = np.where(np.isnan(bound), np.inf, bound)
+        self.error = np.broadcast_to(bound, self.value.shape)
 
     def _rounded(self, value: Array, error: Array) -> Rounded:
         return Rounded(value, error + ROUNDING * np.abs(value) + TINY)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the values."""
+        """Length of every axis of the values."""
         return self.value.shape
 
     def __getitem__(self, at: Any) -> Rounded:
@@ -149,7 +152,7 @@ class Rounded:
         return Rounded(x, slope * self.error + (2 + np.abs(power)) * ROUNDING * np.abs(x) + TINY)
 
     def sqrt(self) -> Rounded:
-        r"""Square root; the error is that of the interval, which near 0 is far larger than a slope says.
+        r"""Return the square root; the error is that of the interval, which near 0 is far larger than a slope says.
 
         :math:`|\sqrt a-\sqrt b| = |a-b|/(\sqrt a+\sqrt b) \le \sqrt{|a-b|}`; the latter counts at 0.
         """
@@ -160,11 +163,11 @@ class Rounded:
         return self._rounded(x, spread)
 
     def maximum(self, other: Any) -> Rounded:
-        """Larger of two; a Lipschitz function, so no decision is open."""
+        """Return the larger of two; a Lipschitz function, so no decision is open."""
         return Rounded(np.maximum(self.value, value(other)), np.maximum(self.error, error(other)))
 
     def minimum(self, other: Any) -> Rounded:
-        """Smaller of two."""
+        """Return the smaller of two."""
         return Rounded(np.minimum(self.value, value(other)), np.maximum(self.error, error(other)))
 
     def where(self, condition: Any, a: Any, b: Any) -> Rounded:
@@ -177,7 +180,7 @@ class Rounded:
         return Decision(relation(a, b), ~(np.abs(a - b) > self.error + error(other)))
 
     def __eq__(self, other: object) -> Any:
-        """Whether the values are equal, as plain flags: a guard against dividing by an exact 0."""
+        """Return where the values are equal, as plain flags: a guard against dividing by an exact 0."""
         return self.value == value(other)
 
     __hash__ = None  # type: ignore[assignment]
@@ -195,7 +198,7 @@ class Rounded:
         return self._compare(other, np.greater_equal)
 
     def sum_by(self, row_p: Array, n: int) -> Rounded:
-        """Sum of the elements of each row, in any order."""
+        """Return the sums (n,) of the elements with each row number, in any order."""
         count_n = np.bincount(row_p, minlength=n)
         absolute_n = np.bincount(row_p, np.abs(self.value), n)
         error_n = np.bincount(row_p, self.error, n) + count_n * (ROUNDING * absolute_n + TINY)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding, MapDifference
 from lammps_cases.findings.variants import Variant
@@ -14,7 +14,7 @@ from lammps_cases.findings.variants import Variant
 class ForcePerVolume(ArrayEvaluator):
     """Pair forces lack the volume of the particle that they act on."""
 
-    def collecting_volume(self, rho_i: Number) -> Number:
+    def collecting_volume(self, rho_i: Array) -> Array:
         """No volume."""
         return 0 * rho_i + 1.0
 

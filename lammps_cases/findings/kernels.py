@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Decision, Rounded
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding, MapDifference
@@ -17,7 +17,7 @@ UNDEFINED = np.inf  # bound of what no reference can predict
 class StaleGradient(ArrayEvaluator):
     """Below zmin the gradient is whatever the memory holds: nothing that depends on it can be predicted."""
 
-    def correct(self, rho_n: Number) -> None:
+    def correct(self, rho_n: Array) -> None:
         """Leave the gradients of particles below zmin without a bound."""
         super().correct(rho_n)
         if self.model.corrects_gradients:

@@ -15,7 +15,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import IntArray
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.variants import Snapshot
@@ -53,7 +53,7 @@ class FollowingLists(ArrayEvaluator):
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))
 
-    def move(self, x_nc: Number) -> None:
+    def move(self, x_nc: Array) -> None:
         """Find the pairs, and each in LAMMPS' list."""
         super().move(x_nc)
         x, i, j, listed = value(x_nc).astype(float), self.i, self.j, self.lists[self.at]

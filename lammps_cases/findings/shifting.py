@@ -8,7 +8,7 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.numbers.columns import Axes, Number, axes, dot
+from eos_ref.numbers.columns import Axes, axes, dot, joined
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
@@ -19,7 +19,7 @@ from lammps_cases.findings.variants import Snapshot, Variant
 class SupportTimesDistance(ArrayEvaluator):
     """The same-type support of scale/cross/type sums W r in place of W."""
 
-    def same_type_support(self, other: Any) -> Number:
+    def same_type_support(self, other: Any) -> Any:
         """Sum of W r over neighbours of the same type."""
         return self.total(where(other, 0.0, self.w * self.r))
 
@@ -70,7 +70,7 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
         sim.setup()
     plain = sim.evaluator
     assert isinstance(plain, ArrayEvaluator)
-    unscaled_nc = value(np.stack(plain.raw_shift(axes(sim.state.v_nc), sim.state.rho_n), axis=1))
+    unscaled_nc = value(joined(plain.raw_shift(axes(sim.state.v_nc), sim.state.rho_n)))
     moves_n = np.any(snapshot["shift/v"] != 0, axis=1, keepdims=True)
     change_nc = np.where(moves_n, unscaled_nc - snapshot["shift/v"], 0.0)
     n_c = change_nc[np.argmax((change_nc**2).sum(axis=1))]
@@ -78,7 +78,7 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
         return None
     if not n_c.any():  # nothing was taken out of any shift, so that no direction has to be known
         return {}
-    x_pc = np.stack(plain.x, axis=1)
+    x_pc = value(joined(plain.x))
     along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)
     p = int(np.argmax(along_p))
     return {"pair": (int(plain.i[p]), int(plain.j[p]))}

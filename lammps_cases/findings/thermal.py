@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
@@ -12,11 +14,11 @@ from lammps_cases.findings.variants import Variant
 class HeatAsTemperatureRate(ArrayEvaluator):
     """The heat flow is that of the diffusivity kappa/(rho0 cv), without the volume of the particle heated."""
 
-    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
+    def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
         """No volume."""
         return 0 * rho_i + 1.0
 
-    def conduction(self) -> Number:
+    def conduction(self) -> Any:
         """Thermal diffusivity at the equilibrium density."""
         assert self.model.thermal is not None
         cv_n = self.of_type(p.specific_heat for p in self.model.thermal)
@@ -26,7 +28,7 @@ class HeatAsTemperatureRate(ArrayEvaluator):
 class HeatOverDensity(ArrayEvaluator):
     """The heat flow of a pair is divided by its mean density."""
 
-    def heated_volume(self, rho_i: Number, rho_j: Number) -> Number:
+    def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
         """Volume over the mean density."""
         return super().heated_volume(rho_i, rho_j) / (0.5 * (rho_i + rho_j))
 
@@ -34,7 +36,7 @@ class HeatOverDensity(ArrayEvaluator):
 class TemperatureWithoutMass(ArrayEvaluator):
     """The temperature is that of the energy of the particle, not per unit mass."""
 
-    def specific_energy(self, energy_n: Number) -> Number:
+    def specific_energy(self, energy_n: Array) -> Array:
         """The energy as it is stored."""
         return energy_n
 

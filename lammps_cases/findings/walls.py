@@ -11,8 +11,9 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Model, PairTerms
-from eos_ref.numbers.columns import Number, axes, dot
+from eos_ref.numbers.columns import axes, dot
 from eos_ref.numbers.elementary import where
+from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import AlarmDifference, Finding
@@ -23,7 +24,7 @@ from lammps_cases.findings.variants import Variant
 class WallVelocityLost(ArrayEvaluator):
     """The velocity that a fluid particle sees of a solid lacks the solid's own velocity."""
 
-    def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
+    def wall_velocity(self, v_solid: Array, v_fluid: Array, ratio: Array) -> Array:
         """Only the extrapolated difference."""
         return (v_solid - v_fluid) * ratio
 
@@ -62,7 +63,7 @@ def sums_walls(problem: Problem) -> bool:
 class AccelerationsOfOldImages(FollowingLists):
     """Right after lists were rebuilt, slots hold the accelerations of what was in them before, further slots 0."""
 
-    def wall_sums(self, pressure_n: Number, rho_n: Number, acceleration_nc: Number) -> tuple[Number, ...]:
+    def wall_sums(self, pressure_n: Array, rho_n: Array, acceleration_nc: Array) -> tuple[Array, ...]:
         """Sums as they are, and what other accelerations than the particles' own add to the last."""
         *sums, sum_n = super().wall_sums(pressure_n, rho_n, acceleration_nc)
         if not self.kept_sc.size:  # the set-up: nothing is kept yet

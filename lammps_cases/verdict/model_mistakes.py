@@ -14,7 +14,7 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.trajectory import Prediction, Problem, wanted
 from lammps_cases.findings.forces import ForcePerVolume
@@ -37,13 +37,13 @@ class _UnitDensity(ArrayEvaluator):
 
 
 class _EquilibriumVolumes(ArrayEvaluator):
-    def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
+    def density_pair(self, rho_n: Array) -> tuple[Array, Array]:
         rho0_n = 0 * rho_n + self.rho0_n
         return rho0_n[self.i], rho0_n[self.j]
 
 
 class _OwnVolumes(ArrayEvaluator):
-    def density_pair(self, rho_n: Number) -> tuple[Number, Number]:
+    def density_pair(self, rho_n: Array) -> tuple[Array, Array]:
         rho_i, _ = super().density_pair(rho_n)
         return rho_i, rho_i * (self.mass_n[self.j] / self.mass_n[self.i])
 
@@ -55,22 +55,22 @@ class _OtherMean(ArrayEvaluator):
 
 
 class _UnitSoundSpeed(ArrayEvaluator):
-    def sound_speed(self, energy_n: Number = None) -> Number:
+    def sound_speed(self, energy_n: Array | None = None) -> Array:
         return np.ones(self.n)
 
 
 class _NoSlipIgnored(ArrayEvaluator):
-    def wall_velocity(self, v_solid: Number, v_fluid: Number, ratio: Number) -> Number:
+    def wall_velocity(self, v_solid: Array, v_fluid: Array, ratio: Array) -> Array:
         return v_solid
 
 
 class _ThinWalls(ArrayEvaluator):
-    def apparent_density(self, rho_n: Number) -> Number:
+    def apparent_density(self, rho_n: Array) -> Array:
         return rho_n
 
 
 class _MostConductive(ArrayEvaluator):
-    def conduction(self) -> Number:
+    def conduction(self) -> Any:
         return 0 * super().conduction() + super().conduction().max()
 
 

@@ -55,6 +55,7 @@ IN_IDS = {
 NAMES_IN_IDS = {
     "ArrayEvaluator": "Plain",
     "Evaluator": "Stages",
+    "Evaluator.__post_init__": "Stages.__init__",
     "Simulation.properties": "Simulation._properties",
     "Simulation.status": "Simulation._status",
 }
@@ -244,7 +245,8 @@ def _changes(module: str, tree: ast.Module) -> Iterator[Change]:
     """Yield everything that can be changed, in the order of the source; the last entry makes the change in the tree."""
     left_out = excluded_assignments(module, tree)
     for name, function in _functions(module, tree):
-        droppable = function.name not in ("__init__", "move")  # what is missing there ends every run at once
+        # What is missing there ends every run at once.
+        droppable = function.name not in ("__init__", "__post_init__", "move")
         for body, at in _statements(function.body):
             statement = body[at]
             if statement in left_out or (isinstance(statement, ast.If) and _of_type(statement.test)):

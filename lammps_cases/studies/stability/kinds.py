@@ -13,6 +13,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.parameters import BoolArray, Box, IntArray, Model
 from eos_ref.numbers.matrices import cholesky
+from eos_ref.numbers.rounded import value
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability.model import FailureCriteria, Kind
@@ -122,9 +123,9 @@ def moment_matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> tuple[Float
     m_nbb = np.empty((len(rho_n), size, size))
     for a in range(size):
         for b in range(a + 1):
-            m_nbb[:, a, b] = m_nbb[:, b, a] = rows[a][b]
+            m_nbb[:, a, b] = m_nbb[:, b, a] = value(rows[a][b])
     definite_n: BoolArray = cholesky(rows)[1]
-    return m_nbb, definite_n, evaluator.coordination_n >= evaluator.model.fix.zmin
+    return m_nbb, definite_n, value(evaluator.coordination_n) >= evaluator.model.fix.zmin
 
 
 def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float | None) -> ParticleFailure | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.rounded import value
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup import reference_side
@@ -22,15 +22,15 @@ class Single(ArrayEvaluator):
         """See `Evaluator.of_type`."""
         return super().of_type(values_t).astype(np.float32)
 
-    def move(self, x_nc: Number) -> None:
+    def move(self, x_nc: Any) -> None:
         """See `ArrayEvaluator.move`."""
         super().move(x_nc)
-        self.x = [x_p.astype(np.float32) for x_p in self.x]
-        self.rr, self.r, self.w = (array.astype(np.float32) for array in (self.rr, self.r, self.w))
-        self.gradw = [g_p.astype(np.float32) for g_p in self.gradw]
+        self.x = [value(x_p).astype(np.float32) for x_p in self.x]
+        self.rr, self.r, self.w = (value(array).astype(np.float32) for array in (self.rr, self.r, self.w))
+        self.gradw = [value(g_p).astype(np.float32) for g_p in self.gradw]
         self.g = self.gradw
 
-    def eos_pressure(self, rho_n: Number, e_n: Number) -> Number:
+    def eos_pressure(self, rho_n: Any, e_n: Any) -> Any:
         """See `Evaluator.eos_pressure`; the laws in the number type of the density."""
         pressure_n = np.empty_like(rho_n)
         for t, law in enumerate(self.model.eos, 1):
@@ -38,9 +38,9 @@ class Single(ArrayEvaluator):
             pressure_n[mine] = law.evaluate(rho_n[mine], None if e_n is None else e_n[mine])
         return pressure_n
 
-    def diffusion(self, *fields: Any) -> Number:
+    def diffusion(self, *fields: Any) -> Any:
         """See `ArrayEvaluator.diffusion`."""
-        return super().diffusion(*fields).astype(np.float32)
+        return value(super().diffusion(*fields)).astype(np.float32)
 
 
 def simulation(scene: Scene, atoms: Atoms, fields: Iterable[str] = (), where: str = "") -> Simulation:

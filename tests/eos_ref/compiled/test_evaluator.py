@@ -8,6 +8,7 @@ import functools
 import hashlib
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.compiled.neighbours import WINDOW
 from eos_ref.errors import InputError
 from eos_ref.kernels.quintic import QUINTIC
-from eos_ref.model.parameters import Box, Gradients
+from eos_ref.model.parameters import Box, Gradients, State
 from eos_ref.numbers import elementary
 from eos_ref.numbers.rounded import error
 from tests.support.double_loop import DoubleLoop
@@ -73,9 +74,9 @@ def test_gradients_that_nothing_asked_for_are_missing(kernel: str, dimension: in
     for evaluator in (built.simulate().evaluator, built.simulate(evaluator=CompiledEvaluator).evaluator):
         evaluator.move(built.state.x_nc)
         evaluator.correct(built.state.rho_n)
-        found = evaluator.gradients(None, None, built.state.rho_n, built.state.rho_n**2, ("energy",))
+        found = evaluator.gradients(replace(built.state, energy_n=built.state.rho_n**2), want=("energy",))
         assert found.v_ncc is found.rho_nc is None and found.energy_nc.shape == built.state.x_nc.shape
-        assert evaluator.gradients(None, None, built.state.rho_n, want=()) == Gradients()
+        assert evaluator.gradients(built.state, want=()) == Gradients()
 
 
 def assert_close(found: Any, expected: Any) -> None:
@@ -229,7 +230,7 @@ def test_polynomials_have_their_gradients(kernel: str, degree: int, dimension: i
         linear_nc = x_nc @ slope_cc.T / 8
         v_nc = linear_nc**power
         true_ncc = power * linear_nc[:, :, None] ** (power - 1) * slope_cc[None] / 8
-        G_ncc = evaluator.gradients(None, v_nc, built.state.rho_n, want=("v",)).v_ncc
+        G_ncc = evaluator.gradients(replace(built.state, v_nc=v_nc), want=("v",)).v_ncc
         assert G_ncc.shape == (n, dimension, dimension)
         difference = np.abs(G_ncc - true_ncc).max()
         # The condition of the moment matrices stands before the roundings.
@@ -269,10 +270,11 @@ def test_a_matrix_without_a_factor_leaves_the_spline() -> None:
     evaluator.correct(np.ones(8))
     assert not evaluator.corrected_n[[0, 6]].any()
     assert evaluator.corrected_n[[2, 3, 4]].all()
-    G_ncc = evaluator.gradients(None, x_nc, np.ones(8), want=("v",)).v_ncc
+    state = State(x_nc, x_nc, np.ones(8), np.ones(8, int), np.zeros(8, bool))
+    G_ncc = evaluator.gradients(state, want=("v",)).v_ncc
     plain = CompiledEvaluator(scene(2, one_type=True).model, box, np.ones(8, int), np.zeros(8, bool))
     plain.move(x_nc)
-    assert np.array_equal(G_ncc[[0, 6]], plain.gradients(None, x_nc, np.ones(8), want=("v",)).v_ncc[[0, 6]])
+    assert np.array_equal(G_ncc[[0, 6]], plain.gradients(state, want=("v",)).v_ncc[[0, 6]])
 
 
 # --- conservation

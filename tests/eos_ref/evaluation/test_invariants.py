@@ -60,7 +60,9 @@ def test_gradients_are_exact(dimension: int, kernel: str, order: int) -> None:
     assert evaluator.corrected_n.all()
     assert evaluator.coordination_n.min() < 0.8 * evaluator.coordination_n.max(), "the surface is reached"
     field = Rounded(f_n, 8 * EPS * (0.5 + np.abs(x_nc).sum(axis=1) ** 2))  # its own evaluation
-    found = evaluator.gradients(None, None, Rounded(built.state.rho_n), field, ["energy"]).energy_nc
+    found = evaluator.gradients(
+        replace(built.state, rho_n=Rounded(built.state.rho_n), energy_n=field), want=["energy"]
+    ).energy_nc
     assert (np.abs(value(found) - true_nc) <= error(found) + 8 * EPS * (1 + np.abs(x_nc)).sum()).all()
     assert error(found).max() < 1e-5  # at the corners moments of RK2 are nearly singular
 
@@ -74,7 +76,7 @@ def test_lower_kernels_are_not_exact(dimension: int) -> None:
         evaluator = built.simulate().evaluator
         evaluator.move(built.state.x_nc)
         evaluator.correct(built.state.rho_n)
-        found = evaluator.gradients(None, None, built.state.rho_n, f_n, ["energy"]).energy_nc
+        found = evaluator.gradients(replace(built.state, energy_n=f_n), want=["energy"]).energy_nc
         assert np.abs(found - true_nc).max() > 1e-3
 
 

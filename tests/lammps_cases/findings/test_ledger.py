@@ -12,7 +12,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.numbers.columns import Number
+from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.findings import LEDGER, accepted_cases, forces, ledger_of
@@ -108,7 +108,7 @@ def test_findings_are_named_in_their_room_only() -> None:
 class HalfVolume(ArrayEvaluator):
     """Forces with half the volume, as no LAMMPS has them."""
 
-    def collecting_volume(self, rho_i: Number) -> Number:
+    def collecting_volume(self, rho_i: Array) -> Array:
         """Half of it."""
         return 0.5 * super().collecting_volume(rho_i)
 

@@ -10,7 +10,7 @@ import platformdirs
 
 
 def cache_folder(name: str) -> Path:
-    """A writable folder for one kind of thing: in the user's cache, or among the temporary files if that cannot be.
+    """Return a writable folder in the user's cache, or among the temporary files if that cannot be.
 
     Nothing depends on what is in it, so an unwritable home costs time and not a result.
     """

@@ -43,7 +43,7 @@ class RoundingBound:
 
 
 def derivation(eos: EOS) -> RoundingBound:
-    """How the bound of a law comes about; `engine` evaluates it."""
+    """Return how the bound of a law comes about; `engine` evaluates it."""
     bound = RoundingBound(eos.law.roundings(eos.parameter or 0.0), eos.law.terms_text)
     if eos.background:
         bound = RoundingBound(bound.operations + 1, bound.terms + " + |P_b|")
@@ -58,7 +58,7 @@ def absolute_terms(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> Fl
 
 
 def power_condition(eos: EOS, rho: FloatArray) -> FloatArray:
-    r"""1 + \|gamma ln(rho/rho0)\| for the power laws, 1 for the others."""
+    r"""Return 1 + \|gamma ln(rho/rho0)\| for the power laws, 1 for the others."""
     if eos.exponent is None:
         return np.ones_like(rho)
     with np.errstate(all="ignore"):
@@ -67,7 +67,7 @@ def power_condition(eos: EOS, rho: FloatArray) -> FloatArray:
 
 
 def underflow(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
-    """Error of one operation below 2**-1022, where rounding is no longer relative (pressure).
+    """Return the error of one operation below 2**-1022, where rounding is no longer relative (pressure).
 
     One spacing of the subnormal numbers; in a product with the energy the other factors may magnify it.
     """
@@ -77,7 +77,7 @@ def underflow(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatAr
 
 
 def engine(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
-    """Bound on the rounding error of the documented formula in any order (powers by `pow` or products; pressure)."""
+    """Return the bound on rounding of the documented formula in any order (powers by `pow` or products; pressure)."""
     k = derivation(eos).operations
     gamma_k = k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
     bound = gamma_k * absolute_terms(eos, rho, e) + k * underflow(eos, rho, e)
@@ -91,7 +91,7 @@ def engine(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray
 
 
 def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatArray:
-    """Bound on the error of `EOS.pressure` itself; tests hold it against Arb over the whole domain."""
+    """Return the bound on the error of `EOS.pressure` itself; tests hold it against Arb over the whole domain."""
     terms = absolute_terms(eos, rho, e)
     condition = power_condition(eos, rho)
     factor = eos.law.reference_eps
@@ -101,7 +101,7 @@ def reference(eos: EOS, rho: FloatArray, e: FloatArray | None = None) -> FloatAr
 
 
 def comparison_derivation(eos: EOS) -> str:
-    """In words, what `comparison` adds up for a law: the engine's roundings and the reference's own error."""
+    """Describe what `comparison` adds up for a law: the engine's roundings and the reference's own error."""
     own = f"{eos.law.reference_eps:g} eps of the same terms"
     if eos.exponent is not None:
         own += " x (1 + |gamma ln(rho/rho0)|)"
@@ -111,7 +111,7 @@ def comparison_derivation(eos: EOS) -> str:
 def comparison(
     table: EOSTable, rho_n: FloatArray, type_n: npt.NDArray[np.integer], e_n: FloatArray | None = None
 ) -> FloatArray:
-    """Largest difference that rounding alone makes between engine and reference, per particle (pressure)."""
+    """Return the largest difference that rounding alone makes between engine and reference, per particle (pressure)."""
     bound_n = np.full(rho_n.shape, np.nan)  # a type without a law is never close
     for t, law in enumerate(table.laws, 1):
         of_type = type_n == t

@@ -113,29 +113,15 @@ def _expm1(y: float) -> float:
     return 2.0 * _fma(half_scale, q, half_scale - 0.5)  # type: ignore[no-any-return]
 
 
-@overload(elementary.powm1)
-def _powm1(rho: Any, rho0: Any, gamma: Any) -> Any:
-    return lambda rho, rho0, gamma: _expm1(gamma * _log_ratio(float(rho), float(rho0)))
-
-
-@overload(elementary.maximum)
-def _maximum(a: Any, b: Any) -> Any:
-    return lambda a, b: a if (a >= b) | (a != a) else b  # as in numpy, either's NaN is the result
-
-
-@overload(elementary.minimum)
-def _minimum(a: Any, b: Any) -> Any:
-    return lambda a, b: a if (a <= b) | (a != a) else b
-
-
-@overload(elementary.where)
-def _where(condition: Any, a: Any, b: Any) -> Any:
-    return lambda condition, a, b: a if condition else b
-
-
-@overload(elementary.root1p)
-def _root1p(y: Any, gamma: Any) -> Any:
-    return lambda y, gamma: math.exp(math.log1p(y) / gamma)
+# The outer function tells numba's typing which body serves; both must have the same arguments.
+overload(elementary.powm1)(
+    lambda rho, rho0, gamma: lambda rho, rho0, gamma: _expm1(gamma * _log_ratio(float(rho), float(rho0)))
+)
+# As in numpy, either's NaN is the result.
+overload(elementary.maximum)(lambda a, b: lambda a, b: a if (a >= b) | (a != a) else b)
+overload(elementary.minimum)(lambda a, b: lambda a, b: a if (a <= b) | (a != a) else b)
+overload(elementary.where)(lambda condition, a, b: lambda condition, a, b: a if condition else b)
+overload(elementary.root1p)(lambda y, gamma: lambda y, gamma: math.exp(math.log1p(y) / gamma))
 
 
 def _register(name: str) -> None:

@@ -32,35 +32,35 @@ def _pow(x: FloatArray, gamma: float) -> FloatArray:
 
 
 def linear(rho: FloatArray, rho0: float, cs: float) -> FloatArray:
-    """Linear law."""
+    """Return the pressure of the linear law."""
     return cs * cs * (rho - rho0)
 
 
 def cubic(rho: FloatArray, rho0: float, cs: float, a3: float) -> FloatArray:
-    """Cubic law."""
+    """Return the pressure of the cubic law."""
     d = rho - rho0
     return cs * cs * (d + a3 * d * d * d)
 
 
 def tait_water(rho: FloatArray, rho0: float, cs: float) -> FloatArray:
-    """Tait's law for water, its power a chain of products."""
+    """Return the pressure of Tait's law for water, its power a chain of products."""
     x = rho * (1.0 / rho0)
     x3 = x * x * x
     return cs * cs * rho0 * (1.0 / 7.0) * (x3 * x3 * x - 1.0)
 
 
 def tait_general(rho: FloatArray, rho0: float, cs: float, gamma: float) -> FloatArray:
-    """General Tait law."""
+    """Return the pressure of the general Tait law."""
     return cs * cs * rho0 * (_pow(rho * (1.0 / rho0), gamma) - 1.0) / gamma
 
 
 def ideal_gas(rho: FloatArray, energy: FloatArray, mass: FloatArray, gamma: float) -> FloatArray:
-    """Ideal gas; ``energy`` is that of the whole particle, as LAMMPS stores it."""
+    """Return the pressure of an ideal gas; ``energy`` is that of the whole particle, as LAMMPS stores it."""
     return (gamma - 1.0) * rho * np.asarray(energy) / np.asarray(mass)
 
 
 def pressure_of_law(eos: EOS, rho: FloatArray, energy: FloatArray | None, mass: FloatArray | None) -> FloatArray:
-    """Pressure with LAMMPS' roundings; ``energy`` is that of the whole particle, as LAMMPS stores it."""
+    """Return the pressure with LAMMPS' roundings; ``energy`` is that of the whole particle, as LAMMPS stores it."""
     with np.errstate(all="ignore"):
         p = eos.law.lammps(rho, energy, mass, eos.rho0, eos.cs, eos.parameter)
     return np.asarray(p + eos.background if eos.background else p)
@@ -69,7 +69,7 @@ def pressure_of_law(eos: EOS, rho: FloatArray, energy: FloatArray | None, mass: 
 def pressure(
     table: EOSTable, rho_n: FloatArray, type_n: IntArray, energy_n: FloatArray | None, mass_n: FloatArray
 ) -> FloatArray:
-    """Pressure of every particle with LAMMPS' roundings."""
+    """Return the pressure of every particle with LAMMPS' roundings."""
     p_n = np.empty(rho_n.shape)
     for t, law in enumerate(table.laws, 1):
         of_type = type_n == t

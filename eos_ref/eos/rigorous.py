@@ -9,7 +9,7 @@ from eos_ref.errors import InputError
 
 
 def pressure(eos: EOS, rho: float, e: float | None = None, bits: int = 100) -> arb:
-    """Pressure of one particle as a ball whose relative radius is below 2**-bits.
+    """Return the pressure of one particle as a ball whose relative radius is below 2**-bits.
 
     The same body of the law as everywhere else, evaluated with balls; the working precision is doubled until
     the radius is small enough, so cancellation costs time and never digits.
@@ -47,7 +47,7 @@ def pressure(eos: EOS, rho: float, e: float | None = None, bits: int = 100) -> a
 
 
 def error(value: float, exact: arb) -> float:
-    """Absolute error of a float against a ball, rounded up to a float."""
+    """Return the absolute error of a float against a ball, rounded up to a float."""
     if value != value:  # NaN: infinitely wrong, never close
         return float("inf")
     return float(abs(arb(value) - exact).upper())

@@ -49,10 +49,10 @@ class Evaluation(Protocol):
     surface: Surface
 
     def stress(self, total: bool) -> Array:
-        """Viscous or total stress of every particle."""
+        """Return the viscous or total stress of every particle."""
 
     def status(self) -> Array:
-        """Status word of every particle."""
+        """Return the status word of every particle."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,11 @@ class Quantity:
 
     @property
     def whole(self) -> str:
-        """The quantity of an evaluation that gives it."""
+        """Return the quantity of an evaluation that gives it."""
         return self.part_of or self.name
 
     def needs(self, model: Model) -> tuple[str, ...]:
-        """What it is computed from in a model."""
+        """Return the quantities that it is computed from in a model."""
         return self.inputs(model) if callable(self.inputs) else self.inputs or ()
 
 
@@ -133,7 +133,7 @@ def _viscosity(model: Model) -> tuple[str, ...]:
 
 
 def _thermal(name: str) -> Callable[[Evaluation], Array]:
-    """A parameter of rheo/thermal, of the type of every particle."""
+    """Return a parameter of rheo/thermal, of the type of every particle."""
     return lambda e: np.array([getattr(p, name) for p in e.model.thermal or ()])[e.state.type_n - 1]
 
 
@@ -209,12 +209,12 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def order() -> tuple[str, ...]:
-    """The quantities of a force evaluation, in its order."""
+    """Return the quantities of a force evaluation, in its order."""
     return tuple(q.name for q in QUANTITIES.values() if q.inputs is not None)
 
 
 def has(model: Model, keyword: Keyword | None) -> bool:
-    """Whether a model has a keyword of fix rheo; always without one."""
+    """Return whether a model has a keyword of fix rheo; always without one."""
     fix = model.fix
     return {
         None: True,
@@ -226,12 +226,12 @@ def has(model: Model, keyword: Keyword | None) -> bool:
 
 
 def keyword_of(name: str) -> Keyword | None:
-    """The keyword of fix rheo without which a model does not have a quantity."""
+    """Return the keyword of fix rheo without which a model does not have a quantity."""
     return QUANTITIES[QUANTITIES[name].whole].keyword
 
 
 def of_model(model: Model, name: str) -> Quantity:
-    """The record of a quantity that a model has.
+    """Return the record of a quantity that a model has.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def of_model(model: Model, name: str) -> Quantity:
 
 
 def evaluated_for(model: Model, name: str) -> tuple[str, ...]:
-    """The quantities of an evaluation that give a field of a model.
+    """Return the quantities of an evaluation that give a field of a model.
 
     Raises
     ------
@@ -259,7 +259,7 @@ def evaluated_for(model: Model, name: str) -> tuple[str, ...]:
 
 
 def needed_to_step(model: Model) -> tuple[str, ...]:
-    """Fields that a time step itself needs."""
+    """Return the fields that a time step itself needs."""
     fix = model.fix
     wanted = ["f"]
     if not fix.rho_sum:
@@ -277,7 +277,7 @@ def needed_to_step(model: Model) -> tuple[str, ...]:
 
 
 def required(model: Model, wanted: Iterable[str]) -> tuple[str, ...]:
-    """All quantities that some fields need, in the order of evaluation.
+    """Return all quantities that some fields need, in the order of evaluation.
 
     Raises
     ------

@@ -31,7 +31,7 @@ class Array(Number, Protocol):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Length of every axis."""
+        """Return the length of every axis."""
 
     def __len__(self) -> int: ...
     def __getitem__(self, at: Any, /) -> Self: ...

@@ -205,7 +205,7 @@ def resolve(
     cs: Sequence[float] | None = None,
     where: str = "",
 ) -> EOSTable:
-    """One law per atom type; later entries override earlier ones, a background stays beside the law.
+    """Return one law per atom type; later entries override earlier ones, a background stays beside the law.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ _FORM = re.compile(r"(?P<single>[0-9]{1,18})|(?P<low>[0-9]{1,18})?\*(?P<high>[0-
 
 
 def type_range(text: str, ntypes: int, where: str = "") -> range:
-    """Atom types that a wild-card expression stands for.
+    """Return the atom types that a wild-card expression stands for.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class EosState:
 
     @property
     def e_n(self) -> FloatArray | None:
-        """Internal energy per unit mass."""
+        """Return the internal energy per unit mass."""
         return None if self.energy_n is None else self.energy_n / self.mass_n
 
 
@@ -64,12 +64,12 @@ class Comparison:
 
 
 def same_bits(a: FloatArray, b: FloatArray) -> bool:
-    """Whether all values agree in every bit; NaN is never the same as anything."""
+    """Return whether all values agree in every bit; NaN is never the same as anything."""
     return bool(np.all(a == b)) and bool(np.all(np.signbit(a) == np.signbit(b)))
 
 
 def excess(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Absolute difference and its ratio to the bound; both infinite where either side is not a finite number."""
+    """Return the absolute difference and its ratio to the bound; both infinite where a side is not a finite number."""
     with np.errstate(all="ignore"):
         difference = np.abs(lammps_n - reference_n)
         difference[~(np.isfinite(lammps_n) & np.isfinite(reference_n))] = np.inf
@@ -80,7 +80,7 @@ def excess(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray) -
 
 
 def worst_component(values_n: FloatArray, ratio_n: FloatArray) -> FloatArray:
-    """The value of every particle's component of the largest ratio."""
+    """Return the value of every particle's component of the largest ratio."""
     if values_n.ndim == 1:
         return values_n
     n = len(values_n)
@@ -98,7 +98,7 @@ def compare_field(
     same_order_n: FloatArray | None = None,
     derivation: str = "",
 ) -> Comparison:
-    """Verdict on one field: `exact`, `pass` or `differs` (a ledger may turn the last into `explained`).
+    """Judge one field: `exact`, `pass` or `differs` (a ledger may turn the last into `explained`).
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def compare_pressure(
 def digits_lost(
     table: EOSTable, state: EosState, lammps_n: FloatArray, reference_n: FloatArray, certified: int = CERTIFIED
 ) -> DigitsLost:
-    """Decimal digits that each side loses against the rigorous value, worst atom.
+    """Return the decimal digits that each side loses against the rigorous value, worst atom.
 
     log10 of the relative error over eps, at least 0. All atoms are screened in extended precision; the worst ones
     of either side, and evenly spaced others, are certified with Arb. ideal/gas takes e = energy/mass as given.

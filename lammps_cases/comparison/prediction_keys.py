@@ -38,7 +38,7 @@ class Digest(Protocol):
 
 
 def fingerprint(*parts: object) -> str:
-    """SHA-256 of values, arrays and dataclasses, to the last bit.
+    """Return the SHA-256 of values, arrays and dataclasses, to the last bit.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def _feed(digest: Digest, part: Any) -> None:
 
 
 def _named(cls: type) -> tuple[object, ...]:
-    """Module, name and settings of a class whose source the context holds; of no other."""
+    """Return the module, name and settings of a class whose source the context holds; of no other."""
     package, _, module = cls.__module__.partition(".")
     if (
         package != "eos_ref" and (package != "lammps_cases" or module.partition(".")[0] not in ROOMS)
@@ -88,13 +88,13 @@ def _named(cls: type) -> tuple[object, ...]:
 
 
 def hashed(root: Path) -> list[Path]:
-    """All files whose bytes decide what is predicted."""
+    """Return all files whose bytes decide what is predicted."""
     folders = [root / "eos_ref", *(root / "lammps_cases" / room for room in ROOMS)]
     return [path for folder in folders for path in sorted(folder.rglob("*.py"))]
 
 
 def context(root: Path = Path(__file__).parents[2]) -> str:
-    """SHA-256 of what every prediction depends on: sources, libraries, processor, switches."""
+    """Return the SHA-256 of all that predictions depend on: sources, libraries, processor, switches."""
     digest = hashlib.sha256()
     for path in hashed(root):
         source = path.read_bytes()
@@ -127,7 +127,7 @@ def cpuinfo() -> dict[str, str]:
 
 
 def processor() -> str:
-    """The processor as far as it decides which instructions are used, and the C library with its functions."""
+    """Return the processor as far as it decides which instructions are used, and the C library with its functions."""
     known = cpuinfo()
     flags = set(known.get("flags", known.get("Features", "")).split())
     try:
@@ -139,11 +139,11 @@ def processor() -> str:
 
 
 def open_store(fresh: bool = False) -> Store:
-    """The user's store, for the reference as it is."""
+    """Return the user's store, for the reference as it is."""
     return Store(store_folder(), context(), fresh)
 
 
 @functools.cache
 def current(store: Store) -> bool:
-    """Whether a store's context is that of this process: sources may have changed since the store was opened."""
+    """Return whether a store's context is that of this process: sources may have changed since the store was opened."""
     return store.context == context()

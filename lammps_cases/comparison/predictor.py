@@ -41,7 +41,7 @@ class Predictor:
     _named: list[tuple[Problem, str]] = field(default_factory=list, repr=False)
 
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
-        """Fields with bounds, of the reference or of a variant; see `lammps_cases.comparison.trajectory.predict`."""
+        """Return fields and bounds, of the reference or a variant; see `lammps_cases.comparison.trajectory.predict`."""
 
         def compute() -> Arrays:
             stages, stepping = made or (None, Simulation)
@@ -52,7 +52,7 @@ class Predictor:
         return Prediction(*(tuple(_columns(of, problem, arrays)) for of in ("value", "bound")))
 
     def values(self, problem: Problem, made: Made) -> list[Fields]:
-        """Fields of a variant without their bounds."""
+        """Return the fields of a variant without their bounds."""
 
         def compute() -> Arrays:
             stages, stepping = made
@@ -63,7 +63,7 @@ class Predictor:
         return _columns("value", problem, self._recall(("values", self._name(problem), made), compute))
 
     def precise(self, problem: Problem) -> Fields:
-        """Fields of the first evaluation in extended precision."""
+        """Return the fields of the first evaluation in extended precision."""
 
         def compute() -> Arrays:
             return {f: np.asarray(x) for f, x in precise_setup(problem).items()}
@@ -80,7 +80,7 @@ class Predictor:
         return names
 
     def _name(self, problem: Problem) -> str:
-        """The fingerprint of a scene, taken once."""
+        """Return the fingerprint of a scene, taken once."""
         for known, name in self._named:
             if known is problem:
                 return name

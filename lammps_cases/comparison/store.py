@@ -32,7 +32,7 @@ Arrays = Mapping[str, npt.NDArray[Any]]
 
 
 def store_folder() -> Path:
-    """The folder of the store: that of `VARIABLE`, or in the user's cache."""
+    """Return the folder of the store: that of `VARIABLE`, or in the user's cache."""
     named = os.environ.get(VARIABLE)
     return Path(named) if named else cache_folder("predictions")
 
@@ -53,7 +53,7 @@ class Store:
     fresh: bool = False
 
     def read(self, key: str) -> dict[str, npt.NDArray[Any]] | None:
-        """The arrays of a key, read-only; None if there are none, or if they are damaged."""
+        """Return the arrays of a key, read-only; None if there are none, or if they are damaged."""
         if self.fresh:
             return None
         path = self._path(key)
@@ -77,7 +77,7 @@ class Store:
         return self.folder / hashlib.sha256(f"{self.context}/{key}".encode()).hexdigest()
 
     def size(self) -> tuple[int, int]:
-        """Number of entries, and their bytes."""
+        """Return the number of entries, and their bytes."""
         files = _files(self.folder)
         return len(files), sum(size for _, size, _ in files)
 
@@ -94,7 +94,7 @@ class Store:
 
 
 def _files(folder: Path) -> list[tuple[int, int, str]]:
-    """Time of last use, size and path of every file, those half-written included."""
+    """Return the time of last use, size and path of every file, those half-written included."""
     found = []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -105,7 +105,7 @@ def _files(folder: Path) -> list[tuple[int, int, str]]:
 
 
 def packed(name: str, arrays: Arrays) -> bytes:
-    """The bytes of an entry of some name."""
+    """Return the bytes of an entry of some name."""
     described, parts = [], []
     for key, array in arrays.items():
         contiguous = np.ascontiguousarray(array)
@@ -119,7 +119,7 @@ def packed(name: str, arrays: Arrays) -> bytes:
 
 
 def unpacked(name: str, content: bytes) -> dict[str, npt.NDArray[Any]] | None:
-    """The arrays of an entry, or None: it is damaged, or the entry of another name."""
+    """Return the arrays of an entry, or None: it is damaged, or the entry of another name."""
     body = memoryview(content)[_HASH:]
     digest = hashlib.sha256(name.encode())
     digest.update(body)

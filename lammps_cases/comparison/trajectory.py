@@ -51,7 +51,7 @@ class Prediction:
 
 
 def wanted(problem: Problem) -> tuple[str, ...]:
-    """The fields compared, and what steps need if there are any."""
+    """Return the fields compared, and what steps need if there are any."""
     return tuple(dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.steps[-1] else ()))))
 
 
@@ -71,7 +71,7 @@ def predict(
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
 ) -> Prediction:
-    """Fields at some steps with their bounds.
+    """Return the fields at some steps with their bounds.
 
     Parameters
     ----------
@@ -121,22 +121,21 @@ def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -
 
 
 class Sizes(dict[str, FloatArray]):
-    """Largest rounding error of every quantity, over the evaluations seen."""
+    """Largest rounding error of every quantity, over the evaluations added."""
 
     def add(self, twin: Simulation) -> None:
         """Take in one evaluation."""
-        found = twin.fields | {"pressure force": twin.pressure_force_nc, "rho": twin.state.rho_n}
-        for name, quantity in found.items():
+        quantities = twin.fields | {"pressure force": twin.pressure_force_nc, "rho": twin.state.rho_n}
+        for name, quantity in quantities.items():
             if isinstance(quantity, Rounded):
-                known = np.where(np.isnan(quantity.error), np.inf, quantity.error)
-                self[name] = np.maximum(self.get(name, 0.0), known)
+                self[name] = np.maximum(self.get(name, 0.0), np.where(np.isnan(quantity.error), np.inf, quantity.error))
 
 
 # --- many steps
 
 
 def moved(evaluator: type[Evaluator], sizes: Sizes, random: np.random.Generator) -> type[Evaluator]:
-    """The stages of an evaluator with every result moved by its bound, up or down at random."""
+    """Return the stages of an evaluator with every result moved by its bound, up or down at random."""
 
     def move(quantity: Any, name: str) -> Any:
         if quantity is None or name not in sizes:
@@ -152,34 +151,30 @@ def moved(evaluator: type[Evaluator], sizes: Sizes, random: np.random.Generator)
             return move(chi_n, "chi"), np.where(self.solid_n, move(new_n, "rho"), new_n)
 
         def gradients(self, *arguments: Any, **options: Any) -> Gradients:
-            found: Gradients = super().gradients(*arguments, **options)
-            for name, gradient in vars(found).items():
-                setattr(found, name, move(gradient, f"grad/{name.partition('_')[0]}"))
-            return found
+            gradients: Gradients = super().gradients(*arguments, **options)
+            for name, gradient in vars(gradients).items():
+                setattr(gradients, name, move(gradient, f"grad/{name.partition('_')[0]}"))
+            return gradients
 
         def shift(self, v_nc: Any, rho_n: Any) -> Any:
             return move(super().shift(v_nc, rho_n), "shift/v")
 
         def pair_terms(self, *arguments: Any, **options: Any) -> PairTerms:
-            found = super().pair_terms(*arguments, **options)
-            return PairTerms(
-                move(found.force_nc, "f"),
-                move(found.pressure_force_nc, "pressure force"),
-                move(found.drho_n, "drho"),
-                move(found.heat_n, "heatflow"),
-            )
+            terms = super().pair_terms(*arguments, **options)
+            names = ("f", "pressure force", "drho", "heatflow")
+            return PairTerms(*(move(term, name) for term, name in zip(vars(terms).values(), names, strict=True)))
 
     return Moved
 
 
 def precise_setup(problem: Problem) -> Fields:
-    """Fields of the first evaluation in extended precision."""
+    """Return the fields of the first evaluation in extended precision."""
     twin = Simulation(problem.model, problem.box, problem.state, wanted(problem)).precise()
     return {field: twin.output(field) for field in problem.fields}
 
 
 def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
-    """Steps after each of which the state moves by one unit of the last place."""
+    """Return a stepping after each step of which the state moves by one unit of the last place."""
 
     def signs(like: FloatArray) -> FloatArray:
         return EPS * random.choice((-1.0, 1.0), like.shape)
@@ -199,11 +194,7 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 
 def _moved_runs(
-    problem: Problem,
-    evaluator: type[Evaluator],
-    stepping: type[Simulation],
-    sizes: Sizes,
-    seed: int,
+    problem: Problem, evaluator: type[Evaluator], stepping: type[Simulation], sizes: Sizes, seed: int
 ) -> list[Simulation]:
     runs = []
     for k in range(MOVED_RUNS):
@@ -215,7 +206,7 @@ def _moved_runs(
 
 
 def _spread(runs: Sequence[Simulation], problem: Problem, values: Sequence[Fields]) -> list[Fields]:
-    """Largest distance of the moved runs from the reference, per field and step; 0 at step 0."""
+    """Return the largest distance of the moved runs from the reference, per field and step; 0 at step 0."""
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for run in runs:
         for at, step in enumerate(visit(run, problem.steps, problem.timestep)):

@@ -27,7 +27,7 @@ class Engine:
 
 
 def is_engine(name: str) -> bool:
-    """Whether a name has the form of an engine's, not that of a case or a folder."""
+    """Return whether a name has the form of an engine's, not that of a case or a folder."""
     return name == "env" or name.startswith(("pypi:", "path:"))
 
 

@@ -23,7 +23,7 @@ class Instance:
 
     @property
     def is_open(self) -> bool:
-        """Whether there is an instance that may be used."""
+        """Return whether there is an instance that may be used."""
         return self._lmp is not None
 
     @contextmanager

@@ -49,7 +49,7 @@ class Failure:
 
 
 def solve(site: str | None, job: Job) -> Answer:
-    """Task: run one job."""
+    """Run one job, in a worker."""
     if job.ranks > 1:
         return ranks.solve(site, job)
     with instance(site).use() as lmp:
@@ -57,7 +57,7 @@ def solve(site: str | None, job: Job) -> Answer:
 
 
 def identify(site: str | None) -> dict[str, str]:
-    """Task: identify this LAMMPS."""
+    """Identify this LAMMPS, in a worker."""
     with instance(site).use() as lmp:
         return describe(lmp, site)
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def pressures(atoms: ase.Atoms, eos: EOSTable) -> FloatArray:
-    """Pressure of every particle of an `ase.Atoms`.
+    """Return the pressure of every particle of an `ase.Atoms`.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def pressures(atoms: ase.Atoms, eos: EOSTable) -> FloatArray:
 
 
 def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
-    """The particles of a case (its ``fields/CASE.npz``) as an `ase.Atoms`, all fields as per-atom arrays.
+    """Return the particles of a case (its ``fields/CASE.npz``) as an `ase.Atoms`, all fields as per-atom arrays.
 
     Types become chemical symbols in the order H, He, ... for viewers; the array ``type`` keeps the numbers.
     """
@@ -62,7 +62,7 @@ def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
 
 
 def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
-    """Particles of an extended XYZ file: x, low, high, periodic, spacing and, if present, type, rho, e.
+    """Return the particles of an extended XYZ file: x, low, high, periodic, spacing and, if present, type, rho, e.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
 
 
 def _arrays(path: Path, where: str) -> dict[str, Any]:
-    """Arrays of a file as ASE reads them, kept in the cache by content: importing ASE takes longer than most scenes."""
+    """Return a file's arrays as ASE reads them, cached by content: importing ASE takes longer than most scenes."""
     try:
         content = path.read_bytes()
     except OSError as error:

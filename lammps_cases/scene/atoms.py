@@ -52,7 +52,7 @@ class Atoms:
 
 
 def seed(name: str) -> int:
-    """Seed of a case: 64 bits of the SHA-256 of its name."""
+    """Return the seed of a case: 64 bits of the SHA-256 of its name."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
 
 
@@ -61,7 +61,7 @@ def _random(case: Case, purpose: str) -> np.random.Generator:
 
 
 def build(case: Case, eos: EOSTable | None) -> Atoms:
-    """The particles of a case.
+    """Return the particles of a case.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
 
 
 def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
-    """Particles of a lattice as a file would give them: x, low, high, periodic, spacing and, with regions, type."""
+    """Return the particles of a lattice as of a file: x, low, high, periodic, spacing and, with regions, type."""
     dimension, spacing = case.scene.dimension, lattice.spacing
     x_nc, high_c = _sites(lattice, dimension)
     type_n = _region_types(case, lattice, x_nc[:, :dimension] / high_c[:dimension]) if lattice.regions else None
@@ -119,7 +119,7 @@ def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
 
 
 def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArray:
-    """Types of all sites, given in fractions of the lattice; 0 where there is no particle.
+    """Return the types of all sites, given in fractions of the lattice; 0 where there is no particle.
 
     The types that no region names are dealt out to the sites that no region takes (type 1 if there are none).
     """
@@ -153,7 +153,7 @@ def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
 def _check_positions(
     case: Case, x_nc: FloatArray, low_c: FloatArray, high_c: FloatArray, periodic: tuple[bool, ...]
 ) -> None:
-    """Particles that interact must lie in the box, not on top of one another."""
+    """Check that particles that interact lie in the box, and not on top of one another."""
     outside = np.flatnonzero(((x_nc < low_c) | (x_nc > high_c)).any(axis=1))
     if outside.size:
         place = f"{case.where}, atom {outside[0] + 1}"
@@ -168,7 +168,7 @@ def _check_positions(
 
 
 def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
-    """Sites of a lattice with one corner at 0, and the opposite corner."""
+    """Return the sites of a lattice with one corner at 0, and the opposite corner."""
     basis_bc = np.array(_BASIS[lattice.lattice])
     cell_c = np.ones(dimension)
     if lattice.lattice == "hex":
@@ -186,7 +186,7 @@ def _types(case: Case, n: int) -> IntArray:
 
 
 def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
-    """Equal shares of some types."""
+    """Return equal shares of some types."""
     type_n = np.array(types)[np.arange(n) * len(types) // max(n, 1)]
     if case.scene.arrangement == "shuffled":
         _random(case, "types").shuffle(type_n)
@@ -282,5 +282,5 @@ def _read_extxyz(case: Case, positions: FromFile) -> dict[str, Any]:
 
 
 def kernel_cut(scene: Scene, spacing: float) -> float:
-    """Cutoff of the kernel: as given, or 3 spacings."""
+    """Return the cutoff of the kernel: as given, or 3 spacings."""
     return scene.rheo.cut or 3.0 * spacing

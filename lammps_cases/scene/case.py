@@ -168,46 +168,46 @@ class Scene(SceneModel):
 
     @property
     def rho0(self) -> tuple[float, ...] | None:
-        """Equilibrium densities per type; None: fix rheo's default of 1."""
+        """Return the equilibrium densities per type; None: fix rheo's default of 1."""
         values = tuple(t.rho0 for t in self.types if t.rho0 is not None)
         return values or None
 
     @property
     def cs(self) -> tuple[float, ...] | None:
-        """Speeds of sound per type; None: fix rheo's default of 1."""
+        """Return the speeds of sound per type; None: fix rheo's default of 1."""
         values = tuple(t.cs for t in self.types if t.cs is not None)
         return values or None
 
     @property
     def thermal(self) -> bool:
-        """Whether particles carry energy (atom_style rheo/thermal)."""
+        """Return whether particles carry energy (atom_style rheo/thermal)."""
         gas = any(law.needs_energy for law in self.pressure)
         return self.energy is not None or gas or any(t.thermal for t in self.types)
 
     @property
     def rho_sum(self) -> bool:
-        """Whether the density is summed over neighbours."""
+        """Return whether the density is summed over neighbours."""
         return self.rheo.rho_sum
 
     @property
     def whole_model(self) -> bool:
-        """Whether the particle model is compared, not the equation of state alone."""
+        """Return whether the particle model is compared, not the equation of state alone."""
         return self.compare != ("pressure",) or (self.evolve is not None and self.evolve.compare_at is not None)
 
     @property
     def interacts(self) -> bool:
-        """Whether particles have neighbours."""
+        """Return whether particles have neighbours."""
         return self.whole_model or self.rho_sum or self.evolve is not None
 
     @property
     def snapshots(self) -> tuple[int, ...]:
-        """Steps at which fields are compared; those of an equation of state at the end alone."""
+        """Return the steps at which fields are compared; those of an equation of state at the end alone."""
         if self.evolve is None:
             return (0,)
         return self.evolve.snapshots if self.whole_model else (self.evolve.steps,)
 
     def eos(self, where: str = "") -> EOSTable:
-        """The reference's laws of all types.
+        """Return the reference's laws of all types.
 
         Raises
         ------
@@ -221,11 +221,12 @@ NAME = re.compile(r"[a-z0-9]+(?:[-+][a-z0-9]+)*")
 
 
 def check_name(name: str, where: str) -> str:
-    """A part of a case's name: lower-case words joined by hyphens.
+    """Check a part of a case's name, lower-case words joined by hyphens, and return it.
 
     Raises
     ------
     InputError
+        Another character, or more than 60.
     """
     if not NAME.fullmatch(name) or len(name) > 60:
         raise InputError("name", "must be at most 60 lower-case letters, digits, hyphens and +", name, where)

@@ -39,11 +39,11 @@ class Case:
 
     @property
     def where(self) -> str:
-        """Place for messages: file and case."""
+        """Return the place for messages: file and case."""
         return f"{self.source.name}, case {self.name}"
 
     def reproduce(self, engine: str = "env") -> str:
-        """Command that runs this case alone, on the same engine."""
+        """Return the command that runs this case alone, on the same engine."""
         own = [] if self.shipped else ["--cases", str(self.source)]
         other = [] if engine == "env" else ["--engine", engine]
         return shlex.join(["eos-ref", "run", *own, *other, self.name])
@@ -62,7 +62,7 @@ class CaseFile(BaseModel):
 
 
 def merge(base: Any, patch: Any) -> Any:
-    """Patch merged into base: mappings key by key, anything else replaced.
+    """Merge a patch into a base: mappings key by key, anything else replaced.
 
     A null removes a key; ``key+`` appends to the list ``key``.
     """
@@ -83,7 +83,7 @@ def merge(base: Any, patch: Any) -> Any:
 
 
 def _validation_error(error: ValidationError, where: str, data: Any) -> InputError:
-    """The first complaint of pydantic in one line: key, rule, value found, file."""
+    """Return the first complaint of pydantic in one line: key, rule, value found, file."""
     first = error.errors(include_url=False)[0]
     # Parts with a space or a hyphen are pydantic's names of validators and alternatives, not keys of the file.
     place = [str(part) for part in first["loc"] if not set(" -") & set(str(part))]
@@ -101,7 +101,7 @@ def _scene_keys() -> Iterable[str]:
 
 
 def load_file(path: Path, shipped: bool = False) -> list[Case]:
-    """All cases of a file, sorted by name.
+    """Return all cases of a file, sorted by name.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _case(name: str, about: str, tags: Sequence[str], content: Any, path: Path, 
 
 
 def load(paths: Sequence[Path] = ()) -> list[Case]:
-    """All cases of some files and folders (default: those shipped), sorted by name.
+    """Return all cases of some files and folders (default: those shipped), sorted by name.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def load(paths: Sequence[Path] = ()) -> list[Case]:
 
 
 def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = None) -> list[Case]:
-    """Cases by name or wild-card pattern and by tag; without either, all that are not tagged long.
+    """Return the cases by name or wild-card pattern and by tag; without either, all that are not tagged long.
 
     A name also selects the cases below it: ``near-rho0`` selects ``near-rho0.linear.2d``.
 

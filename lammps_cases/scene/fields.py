@@ -51,28 +51,28 @@ class Field:
 
     @property
     def quantity(self) -> Quantity:
-        """Its record in the reference."""
+        """Return its record in the reference."""
         return QUANTITIES[self.name]
 
     @property
     def key(self) -> str:
-        """The name of its array among those read after a job: of the compute ``q`` where that has it."""
+        """Return the name of its array among those read after a job: of the compute ``q`` where that has it."""
         return f"q.{self.name}" if self.column else self.array
 
     def words(self) -> str:
-        """Its words in the command of the compute; ``NAME/*`` expands to components, those in the plane in 2D."""
+        """Return its words in the compute's command; ``NAME/*`` expands to components, those in the plane in 2D."""
         return self.column + "/*" * (self.quantity.rank > 0)
 
     def of(self, arrays: Mapping[str, Any], dimension: int) -> Any:
-        """Its values among the arrays of a job, vectors with as many axes as dimensions."""
+        """Return its values among the arrays of a job, vectors with as many axes as dimensions."""
         return self.planar(arrays[self.key], dimension)
 
     def planar(self, array: Any, dimension: int) -> Any:
-        """An array with as many axes as dimensions; LAMMPS' vectors of atoms have three."""
+        """Return an array with as many axes as dimensions; LAMMPS' vectors of atoms have three."""
         return array[:, :dimension] if self.quantity.rank == 1 else array
 
     def placed(self, values: Any, array: Any) -> Any:
-        """Values in the shape of LAMMPS' array: the inverse of `planar`."""
+        """Return the values in the shape of LAMMPS' array: the inverse of `planar`."""
         full = np.zeros(array.shape)
         full[..., : values.shape[-1]] = values
         return full
@@ -117,12 +117,12 @@ FIELDS: dict[str, Field] = {
 
 
 def place(name: str) -> int:
-    """The place of a field in the order of a step; beyond the last for other names."""
+    """Return the place of a field in the order of a step; beyond the last for other names."""
     return list(FIELDS).index(name) if name in FIELDS else len(FIELDS)
 
 
 def in_step_order(names: Iterable[str]) -> list[str]:
-    """Fields in the order of a step, other names behind them."""
+    """Return the fields in the order of a step, other names behind them."""
     return sorted(names, key=lambda name: (place(name), name))
 
 

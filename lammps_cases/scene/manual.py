@@ -40,6 +40,6 @@ class ExampleSettings(SceneModel):
         return self
 
     def line(self, page: Page) -> str | None:
-        """The line of a page, if the scene takes it from there."""
+        """Return the line of a page, if the scene takes it from there."""
         number = self.rheo if page == "rheo" else self.pressure
         return None if number is None else EXAMPLES[page][number - 1]

@@ -50,12 +50,12 @@ class AtomType(SceneModel):
 
     @property
     def thermal(self) -> bool:
-        """Whether a thermal property is given."""
+        """Return whether a thermal property is given."""
         return bool({"conductivity", "specific_heat", "latent_heat", "T_freeze"} & self.model_fields_set)
 
 
 def entries(law: EOS) -> list[dict[str, Any]]:
-    """Entries of fix rheo/pressure, as a scene has them, that give all types one law."""
+    """Return the entries of fix rheo/pressure, as a scene has them, that give all types one law."""
     argument = {} if law.law.parameter is None else {law.law.parameter: law.parameter}
     background = [{"types": "*", "style": "background", "P_b": law.background}] if law.background else []
     return [{"types": "*", "style": law.style, **argument}, *background]
@@ -81,16 +81,16 @@ class LawSettings(SceneModel):
 
     @property
     def value(self) -> float | None:
-        """The style's argument."""
+        """Return the style's argument."""
         name = PARAMETER.get(self.style)
         return None if name is None else getattr(self, name)
 
     @property
     def needs_energy(self) -> bool:
-        """Whether the law depends on the internal energy."""
+        """Return whether the law depends on the internal energy."""
         return self.style != "background" and LAWS[self.style].needs_energy
 
     @property
     def entry(self) -> PressureEntry:
-        """The entry as the reference takes it."""
+        """Return the entry as the reference takes it."""
         return PressureEntry(self.types, self.style, self.value)

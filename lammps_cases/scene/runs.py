@@ -59,7 +59,7 @@ class TwinSettings(SceneModel):
 
     @property
     def kind(self) -> str:
-        """The key given."""
+        """Return the key given."""
         return next(key for key in type(self).model_fields if getattr(self, key) is not None)
 
 

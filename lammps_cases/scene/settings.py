@@ -69,7 +69,7 @@ class RheoSettings(SceneModel):
 
     @property
     def shifting(self) -> ShiftSettings | None:
-        """Arguments of shift; None: off."""
+        """Return the arguments of shift; None: off."""
         if isinstance(self.shift, bool):
             return ShiftSettings() if self.shift else None
         return self.shift
@@ -116,5 +116,5 @@ class Evolve(SceneModel):
 
     @property
     def snapshots(self) -> tuple[int, ...]:
-        """Steps compared."""
+        """Return the steps compared."""
         return self.compare_at or (*(step for step in SNAPSHOTS if step < self.steps), self.steps)

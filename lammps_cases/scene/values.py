@@ -46,7 +46,7 @@ class SceneModel(BaseModel):
 
 
 def models(base: type[SceneModel] = SceneModel) -> Iterator[type[SceneModel]]:
-    """All models of the file format."""
+    """Return all models of the file format."""
     for model in base.__subclasses__():
         yield model
         yield from models(model)

@@ -40,7 +40,7 @@ else:
 
 
 def broken(commands: Iterable[str], violation: Violation | None) -> tuple[str, ...]:
-    """Commands, one a line, that break a rule; as they are without one."""
+    """Return the commands, one a line, that break a rule; as they are without one."""
     text = "".join(f"{line}\n" for line in commands)
     for pattern, new in VIOLATIONS[violation] if violation else ():
         text = re.sub(pattern, new, text, flags=re.MULTILINE)

@@ -13,6 +13,7 @@ from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
+from lammps_cases.scene.settings import ShiftSettings, SurfaceDetectionSettings
 from lammps_cases.scene.violations import broken
 from lammps_cases.setup.plan import Plan
 
@@ -25,7 +26,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists: bool = False) -> Job:
-    """Everything LAMMPS is told for a scene.
+    """Return the job of a scene: all commands and arrays that LAMMPS is given.
 
     Parameters
     ----------
@@ -55,12 +56,12 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
 
 
 def _columns(scene: Scene) -> list[Field]:
-    """Fields compared that the compute has."""
+    """Return the fields compared that the compute has."""
     return [FIELDS[name] for name in scene.compare if FIELDS[name].column]
 
 
 def _more_arrays(scene: Scene) -> Iterable[str]:
-    """Arrays of atoms that are compared, without those always read."""
+    """Return the arrays of atoms that are compared, without those always read."""
     fields = (FIELDS[name] for name in scene.compare)
     return (field.array for field in fields if not field.column and field.array not in ALWAYS_READ)
 
@@ -131,35 +132,46 @@ def _pair_arguments(scene: Scene) -> str:
 
 
 def _rheo(scene: Scene, cut: float, thermal: bool) -> str:
-    """Fix rheo with its keywords, in the order of the manual."""
+    """Return the arguments of fix rheo with its keywords, in the order of the manual."""
     rheo = scene.rheo
-    words = [f"rheo {cut!r} {rheo.kernel} {rheo.zmin}"]
-    if thermal:
-        words.append("thermal")
-    if rheo.interface_reconstruct:
-        words.append("interface/reconstruct")
-    if rheo.surface_detection:
-        style, limit = rheo.surface_detection.style, rheo.surface_detection.limit
-        # LAMMPS reads the limit of coordination as a whole number.
-        number = repr(limit) if style == "divergence" else str(int(limit))
-        words.append(f"surface/detection {style} {number} {rheo.surface_detection.splash}")
-    if rheo.shifting is not None:
-        words.append("shift")
-        if rheo.shifting.exclude:
-            words.append(f"exclude/type {' '.join(rheo.shifting.exclude)}")
-        if rheo.shifting.scale_cross_type:
-            words.append(f"scale/cross/type {_numbers(rheo.shifting.scale_cross_type)}")
-    if rheo.rho_sum:
-        words.append("rho/sum self/mass" if rheo.self_mass else "rho/sum")
-    if scene.rho0:
-        words.append(f"density {_numbers(scene.rho0)}")
-    if scene.cs:
-        words.append(f"speed/sound {_numbers(scene.cs)}")
-    return " ".join(words)
+    words = (
+        f"rheo {cut!r} {rheo.kernel} {rheo.zmin}",
+        "thermal" * thermal,
+        "interface/reconstruct" * rheo.interface_reconstruct,
+        _surface_detection(rheo.surface_detection),
+        _shift(rheo.shifting),
+        ("rho/sum" + " self/mass" * rheo.self_mass) * rheo.rho_sum,
+        f"density {_numbers(scene.rho0)}" if scene.rho0 else "",
+        f"speed/sound {_numbers(scene.cs)}" if scene.cs else "",
+    )
+    return " ".join(filter(None, words))
+
+
+def _surface_detection(surface: SurfaceDetectionSettings | None) -> str:
+    if surface is None:
+        return ""
+    # LAMMPS reads the limit of coordination as a whole number.
+    limit = repr(surface.limit) if surface.style == "divergence" else str(int(surface.limit))
+    return f"surface/detection {surface.style} {limit} {surface.splash}"
+
+
+def _shift(shift: ShiftSettings | None) -> str:
+    if shift is None:
+        return ""
+    exclude = f" exclude/type {' '.join(shift.exclude)}" if shift.exclude else ""
+    return (
+        "shift" + exclude + (f" scale/cross/type {_numbers(shift.scale_cross_type)}" if shift.scale_cross_type else "")
+    )
+
+
+def _pressure(scene: Scene) -> str:
+    entries = ((law.types, law.style, law.value) for law in scene.pressure)
+    words = (f"{types} {style}" + ("" if value is None else f" {value!r}") for types, style, value in entries)
+    return f"rheo/pressure {' '.join(words)}"
 
 
 def _per_type(values: Sequence[str]) -> str:
-    """One value per type, as ``* VALUE`` if all are the same."""
+    """Return one value per type, as ``* VALUE`` if all are the same."""
     if len(set(values)) == 1:
         return f"* {values[0]}"
     return " ".join(f"{t} {value}" for t, value in enumerate(values, 1))
@@ -216,14 +228,11 @@ def _actions(force: ForceSettings) -> Iterable[str]:
 
 
 def _fixes(scene: Scene, cut: float, plan: Plan) -> Iterable[str]:
-    pressure = " ".join(
-        f"{law.types} {law.style}" + (f" {law.value!r}" if law.value is not None else "") for law in scene.pressure
-    )
-    example = scene.example
-    yield (example and example.line("rheo")) or f"fix rheo all {_rheo(scene, cut, plan.needs('fix rheo/thermal'))}"
+    thermal, example = plan.needs("fix rheo/thermal"), scene.example
+    yield (example and example.line("rheo")) or f"fix rheo all {_rheo(scene, cut, thermal)}"
     yield f"fix viscosity all {_viscosity(scene)}"
-    yield (example and example.line("pressure")) or f"fix pressure all rheo/pressure {pressure}"
-    if plan.needs("fix rheo/thermal"):
+    yield (example and example.line("pressure")) or f"fix pressure all {_pressure(scene)}"
+    if thermal:
         yield f"fix thermal all {_thermal(scene)}"
     if plan.needs("pair rheo"):
         yield from _forces(scene)

@@ -21,7 +21,7 @@ from lammps_cases.scene.atoms import Atoms, kernel_cut
 
 
 def model(scene: Scene, atoms: Atoms, where: str) -> Model:
-    """The particle model of a scene.
+    """Return the particle model of a scene.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def model(scene: Scene, atoms: Atoms, where: str) -> Model:
 
 
 def with_cut(scene: Scene, cut: float, where: str = "") -> Model:
-    """The particle model of a scene, for a cutoff of the kernel.
+    """Return the particle model of a scene, for a cutoff of the kernel.
 
     Raises
     ------
@@ -92,13 +92,13 @@ def _thermal(atom_type: AtomType) -> Thermal:
 
 
 def box(scene: Scene, atoms: Atoms) -> Box:
-    """The box of a scene, with as many axes as dimensions."""
+    """Return the box of a scene, with as many axes as dimensions."""
     d = scene.dimension
     return Box(tuple(atoms.low_c[:d].tolist()), tuple(atoms.high_c[:d].tolist()), atoms.periodic[:d])
 
 
 def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
-    """The particles of a scene before the first step; a density still to be summed is that of equilibrium.
+    """Return the particles of a scene before the first step; a density still to be summed is that of equilibrium.
 
     Raises
     ------

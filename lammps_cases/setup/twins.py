@@ -49,7 +49,7 @@ INPUTS = {
 
 
 def dimension(name: str) -> Dimension:
-    """The dimension of a quantity of the model or of the input."""
+    """Return the dimension of a quantity of the model or of the input."""
     return INPUTS[name] if name in INPUTS else QUANTITIES[name].dimension
 
 
@@ -61,7 +61,7 @@ class Scale:
     d: int
 
     def of(self, quantity: str) -> float:
-        """What a quantity is multiplied by."""
+        """Return the factor of a quantity."""
         length, mass, time, volume = dimension(quantity)
         return float(self.factor ** (length + self.d * (mass + volume) + time))
 
@@ -92,11 +92,11 @@ class Twin:
 
     @property
     def same_problem(self) -> bool:
-        """Whether the reference cannot tell the two apart: only settings of LAMMPS differ."""
+        """Return whether the reference cannot tell the two apart: only settings of LAMMPS differ."""
         return self.kind in ("newton", "skin", "rebuild", "split", "ranks")
 
     def back(self, snapshot: Fields, step: int) -> Fields:
-        """Fields of the twin as the original should have them."""
+        """Return the fields of the twin as the original should have them."""
         found = self.in_place(snapshot)
         for field, added_c in self._added(step).items():
             if field in found and added_c.any():
@@ -104,11 +104,11 @@ class Twin:
         return found
 
     def in_place(self, fields: Fields) -> Fields:
-        """Fields of the twin in the original's order and units; what holds for bounds too."""
+        """Return the fields of the twin in the original's order and units; what holds for bounds too."""
         return {name: array[self.row_n] / self.scale.of(name) for name, array in fields.items()}
 
     def rounding(self, returned: Fields, step: int) -> Fields:
-        """Largest rounding error of `back`: of the displacement and the difference, and of a period added later."""
+        """Return the largest rounding error of `back`: of displacement and difference, and of a period added later."""
         atoms, d, found = self.atoms, self.scene.dimension, {}
         for field, added_c in self._added(step).items():
             if field in returned and added_c.any():
@@ -122,13 +122,13 @@ class Twin:
 
 
 def describe(settings: TwinSettings) -> str:
-    """What the second run is, and why it must give the same, in one line."""
+    """Return in one line what the second run is, and why it must give the same."""
     (given,) = settings.model_dump(exclude_none=True).values()
     return f"{settings.kind} {given}: {WHY[settings.kind]}"
 
 
 def make(case: Case, atoms: Atoms) -> Twin:
-    """The twin of a case.
+    """Return the twin of a case.
 
     Raises
     ------
@@ -153,14 +153,14 @@ def make(case: Case, atoms: Atoms) -> Twin:
         return replace(same, other_scene=other, other_atoms=rescaled_atoms(atoms, scale), scale=scale)
     if settings.split is not None:
         return _split(same)
-    return replace(same, other_scene=_told_otherwise(scene, settings))
+    return replace(same, other_scene=_with_other_settings(scene, settings))
 
 
 # --- the kinds
 
 
 def gridded(values: FloatArray, added: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two arrays rounded to a common grid, on which they can be added without rounding."""
+    """Return two arrays rounded to a common grid, on which they can be added without rounding."""
     largest = max(np.abs(values).max(initial=0.0), np.abs(added).max(initial=0.0))
     grid = 2.0 ** (np.ceil(np.log2(largest)) - GRID_BITS) if largest else 1.0
     return np.round(values / grid) * grid, np.round(added / grid) * grid
@@ -194,7 +194,7 @@ def _boosted(same: Twin, by: Sequence[float]) -> Twin:
 
 
 def _with_plane(array_nc: FloatArray, full_nc: FloatArray) -> FloatArray:
-    """All three axes, of which only those of the scene are replaced."""
+    """Return all three axes, of which only those of the scene are replaced."""
     found_nc = full_nc.copy()
     found_nc[:, : array_nc.shape[1]] = array_nc
     return found_nc
@@ -226,8 +226,8 @@ def _split(same: Twin) -> Twin:
     return replace(same, scene=halting(last), other_scene=halting(last // 2, last), steps=(last,))
 
 
-def _told_otherwise(scene: Scene, settings: TwinSettings) -> Scene:
-    """The same scene with other settings of LAMMPS."""
+def _with_other_settings(scene: Scene, settings: TwinSettings) -> Scene:
+    """Return the same scene with other settings of LAMMPS."""
     if settings.rebuild is not None:
         update: dict[str, Any] = settings.rebuild.model_dump()
     else:
@@ -239,7 +239,7 @@ def _told_otherwise(scene: Scene, settings: TwinSettings) -> Scene:
 
 
 def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
-    """A scene at another size: every parameter that is not one of density and velocity, times its own factor.
+    """Return a scene at another size: every parameter but those of density and velocity times its own factor.
 
     So pressures, energies per mass, temperatures, specific heats and the parameters of all equations of state stay as
     they are. The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D
@@ -291,7 +291,7 @@ def _rescaled_force(force: ForceSettings, scale: Scale) -> ForceSettings:
 
 
 def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:
-    """Particles at another size, with their densities and velocities."""
+    """Return the particles at another size, with their densities and velocities."""
     length = scale.of("x")
     return replace(
         atoms,

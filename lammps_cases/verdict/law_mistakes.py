@@ -20,7 +20,7 @@ Mutant = Callable[[EOSTable, EosState], FloatArray | None]
 
 
 def _each_law(change: Callable[[EOS], EOS | None]) -> Mutant:
-    """A mistake in the parameters of the laws it applies to."""
+    """Return a mistake in the parameters of the laws it applies to."""
 
     def mutant(table: EOSTable, state: EosState) -> FloatArray | None:
         changed = [change(law) for law in table.laws]
@@ -115,7 +115,7 @@ MUTANTS: dict[str, Mutant] = {
 
 
 def unseen(table: EOSTable, state: EosState, reference_n: FloatArray, bound_n: FloatArray) -> list[str]:
-    """Names of the mistakes that stay within the bound on every particle: the scene is blind to them."""
+    """Return the names of the mistakes that stay within the bound on every particle: the scene is blind to them."""
     blind = []
     for name, mutant in MUTANTS.items():
         with np.errstate(all="ignore"):

@@ -101,7 +101,7 @@ MUTANTS: dict[str, ModelMutant] = {
 
 
 def unseen_in_model(problem: Problem, prediction: Prediction) -> list[str]:
-    """Names of the mistakes to which the first evaluation of a scene is blind although it compares what they change."""
+    """Return the mistakes that the first evaluation of a scene does not show although it compares what they change."""
     compared = set(_shown(problem))
     walls = problem.model.fix.interface_reconstruct and bool(problem.state.solid_n.any())
     return [
@@ -112,7 +112,7 @@ def unseen_in_model(problem: Problem, prediction: Prediction) -> list[str]:
 
 
 def _shown(problem: Problem) -> Iterator[str]:
-    """Quantities that a scene compares in a way that a mistake in them could show."""
+    """Return the quantities that a scene compares in a way that a mistake in them could show."""
     model, state = problem.model, problem.state
     several = len(set(state.type_n[~state.solid_n].tolist())) > 1
     for name in problem.fields:

@@ -58,7 +58,7 @@ def test_gradients_are_exact(dimension: int, kernel: str, order: int) -> None:
     evaluator.move(Rounded(x_nc))
     evaluator.correct(Rounded(built.state.rho_n))
     assert evaluator.corrected_n.all()
-    assert evaluator.coordination_n.min() < 0.8 * evaluator.coordination_n.max(), "the surface is reached"
+    assert value(evaluator.coordination_n).min() < 0.8 * value(evaluator.coordination_n).max(), "the surface is reached"
     field = Rounded(f_n, 8 * EPS * (0.5 + np.abs(x_nc).sum(axis=1) ** 2))  # its own evaluation
     found = evaluator.gradients(
         replace(built.state, rho_n=Rounded(built.state.rho_n), energy_n=field), want=["energy"]

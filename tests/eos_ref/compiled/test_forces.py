@@ -1,0 +1,90 @@
+"""Compiled pair terms of two particles by themselves, against the formulas evaluated by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from eos_ref.compiled import forces
+from eos_ref.compiled.loops import Pairs
+
+pytestmark = pytest.mark.slow
+
+X_C, SLOPE = (0.375, -0.5), -0.75  # displacement x_i - x_j, and W'/r
+LIKE = (0.0, 0.0)
+
+
+def two(terms: forces.Terms, **fields: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return force (pressure, then the rest), density diffusion and heat flow of both particles."""
+    pairs = Pairs(
+        np.array([0, 1, 1], np.uint64),
+        np.array([1], np.uint32),
+        np.array([X_C]),
+        np.array([0.5]),
+        np.array([SLOPE]),
+        None,
+        None,
+    )
+    plain = dict.fromkeys(forces.Fields._fields) | {
+        "volume_n": np.array([0.5, 0.75]),
+        "v_nc": np.array([[1.0, 0.5], [-0.25, 0.25]]),
+        "rho_n": np.array([1.25, 1.5]),
+        "rho0_n": np.array([1.0, 1.125]),
+        "pressure_n": np.array([2.0, 3.0]),
+        "viscosity_n": np.array([0.25, 0.75]),
+        "sound_n": np.array([10.0, 12.0]),
+    }
+    force_nf, drho_n, heat_n = np.zeros((2, 4)), np.zeros(2), np.zeros(2)
+    given = forces.Fields(**(plain | fields))
+    forces.pair_terms(pairs, given, terms, LIKE, LIKE * 2, force_nf, drho_n, heat_n)
+    return force_nf, drho_n, heat_n
+
+
+def test_pressure_and_viscosity() -> None:
+    """-V_i V_j (P_i + P_j) grad W and 2 eta V_i V_j F v_ij, with F = W'/r; opposite on the partner."""
+    force_nf, drho_n, heat_n = two(forces.Terms(0.0, 0.0, False, 0.5, 1.5))
+    x_c, v_c = np.array(X_C), np.array([1.25, 0.25])
+    assert force_nf[0, :2] == pytest.approx(-(0.5 * 0.75) * 5.0 * SLOPE * x_c, rel=1e-15)
+    assert force_nf[0, 2:] == pytest.approx(2 * 0.5 * (0.5 * 0.75) * SLOPE * v_c, rel=1e-15)
+    assert np.array_equal(force_nf[1], -force_nf[0])
+    assert not drho_n.any()
+    assert not heat_n.any()
+
+
+def test_harmonic_means() -> None:
+    arithmetic, harmonic = (two(forces.Terms(0.0, 0.0, mean, 0.5, 1.5))[0] for mean in (False, True))
+    assert np.array_equal(harmonic[:, :2], arithmetic[:, :2])
+    assert harmonic[:, 2:] == pytest.approx(arithmetic[:, 2:] * (2 * 0.25 * 0.75 / (0.25 + 0.75)) / 0.5, rel=1e-15)
+
+
+def test_density_diffusion_is_of_fluid_alone() -> None:
+    """-2 xi V_j F [(rho_j - rho0_j) - (rho_i - rho0_i)]."""
+    terms = forces.Terms(0.0, 0.125, False, 0.5, 1.5)
+    drho_n = two(terms)[1]
+    psi = (1.5 - 1.125) - (1.25 - 1.0)
+    assert drho_n == pytest.approx([-2 * 0.125 * 0.75 * psi * SLOPE, 2 * 0.125 * 0.5 * psi * SLOPE], rel=1e-15)
+    assert not two(terms, solid_n=np.array([True, False]))[1].any()
+
+
+def test_heat_flows_between_solids_too() -> None:
+    """2 kappa V_i V_j F (T_i - T_j), of which one gains what the other loses; two solids have no force."""
+    given = {"conductivity_n": np.array([0.5, 1.5]), "temperature_n": np.array([2.0, 5.0])}
+    force_nf, _, heat_n = two(forces.Terms(0.0, 0.0, False, 0.5, 1.5), solid_n=np.array([True, True]), **given)
+    flow = 2 * 1.0 * (0.5 * 0.75) * SLOPE * (2.0 - 5.0)
+    assert heat_n == pytest.approx([flow, -flow], rel=1e-15)
+    assert not force_nf.any()
+
+
+def test_a_wall_extrapolates_its_velocity_and_repels() -> None:
+    """The fluid meets v_s + (v_s - v_f) k; within half a cutoff a deep solid adds (chi - 0.9)(rc/2 - r) rho0 c^2 rc."""
+    walls = {"solid_n": np.array([True, False]), "rest_volume_n": np.ones(2), "chi_n": np.array([0.95, 0.75])}
+    cut = 1.5
+    force_nf, _, _ = two(forces.Terms(0.0, 0.0, False, 0.5, cut), **walls)
+    ratio = (2 * cut * 0.45) / (2 * cut * 0.25)
+    r = math.hypot(*X_C)
+    repulsion = (0.95 - 0.9) * (cut / 2 - r) * 1.0 * 11.0**2 * cut / r
+    expected = 2 * 0.5 * (0.5 * 0.75) * SLOPE * (1 + ratio) * np.array([1.25, 0.25]) + repulsion * np.array(X_C)
+    assert force_nf[0, 2:] == pytest.approx(expected, rel=1e-13)
+    assert np.array_equal(force_nf[1], -force_nf[0])

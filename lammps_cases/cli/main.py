@@ -20,6 +20,7 @@ COMMANDS = {
     "merge": "Join the shards of a run.",
     "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",
     "accept": "Take a run as the accepted baseline of its engine, with a reason.",
+    "adopt": "Take a new LAMMPS in: what is there, gone and new on it.",
     "bisect": "Name the first of several engines that changed.",
     "history": "Show how errors, times and verdicts changed from version to version.",
     "claims": "Check the manual's claims: which hold, on which engine, by which cases.",

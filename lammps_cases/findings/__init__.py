@@ -24,7 +24,7 @@ from lammps_cases.findings.entry import Finding
 from lammps_cases.records.run_record import CaseRecord
 
 __all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "applicable", "explain_outcome"]
-__all__ += ["explain_pressure", "ledger_of", "shown_by"]
+__all__ += ["SEEN_ON", "explain_pressure", "ledger_of", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
 

@@ -15,7 +15,9 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from eos_ref.errors import InputError
 from lammps_cases.records.files import write_atomically
 
-Kind = Literal["run", "history", "baseline", "compare", "bisect", "chart", "stability", "stability-limits", "power"]
+Kind = Literal[
+    "run", "history", "baseline", "compare", "bisect", "chart", "stability", "stability-limits", "power", "adopt"
+]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
     "history": 2,
@@ -26,6 +28,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "stability": 1,
     "stability-limits": 1,
     "power": 1,
+    "adopt": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

@@ -1,0 +1,187 @@
+"""``eos-ref adopt``: run all that is needed to know an engine, then bring the repository up to date."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from eos_ref import InputError
+from lammps_cases.claims import model, verdicts
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, engines
+from lammps_cases.intake.record import DOCUMENT, Adoption, ClaimRow, Difference, FindingRow, FindingStatus, InputRow
+from lammps_cases.probes import manual
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.regression import baseline, evidence, groups, outcomes
+from lammps_cases.regression.acceptance import accept
+from lammps_cases.regression.change import Policy
+from lammps_cases.regression.changes import compare
+from lammps_cases.regression.outcomes import Side
+from lammps_cases.report import findings
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+from lammps_cases.studies.stability import inputs
+
+
+@dataclass(frozen=True)
+class Intake:
+    """What an engine is asked: cases, by default all that are not long, and probes of the manual."""
+
+    engine: Engine
+    jobs: int
+    out: Path
+    cases: Sequence[Case]
+    probes: Sequence[manual.ManualProbe]
+    bad_inputs: Sequence[inputs.BadInput]
+    progress: Progress = SILENT
+
+
+def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT) -> Intake:
+    """Return all that an engine is asked before it is known."""
+    cases = casefile.select(casefile.load(), (), None)
+    return Intake(engine, jobs, out, cases, manual.probes(), inputs.bad_inputs(), progress)
+
+
+def collect(intake: Intake, baselines: Path) -> Adoption:
+    """Run all cases, probes and bad inputs on an engine, and hold the outcome against what is known.
+
+    The report of the cases is left in the folder ``run``, the record of all in ``adopt.json``.
+
+    Raises
+    ------
+    EngineMissing
+    InputError
+        The engine has no version by which it could be known.
+    """
+    seconds: dict[str, float] = {}
+    command, store = campaign.command_line(), prediction_keys.open_store()
+    begin = time.perf_counter()
+    run = campaign.run_cases(
+        intake.cases, intake.engine, intake.jobs, intake.out / "run", command, progress=intake.progress, store=store
+    )
+    if not run.engine.distribution:
+        raise InputError("engine", "must say its version to be taken in", intake.engine.name)
+    seconds["cases"] = round(time.perf_counter() - begin, 1)
+    begin = time.perf_counter()
+    with Workers(intake.engine.site, intake.jobs) as workers:
+        probed = manual.put(intake.probes, workers, intake.progress)
+        seconds["probes"] = round(time.perf_counter() - begin, 1)
+        begin = time.perf_counter()
+        rows = inputs.table(workers, intake.progress, intake.bad_inputs)
+        seconds["bad inputs"] = round(time.perf_counter() - begin, 1)
+    whole = run.model_copy(update={"cases": [*run.cases, *probed]})
+    nearest, changed, differences = _against_known(run, intake.out / "run", baselines)
+    adoption = Adoption(
+        engine=run.engine,
+        date=run.date,
+        command=command,
+        findings=tuple(_finding_rows(whole)),
+        claims=tuple(_claim_rows(whole)),
+        inputs=tuple(InputRow(row.id, row.words, row.reaction, row.text, row.ledger) for row in rows),
+        unexplained=tuple(_differences(whole.cases, skipped=False)),
+        skipped=tuple(_differences(whole.cases, skipped=True)),
+        counts=run.summary,
+        nearest=nearest,
+        changed=changed,
+        differences=differences,
+        seconds=seconds,
+    )
+    DOCUMENT.write(intake.out / "adopt.json", adoption)
+    return adoption
+
+
+def _finding_rows(run: RunRecord) -> list[FindingRow]:
+    rows = []
+    for one in findings.of_run(run, LEDGER):
+        status: FindingStatus = "there" if one.cases else "gone" if one.unseen else "not asked"
+        if one.cases and one.unseen:
+            status = "gone in some cases"
+        entry = one.entry
+        listed = run.engine.distribution in entry.engines
+        cases, gone = tuple(one.cases), tuple(one.unseen)
+        rows.append(FindingRow(entry.id, entry.title, entry.severity, status, listed, cases, gone))
+    return rows
+
+
+def _claim_rows(run: RunRecord) -> list[ClaimRow]:
+    judged = verdicts.of_run(model.claims(), run, [case.case for case in run.cases])
+    return [
+        ClaimRow(
+            one.claim.id,
+            one.claim.text,
+            one.verdict,
+            tuple(sorted({name for evidence_ in one.evidence for name in evidence_.findings})),
+            one.unexplained,
+        )
+        for one in judged
+        if one.verdict in ("does not hold", "not run")
+    ]
+
+
+def _differences(cases: Sequence[CaseRecord], skipped: bool) -> list[Difference]:
+    chosen = [case for case in cases if (case.verdict == "skipped" if skipped else not case.as_expected)]
+    return [Difference(case.case, case.verdict, case.message) for case in chosen]
+
+
+def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, dict[str, int], tuple[str, ...]]:
+    """Return the nearest baseline, the distance of each, and what changed from the nearest, in sentences."""
+    side = outcomes.of_run(run, folder)
+    changes = {}
+    for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
+        known = baseline.read(identity.parent)
+        if known.engine.distribution != run.engine.distribution:
+            changes[identity.parent.name] = compare(_shared(known, side), side, Policy())
+    if not changes:
+        return "", {}, ()
+    changed = {name: len(found.different) for name, found in changes.items()}
+    nearest = min(changed, key=lambda name: (changed[name], -list(changed).index(name)))
+    grouped = groups.groups(changes[nearest].different)
+    sides = nearest.removeprefix("lammps-"), run.engine.distribution
+    return nearest, changed, tuple(group.sentence(*sides) for group in grouped)
+
+
+def _shared(known: Side, side: Side) -> Side:
+    """Return a baseline with those cases alone that the other side was asked."""
+    from dataclasses import replace
+
+    return replace(known, cases={name: case for name, case in known.cases.items() if name in side.cases})
+
+
+# --- the repository
+
+
+def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
+    """Bring the repository up to date: the engines of every finding, the baseline, and what follows from both.
+
+    Raises
+    ------
+    InputError
+        This is not a checkout.
+    """
+    if not (evidence.ROOT / "pyproject.toml").exists() or not evidence.README.exists():
+        raise InputError("adopt", "must run in a checkout of eos-ref to bring it up to date (--dry-run does not)")
+    version = adoption.engine.distribution
+    seen_on = {entry.id: seen(SEEN_ON.get(entry.id, ()), version, adoption.findings, entry.id) for entry in LEDGER}
+    write_atomically(engines.FILE, engines.document(tuple(sorted({*KNOWN, version})), seen_on))
+    accepted = accept(run, f"taken in: {adoption.sentence}", baselines, adoption.command, with_failures=True)
+    # Another process: this one has read the list of engines as it was.
+    subprocess.run([sys.executable, "-m", evidence.__name__], check=True, cwd=evidence.ROOT)
+    return [engines.FILE, accepted.folder, evidence.SHOWN_BY, evidence.README]
+
+
+def seen(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:
+    """Return the engines that a finding was seen on, after an intake; what was not asked stays as it was."""
+    row = next((row for row in rows if row.id == name), None)
+    if row is None or row.status == "not asked":
+        return tuple(before)
+    others = [engine for engine in before if engine != version]
+    return (*others, version) if row.cases else tuple(others)

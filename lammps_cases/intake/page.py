@@ -1,0 +1,26 @@
+"""``adopt.html``: an engine taken in, on one page."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from lammps_cases.intake.record import Adoption
+from lammps_cases.pages import frame
+
+ASSETS = Path(__file__).with_name("assets")
+ORDER = ("there", "gone in some cases", "gone", "not asked")
+
+
+def render(adoption: Adoption) -> str:
+    """Return the page of an engine that was taken in."""
+    rows = sorted(adoption.findings, key=lambda row: (ORDER.index(row.status), row.id))
+    return frame.page(
+        ASSETS,
+        "adopt",
+        "bad" if adoption.unexplained else "good",
+        adoption=adoption,
+        rows=rows,
+        reactions=dict(sorted(Counter(row.reaction for row in adoption.inputs).items())),
+        claims=Counter(row.verdict for row in adoption.claims),
+    )

@@ -46,8 +46,10 @@ def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry
         return int(bool(adoption.unexplained))
     click.secho(f"LAMMPS {adoption.engine.distribution}: {adoption.sentence}", bold=True)
     for row in adoption.findings:
-        if row.status != "not asked" and (row.status != "there" or not row.listed):
-            click.echo(f"  {row.id:28s} {row.status}{'' if row.listed else ', not known of this version'}")
+        if row.cases and not row.known:
+            click.echo(f"  {row.id:32s} {row.status}, not known of this version before")
+        elif row.gone and row.expected:
+            click.echo(f"  {row.id:32s} {row.status}")
     for difference in adoption.unexplained:
         click.secho(f"  {difference.verdict:9s} {difference.case}: {difference.message}", fg="red")
     if adoption.nearest:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eos_ref import InputError
@@ -14,7 +14,7 @@ from lammps_cases.claims import model, verdicts
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers
-from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, engines
+from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, SHOWN_BY, engines
 from lammps_cases.intake.record import DOCUMENT, Adoption, ClaimRow, Difference, FindingRow, FindingStatus, InputRow
 from lammps_cases.probes import manual
 from lammps_cases.records.files import write_atomically
@@ -105,10 +105,9 @@ def _finding_rows(run: RunRecord) -> list[FindingRow]:
         status: FindingStatus = "there" if one.cases else "gone" if one.unseen else "not asked"
         if one.cases and one.unseen:
             status = "gone in some cases"
-        entry = one.entry
-        listed = run.engine.distribution in entry.engines
+        entry, known = one.entry, run.engine.distribution in one.entry.engines
         cases, gone = tuple(one.cases), tuple(one.unseen)
-        rows.append(FindingRow(entry.id, entry.title, entry.severity, status, listed, cases, gone))
+        rows.append(FindingRow(entry.id, entry.title, entry.severity, status, known, one.listed, cases, gone))
     return rows
 
 
@@ -151,8 +150,6 @@ def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, 
 
 def _shared(known: Side, side: Side) -> Side:
     """Return a baseline with those cases alone that the other side was asked."""
-    from dataclasses import replace
-
     return replace(known, cases={name: case for name, case in known.cases.items() if name in side.cases})
 
 
@@ -175,7 +172,7 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
     accepted = accept(run, f"taken in: {adoption.sentence}", baselines, adoption.command, with_failures=True)
     # Another process: this one has read the list of engines as it was.
     subprocess.run([sys.executable, "-m", evidence.__name__], check=True, cwd=evidence.ROOT)
-    return [engines.FILE, accepted.folder, evidence.SHOWN_BY, evidence.README]
+    return [engines.FILE, accepted.folder, SHOWN_BY, evidence.README]
 
 
 def seen(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:

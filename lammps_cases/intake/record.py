@@ -13,13 +13,20 @@ FindingStatus = Literal["there", "gone in some cases", "gone", "not asked"]
 
 @dataclass(frozen=True)
 class FindingRow:
-    """A finding of the ledger on the engine: the cases and probes that show it, and those that would and do not."""
+    """A finding of the ledger on the engine: the cases and probes that show it, and those that would and do not.
+
+    Attributes
+    ----------
+    known : whether it was seen on this very version before
+    expected : whether it was seen on the nearest version that is known
+    """
 
     id: str
     title: str
     severity: str
     status: FindingStatus
-    listed: bool
+    known: bool
+    expected: bool
     cases: tuple[str, ...]
     gone: tuple[str, ...]
 
@@ -86,8 +93,8 @@ class Adoption:
     def sentence(self) -> str:
         """Say in a line what became of the ledger."""
         there = sum(row.status.startswith(("there", "gone in")) for row in self.findings)
-        first = sum(bool(row.cases) and not row.listed for row in self.findings)
-        gone = sum(row.status == "gone" and row.listed for row in self.findings)
+        first = sum(bool(row.cases) and not row.known for row in self.findings)
+        gone = sum(row.status == "gone" and row.expected for row in self.findings)
         return f"{there} findings there, {first} of them new here; {gone} gone; {len(self.unexplained)} unexplained"
 
 

@@ -87,7 +87,8 @@ def probes() -> tuple[ManualProbe, ...]:
 def judge(probe: ManualProbe, replies: Sequence[Reply]) -> CaseRecord:
     """Hold the replies to a probe's inputs, in their order, against the manual; explain what a finding predicts."""
     compared = replies if probe.control is None else replies[:-1]
-    worst = next((reply for reply in compared if reply.ended != "answered"), compared[0])
+    lacking = next((reply for reply in replies if reply.ended == "skipped"), None)
+    worst = lacking or next((reply for reply in compared if reply.ended != "answered"), compared[0])
     accepted = worst.ended == "answered" and probe.refused
     record = CaseRecord(
         case=probe.name,
@@ -102,7 +103,7 @@ def judge(probe: ManualProbe, replies: Sequence[Reply]) -> CaseRecord:
         reproduce=f"eos-ref claims {probe.name}",
     )
     record.verdict = _verdict(record)
-    entry = explain_outcome(record) if record.verdict != "pass" else None
+    entry = explain_outcome(record) if record.verdict not in ("pass", "skipped") else None
     if entry is not None:
         record.verdict, record.explained_by = "explained", [entry.id]
     record.message = wording.message(record)
@@ -115,7 +116,7 @@ def _verdict(record: CaseRecord) -> Verdict:
             return "differs" if record.mismatch else "pass"
         case "refused" if record.expects:
             return "pass" if record.expects in record.engine_error else "differs"
-        case "refused" | "crashed" | "timeout" | "error":
+        case "refused" | "crashed" | "timeout" | "error" | "skipped":
             return record.ended
     return "differs"
 

@@ -11,10 +11,12 @@ ENTRIES: tuple[Finding, ...] = (
         title="Asking for the pressure without fix rheo/pressure ends in a segmentation fault",
         severity="medium",
         documented="fix rheo, Restrictions: must be used in conjunction with fix rheo/pressure.",
-        observed="Without fix rheo/pressure a run is refused with 'Missing fix rheo/pressure', unless a compute "
-        "rheo/property/atom asks for the pressure: then the run ends in SIGSEGV before that check.",
-        argument="The same omission gives an error or a crash depending on whether it is looked at. A crash loses "
-        "the output buffers and, where LAMMPS is a library, the host program; the error would have named the cause.",
+        observed="Without fix rheo/pressure and without pair style rheo a run is refused with 'Missing fix "
+        "rheo/pressure', unless a compute rheo/property/atom asks for the pressure: then the run ends in SIGSEGV "
+        "before that check. With pair style rheo it is refused in either case ('Need to define fix rheo/pressure').",
+        argument="The same omission gives an error or a crash depending on whether the pressure is asked for. A crash "
+        "ends the process, and with it a program that uses LAMMPS as a library, without a message; the error would "
+        "have named the cause.",
         workaround="Define fix rheo/pressure before the first run.",
         applies_to=("refused.no-fix-pressure-read",),
         outcome="crashed",
@@ -26,10 +28,10 @@ ENTRIES: tuple[Finding, ...] = (
         title="Asking for stress/t without the pressure ends in a segmentation fault",
         severity="medium",
         documented="compute rheo/property/atom: inputs may be given in any combination; stress/t is the total stress.",
-        observed="'compute rheo/property/atom stress/t' ends in SIGSEGV, unless pressure is another input of the "
-        "same compute.",
+        observed="A run with compute rheo/property/atom 'stress/t/*' or 'stress/t/xx' ends in SIGSEGV, unless pressure "
+        "is another input of the same compute; one of another compute does not help.",
         argument="The total stress contains the pressure, and nothing documents that it has to be asked for as well. "
-        "A crash loses the output buffers and, where LAMMPS is a library, the host program.",
+        "A crash ends the process, and with it a program that uses LAMMPS as a library, without a message.",
         workaround="Name pressure among the inputs of the same compute.",
         applies_to=("strain.unasked.*",),
         outcome="crashed",
@@ -45,9 +47,9 @@ ENTRIES: tuple[Finding, ...] = (
         observed="'rho/sum self/mass' is refused: 'Illegal fix rheo command: self/mass'. No order of the words, nor "
         "the spelling rhosum of the manual's example, is accepted.",
         argument="Two fluids of different particle masses need it: with sum m_j W_ij the density of a particle of "
-        "mass 1.5 beside one of mass 0.7 comes out at 0.903 where its own mass gives 0.954, an error of 5 % that the "
-        "equation of state multiplies by c^2.",
-        workaround="Equal masses of all types, or densities by continuity.",
+        "mass 1.5 at distance 1 from one of mass 0.7 (2D, cutoff 2.2) comes out at 0.926 where its own mass gives "
+        "1.003, an error of 8 % that a linear law multiplies by c^2.",
+        workaround="Give all types the same mass, with which both sums are the same, or leave rho/sum out.",
         applies_to=("undocumented.self-mass",),
         expected_inputs=("self-mass-alone",),
         expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),
@@ -60,10 +62,11 @@ ENTRIES: tuple[Finding, ...] = (
         title="shift exclude/type takes one range, not a list of types",
         severity="low",
         documented="fix rheo, syntax: exclude/type values = types, types = list of types.",
-        observed="'shift exclude/type 1 2' is refused: 'Illegal fix rheo command: 2'. One range (n, m*n, *) is "
-        "accepted.",
-        argument="Types 1 and 3 of three cannot be excluded together, as no range holds just these two.",
-        workaround="Order the types so that those excluded are adjacent, and write a range.",
+        observed="'shift exclude/type 1 2' is refused: 'Illegal fix rheo command: 2'. One range ('1', '1*2', '*') "
+        "is accepted, and the keyword may be repeated.",
+        argument="No range holds just types 1 and 3 of three, and the list with which the manual would exclude them is "
+        "refused.",
+        workaround="Repeat the keyword: 'shift exclude/type 1 exclude/type 3'.",
         applies_to=("undocumented.exclude-list",),
         outcome="refused",
         engine_error="Illegal fix rheo command: 2",
@@ -76,9 +79,11 @@ ENTRIES: tuple[Finding, ...] = (
         documented="fix rheo and fix rheo/pressure: no law is excluded from interface/reconstruct.",
         observed="If any type has the style cubic, a run with interface/reconstruct ends with 'RHEO interface "
         "reconstruction incompatible with pressure equation of state'.",
-        argument="The reconstruction needs the inverse of the solid's law only; for A3 > 0 the cubic is monotone and "
-        "has one. A fluid with a cubic law over linear walls needs no inverse of it at all.",
-        workaround="tait/general with an exponent of the same curvature, or linear.",
+        argument="For A3 > 0 the cubic law is monotone, so that every pressure has one density and the reconstruction "
+        "is defined; the reference computes it. Only the solid's law has to be inverted: a fluid with the cubic law "
+        "over linear walls needs no inverse of it.",
+        workaround="Give the type linear, which has the same pressure, slope and curvature at rho0 and differs by "
+        "c^2 A3 (rho - rho0)^3; or leave interface/reconstruct out.",
         applies_to=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
         outcome="refused",
         engine_error="incompatible with pressure equation of state",
@@ -89,10 +94,10 @@ ENTRIES: tuple[Finding, ...] = (
         title="A type range of two stars aborts the process",
         severity="low",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
-        observed="Other malformed ranges are refused ('Invalid range string'); '**' ends in SIGABRT with an uncaught "
-        "std::invalid_argument.",
-        argument="A mistyped argument is an input error like any other. An abort cannot be caught by a program that "
-        "uses LAMMPS as a library, and no message names the line of the input.",
+        observed="'1;2', '0*' and 'x' are refused ('Invalid range string'); '**' ends in SIGABRT with an uncaught "
+        "std::invalid_argument, as do '***', '1**2' and '-'.",
+        argument="A mistyped argument is an input error like any other. An abort ends a program that uses "
+        "LAMMPS as a library, and no message names the range.",
         workaround="Write a single star.",
         applies_to=("refused.range-two-stars",),
         expected_inputs=("range-of-two-stars",),
@@ -105,11 +110,12 @@ ENTRIES: tuple[Finding, ...] = (
         title="A type range with a number of 20 digits aborts the process",
         severity="low",
         documented="fix rheo/pressure, description of types: ranges lie within the types 1 to N.",
-        observed="Other numbers beyond N are refused ('Numeric index 3 is out of bounds'); '*99999999999999999999' "
-        "ends in SIGABRT with an uncaught std::out_of_range.",
-        argument="A number too large for an integer is a number beyond N. An abort cannot be caught by a program that "
-        "uses LAMMPS as a library, and no message names the line of the input.",
-        workaround="Check ranges that are computed before they are written.",
+        observed="Of two types '*3' is refused ('Numeric index 3 is out of bounds'); '*99999999999999999999' ends in "
+        "SIGABRT with an uncaught std::out_of_range. A shorter number may be taken modulo 2^32: '*4294967298' is "
+        "accepted as '*2'.",
+        argument="A number too large for an integer is a number beyond N. An abort ends a program that uses "
+        "LAMMPS as a library, and no message names the range.",
+        workaround="Keep the numbers of a range within 1 to N, above all where a variable computes them.",
         applies_to=("refused.range-20-digits",),
         expected_inputs=("range-of-20-digits",),
         outcome="crashed",
@@ -121,11 +127,12 @@ ENTRIES: tuple[Finding, ...] = (
         title="A type range with a hyphen is taken for its first number",
         severity="medium",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
-        observed="'1-2 linear' sets the law of type 1 alone, without a message; '* linear 1-2 tait/water' leaves "
-        "type 2 linear. Only if type 2 has no law at all is the command refused, for that reason.",
-        argument="A user who writes 1-2 means both types. A law silently dropped for one of them changes its "
-        "stiffness by any factor, while '1;2' or '0*' are refused as invalid.",
-        workaround="Write 1*2.",
+        observed="'1-2' is taken for '1', without a message: '* linear 1-2 tait/water' leaves type 2 linear. "
+        "'1-2 linear' alone is refused because type 2 has no law ('Must specify pressure for atom type 2'), not for "
+        "the range.",
+        argument="A user who writes '1-2' means both types, and is not told that one of them has another law; '1;2' "
+        "and '0*' are refused ('Invalid range string').",
+        workaround="Write '1*2'.",
         applies_to=("refused.range-hyphen",),
         expected_inputs=("range-with-hyphen",),
         outcome="differs",
@@ -157,8 +164,8 @@ ENTRIES: tuple[Finding, ...] = (
         observed="'specific/heat * constant 0.0' is accepted without a message; after three steps positions, "
         "velocities, densities, pressures and energies are NaN.",
         argument="0 is not positive, and T = e/cv has no value for it. A variable that was left at 0 costs the run, "
-        "where the check for a negative value shows that the error was meant to be caught.",
-        workaround="Check the value before it is used.",
+        "where a negative value is refused at once.",
+        workaround="Give a positive value.",
         applies_to=("probes.specific-heat-zero",),
         expected_inputs=("specific-heat-zero",),
         outcome="differs",
@@ -173,7 +180,7 @@ ENTRIES: tuple[Finding, ...] = (
         observed="'Illegal fix rheo surface/detection command: missing argument(s)'.",
         argument="The syntax of the same page has three values, a style, a limit and a limit for splashes; the example "
         "has no third. LAMMPS follows the syntax: the example is wrong.",
-        workaround="Add a limit for splashes: surface/detection coordination 40 12.",
+        workaround="Add a limit for splashes: 'surface/detection coordination 40 12'.",
         applies_to=("examples.rheo-2",),
         outcome="refused",
         engine_error="surface/detection command: missing argument",
@@ -187,7 +194,7 @@ ENTRIES: tuple[Finding, ...] = (
         observed="'Illegal fix rheo command: rhosum'.",
         argument="The syntax and the description of the same page call the keyword rho/sum. LAMMPS follows them: the "
         "example is wrong, and would be refused for its self/mass too (self-mass-missing).",
-        workaround="Write rho/sum.",
+        workaround="Write 'rho/sum'.",
         applies_to=("examples.rheo-3",),
         outcome="refused",
         engine_error="Illegal fix rheo command: rhosum",
@@ -201,7 +208,7 @@ ENTRIES: tuple[Finding, ...] = (
         observed="'* taitwater' is refused: 'Illegal fix command'.",
         argument="The syntax of the same page has tait/water, and three more styles. LAMMPS follows the syntax: the "
         "sentence is wrong.",
-        workaround="Write tait/water.",
+        workaround="Write 'tait/water'.",
         applies_to=("probes.pressure-taitwater",),
         outcome="refused",
         engine_error="Illegal fix command",
@@ -244,8 +251,8 @@ ENTRIES: tuple[Finding, ...] = (
         documented="fix rheo, syntax: wmin = minimum local same-type support (unitless).",
         observed="In a fluid of twice the size, all else scaled, the same wmin turns the shift off at other particles.",
         argument="wmin is compared with sum W_ij, by the formula of the same page, and W has the unit 1/volume. What "
-        "LAMMPS sums has one length more (cross-type-support), which is no pure number either.",
-        workaround="Scale wmin with the kernel.",
+        "LAMMPS sums has one length more (cross-type-support): the unit 1/length in 2D and 1/length^2 in 3D.",
+        workaround="When all lengths grow by a factor s, divide wmin by s in 2D and by s^2 in 3D.",
         applies_to=("probes.rheo-unit-wmin",),
         outcome="differs",
         ended="answered",

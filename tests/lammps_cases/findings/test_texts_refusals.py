@@ -1,0 +1,325 @@
+"""What the findings about input say: every command, message and number of their texts, on LAMMPS."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS, InputError, parse_fix_rheo, parse_fix_rheo_pressure
+from eos_ref.syntax.ranges import type_range
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.probes.run import Reply
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
+
+pytestmark = pytest.mark.lammps
+
+# Parts of the deck of the probes, each of which stands there once.
+PRESSURE = "1 linear 2 tait/water"
+FIX_PRESSURE = f"fix 3 all rheo/pressure {PRESSURE}"
+KEYWORDS = "density 1.2 0.7 speed/sound 3.0 8.0"
+RUN = "run 3 post no"
+UNPAIRED = (("pair_style rheo 3.0", ""), ("pair_coeff * *", ""))
+
+
+def with_law(lammps: Engine, text: str) -> Reply:
+    """The deck with another fix rheo/pressure."""
+    return lammps.reply("deck", (PRESSURE, text))
+
+
+def with_keywords(lammps: Engine, text: str) -> Reply:
+    """The deck with other keywords of fix rheo."""
+    return lammps.reply("deck", (KEYWORDS, text))
+
+
+def asking(what: str) -> tuple[str, str]:
+    """The deck with a compute, and without steps."""
+    return RUN, f"compute q all rheo/property/atom {what}\nrun 0 post no"
+
+
+def same(one: Reply, other: Reply) -> bool:
+    """Whether two decks were answered alike, to the last bit."""
+    assert (one.ended, other.ended) == ("answered", "answered"), (one.error, other.error)
+    return all(np.array_equal(one.arrays[name], other.arrays[name]) for name in one.arrays)
+
+
+def test_no_pressure_segfault(lammps: Engine) -> None:
+    entry = ENTRIES["no-pressure-segfault"]
+    missing, paired = quoted(entry.id, "observed")
+    asked, unasked = asking("pressure"), (RUN, "run 0 post no")
+    for ask in (asked, unasked):
+        reply = lammps.reply("deck", (FIX_PRESSURE, ""), ask)
+        assert reply.ended == "refused" and paired in reply.error
+    reply = lammps.reply("deck", *UNPAIRED, (FIX_PRESSURE, ""), unasked)
+    assert reply.ended == "refused" and missing in reply.error
+    reply = lammps.reply("deck", *UNPAIRED, (FIX_PRESSURE, ""), asked)
+    assert reply.ended == "crashed" and reply.error.endswith("SIGSEGV"), "nothing more, so no message"
+    assert "SIGSEGV" in entry.observed
+    assert entry.workaround == "Define fix rheo/pressure before the first run."
+    late = (RUN, f"{asked[1].partition(chr(10))[0]}\n{FIX_PRESSURE}\nrun 0 post no")
+    assert lammps.reply("deck", *UNPAIRED, (FIX_PRESSURE, ""), late).ended == "answered"
+
+
+def test_stress_without_pressure_segfault(lammps: Engine) -> None:
+    entry = ENTRIES["stress-without-pressure-segfault"]
+    stresses = quoted(entry.id, "observed")
+    assert stresses == ["stress/t/*", "stress/t/xx"]
+    for stress in stresses:
+        another = (RUN, f"compute p all rheo/property/atom pressure\n{asking(stress)[1]}")
+        for ask in (asking(stress), another):
+            reply = lammps.reply("deck", ask)
+            assert reply.ended == "crashed" and reply.error.endswith("SIGSEGV"), "nothing more, so no message"
+        for words in (f"{stress} pressure", f"pressure {stress}"):
+            assert lammps.reply("deck", asking(words)).ended == "answered"
+    assert entry.workaround == "Name pressure among the inputs of the same compute."
+
+
+def two_masses(mass: tuple[float, float], self_mass: bool = False, **options: Any) -> Told:
+    """Two particles at the distance and with the cutoff of the text, in 2D."""
+    apart, _, dimension, cut = said(
+        "self-mass-missing", "argument", r"at distance # from one of mass # \(#D, cutoff #\)"
+    )
+    assert dimension == 2
+    types = [{"mass": m, "cs": 3.0, "rho0": 0.9} for m in mass]
+    rheo = {"cut": float(cut), "rho_sum": True, "self_mass": self_mass} | options.pop("rheo", {})
+    scene = {"rho": None, "compare": ["rho", "pressure"]} | options
+    return told([[4.0, 4.0], [4.0 + apart, 4.0]], (12, 12), kind=[1, 2], types=types, rheo=rheo, **scene)
+
+
+def test_self_mass_missing(lammps: Engine) -> None:
+    entry = ENTRIES["self-mass-missing"]
+    command, error = quoted(entry.id, "observed")
+    assert error in with_keywords(lammps, command).error
+    for words in ("self/mass", "self/mass rho/sum", "rhosum self/mass", "self/mass rhosum", "rhosum"):
+        assert with_keywords(lammps, words).ended == "refused"
+    masses = said(entry.id, "argument", "particle of mass # at distance # from one of mass #")[::2]
+    without, own, percent = said(entry.id, "argument", "comes out at # where its own mass gives #, an error of # %")
+    lammps_n = lammps.fields(two_masses(masses))[0]
+    right = two_masses(masses, self_mass=True).predicted().fields[0]
+    assert without.is_rounded(lammps_n["rho"][0]) and own.is_rounded(right["rho"][0])
+    assert percent.is_rounded(100 * (1 - lammps_n["rho"][0] / right["rho"][0]))
+    errors = [lammps_n[name][0] - right[name][0] for name in ("pressure", "rho")]
+    np.testing.assert_allclose(errors[0], 3.0**2 * errors[1], rtol=1e-14)
+    # The workarounds: equal masses, or no summation.
+    equal = two_masses((1.5, 1.5), self_mass=True).predicted()
+    assert agree(lammps.fields(two_masses((1.5, 1.5)))[0]["rho"], equal, "rho")
+    given = {"rho": [0.95, 0.8], "rheo": {"rho_sum": False}, "compare": ["drho"]}
+    plain = two_masses(masses, **given)
+    assert agree(lammps.fields(plain)[0]["drho"], plain.predicted(), "drho")
+
+
+def test_exclude_takes_one_range(lammps: Engine) -> None:
+    entry = ENTRIES["exclude-takes-one-range"]
+    command, error, *accepted = quoted(entry.id, "observed")
+    assert error in with_keywords(lammps, command).error
+    assert accepted == ["1", "1*2", "*"]
+    for types in accepted:
+        assert with_keywords(lammps, f"shift exclude/type {types}").ended == "answered"
+    wanted = {1, 3}
+    forms = ["*", *(form.format(m=m, n=n) for m in (1, 2, 3) for n in (1, 2, 3) for form in ("{m}", "*{n}", "{m}*"))]
+    forms += [f"{m}*{n}" for m in (1, 2, 3) for n in range(m, 4)]
+    assert all(set(type_range(form, 3)) != wanted for form in forms)
+    # The workaround, in a fluid of three types.
+    (repeated,) = quoted(entry.id, "workaround")
+    x = np.random.default_rng(1).uniform(0.3, 0.7, (36, 2)) + np.indices((6, 6)).reshape(2, -1).T
+    v = np.random.default_rng(2).uniform(-1, 1, (36, 2))
+    options: dict[str, Any] = {"types": [{"mass": 1.0}] * 3, "kind": [1, 2, 3] * 12, "compare": ["shift/v"]}
+    listed = told(x, (6, 6), v, rheo={"cut": 2.6, "shift": {"exclude": ["1", "3"]}}, **options)
+    one = told(x, (6, 6), v, rheo={"cut": 2.6, "shift": {"exclude": ["1"]}}, **options).job
+    commands = tuple(line.replace("shift exclude/type 1", repeated) for line in one.commands)
+    assert sum(repeated in line for line in commands) == 1
+    found = lammps.answer(replace(one, commands=commands)).snapshots[0]["q.shift/v"][:, :2]
+    assert agree(found, listed.predicted(), "shift/v")
+    assert set(np.flatnonzero(found.any(axis=1)) % 3) == {1}
+
+
+def test_reconstruct_refuses_cubic(lammps: Engine) -> None:
+    entry = ENTRIES["reconstruct-refuses-cubic"]
+    (error,) = quoted(entry.id, "observed")
+    rebuilt = (KEYWORDS, f"interface/reconstruct {KEYWORDS}")
+    for laws in ("1 cubic 1.0 2 linear", "1 linear 2 cubic 1.0", "* cubic 1.0"):
+        assert error in lammps.reply("deck", rebuilt, (PRESSURE, laws)).error
+        assert with_law(lammps, laws).ended == "answered", "without interface/reconstruct"
+    rho0, cs, a3 = 1.2, 3.0, 2.1
+    cubic, linear = EOS("cubic", rho0, cs, a3), EOS("linear", rho0, cs)
+    rho = np.linspace(0.1, 4.0, 400)
+    assert np.all(np.diff(cubic.pressure(rho)) > 0)
+    np.testing.assert_allclose(cubic.density(cubic.pressure(rho)), rho, rtol=1e-12)
+    np.testing.assert_allclose(
+        cubic.pressure(rho) - linear.pressure(rho), cs**2 * a3 * (rho - rho0) ** 3, rtol=1e-12, atol=1e-13
+    )
+    assert "differs by c^2 A3 (rho - rho0)^3" in entry.workaround
+    assert lammps.reply("deck", rebuilt, (PRESSURE, "* linear")).ended == "answered"
+    for case in casefile.select(casefile.load(), entry.applies_to):
+        problem = problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+        fields = Predictor().predict(problem).fields[0]
+        assert all(np.isfinite(values).all() for values in fields.values())
+
+
+def test_double_star_abort(lammps: Engine) -> None:
+    entry = ENTRIES["double-star-abort"]
+    *refused, message, _, _, _, _ = quoted(entry.id, "observed")
+    aborting = quoted(entry.id, "observed")[len(refused) + 1 :]
+    assert (refused, message) == (["1;2", "0*", "x"], "Invalid range string")
+    assert aborting == ["**", "***", "1**2", "-"]
+    for types in refused:
+        assert f"{message}: {types}" in with_law(lammps, f"{types} linear").error
+    for types in aborting:
+        reply = with_law(lammps, f"{types} linear")
+        assert reply.ended == "crashed"
+        assert "SIGABRT" in reply.error and "std::invalid_argument" in reply.error
+        assert types.replace("-", "- ") not in reply.error and "rheo" not in reply.error
+    assert entry.workaround == "Write a single star."
+    assert with_law(lammps, "* linear").ended == "answered"
+
+
+def test_long_range_abort(lammps: Engine) -> None:
+    entry = ENTRIES["long-range-abort"]
+    beyond, error, long, wraps, as_if = quoted(entry.id, "observed")
+    assert error in with_law(lammps, f"{beyond} linear").error
+    reply = with_law(lammps, f"{long} linear")
+    assert len(long) == 1 + said(entry.id, "title", "# digits")[0]
+    assert "SIGABRT" in reply.error and "std::out_of_range" in reply.error
+    assert long not in reply.error and "rheo" not in reply.error
+    assert (int(wraps[1:]) - int(as_if[1:])) % 2**32 == 0 and "modulo 2^32" in entry.observed
+    assert same(with_law(lammps, f"{wraps} linear"), with_law(lammps, f"{as_if} linear"))
+
+
+def test_hyphen_range_accepted(lammps: Engine) -> None:
+    entry = ENTRIES["hyphen-range-accepted"]
+    hyphen, first, law, alone, error = quoted(entry.id, "observed")
+    assert same(with_law(lammps, law), with_law(lammps, law.replace(hyphen, first)))
+    assert not same(with_law(lammps, law), with_law(lammps, law.replace(hyphen, "1*2")))
+    assert error in with_law(lammps, alone).error
+    for types in quoted(entry.id, "argument")[1:3]:
+        assert f"{quoted(entry.id, 'argument')[3]}: {types}" in with_law(lammps, f"{types} linear").error
+    (right,) = quoted(entry.id, "workaround")
+    assert same(with_law(lammps, law.replace(hyphen, right)), with_law(lammps, "* tait/water"))
+
+
+@pytest.mark.slow
+def test_unknown_style_misnamed(lammps: Engine, older: Engine) -> None:
+    entry = ENTRIES["unknown-style-misnamed"]
+    command, error = quoted(entry.id, "observed")
+    assert with_law(older, command).error.partition(" (")[0].endswith(error)
+    assert "Illegal fix command, taitwater" in with_law(lammps, command).error
+    assert entry.workaround == "Look at the word after the one that the message names."
+    for words in ("1 linear 2 taitwater", "2 taitwater 1 linear"):
+        named = with_law(older, words).error.partition("command, ")[2].split()[0]
+        assert words.split()[words.split().index(named) + 1] == "taitwater"
+
+
+def test_specific_heat_zero(lammps: Engine) -> None:
+    entry = ENTRIES["specific-heat-zero"]
+    (words,) = quoted(entry.id, "observed")
+    deck = "specific/heat * constant 0.9"
+
+    def given(text: str) -> Reply:
+        return lammps.reply("warm-deck", (deck, text))
+
+    arrays = given(words).arrays
+    assert "run 3" in RUN and "after three steps" in entry.observed
+    for name in ("x", "v", "rho", "pressure", "esph"):
+        values = arrays[name][:, :2] if name in "xv" else arrays[name]
+        assert np.isnan(values).all(), name
+    assert quoted(entry.id, "documented")[0] in given(words.replace("0.0", "-1.0")).error
+    assert entry.workaround == "Give a positive value."
+    assert np.isfinite(given(words.replace("0.0", "0.25")).arrays["esph"]).all()
+
+
+def test_examples_of_the_manual(lammps: Engine) -> None:
+    (surface,) = quoted("example-surface-detection", "documented")
+    (error,) = quoted("example-surface-detection", "observed")
+    (repaired,) = quoted("example-surface-detection", "workaround")
+    assert error in with_keywords(lammps, surface).error
+    assert repaired.startswith(surface.removeprefix("shift "))
+    assert with_keywords(lammps, repaired).ended == "answered"
+    (rhosum,) = quoted("example-rhosum", "documented")
+    (error,) = quoted("example-rhosum", "observed")
+    (repaired,) = quoted("example-rhosum", "workaround")
+    assert error in with_keywords(lammps, rhosum).error
+    assert with_keywords(lammps, repaired).ended == "answered"
+    assert "self/mass" in with_keywords(lammps, f"{repaired} self/mass").error
+    for example in (surface, rhosum):  # the syntax, as the reference reads it
+        with pytest.raises(InputError):
+            parse_fix_rheo(f"fix rheo all rheo 3.0 quintic 0 {example}", 1)
+
+
+def test_style_taitwater(lammps: Engine) -> None:
+    command, error = quoted("style-taitwater", "observed")
+    (style,) = quoted("style-taitwater", "workaround")
+    assert error in with_law(lammps, command).error
+    assert with_law(lammps, command.replace("taitwater", style.removeprefix("Write "))).ended == "answered"
+    with pytest.raises(InputError):
+        parse_fix_rheo_pressure(f"fix pressure all rheo/pressure {command}")
+    # The syntax, as the reference reads it, has linear, tait/water, cubic and three more.
+    entries = ["linear", "tait/water", "cubic 1.0", "tait/general 7.0", "ideal/gas 1.4", "background 0.5"]
+    read = parse_fix_rheo_pressure(f"fix pressure all rheo/pressure {' '.join(f'* {entry}' for entry in entries)}")
+    assert len(read) == 3 + 3 and "three more styles" in ENTRIES["style-taitwater"].argument
+
+
+def test_speed_sound_count(lammps: Engine) -> None:
+    (error,) = quoted("speed-sound-count", "observed")
+    assert error in with_keywords(lammps, "speed/sound 1.0 3.0 8.0").error
+    assert ENTRIES["speed-sound-count"].workaround == "Give one value per type."
+    assert with_keywords(lammps, "speed/sound 3.0 8.0").ended == "answered"
+
+
+def test_cubic_unit(lammps: Engine) -> None:
+    """A particle of water, compressed, in SI and cgs units; its cubic term is what the linear law lacks."""
+    entry = ENTRIES["cubic-unit"]
+    mass, density, velocity = 1e3, 1e-3, 1e2  # of an SI unit, in cgs units
+    pressure = density * velocity**2
+    assert pressure == 10.0
+
+    def cubic_term(units: str, a3: float, m: float = 1.0, rho: float = 1.0, c: float = 1.0) -> Any:
+        types = [{"mass": m, "rho0": 1000.0 * rho, "cs": 1480.0 * c}] * 2
+        laws = [{"types": 1, "style": "linear"}, {"types": 2, "style": "cubic", "A3": a3}]
+        x = [[2.0, 2.0], [6.0, 6.0]]
+        scene = told(
+            x, (9, 9), rho=1020.0 * rho, kind=[1, 2], types=types, pressure=laws, compare=["pressure"], units=units
+        )
+        found = lammps.fields(scene)[0]["pressure"]
+        return found[1] - found[0]
+
+    a3 = 2.5e-4
+    si = cubic_term("si", a3)
+    np.testing.assert_allclose(si, 1480.0**2 * a3 * 20.0**3, rtol=1e-9)
+    by_formula, by_syntax = (
+        cubic_term("cgs", a3 * factor, mass, density, velocity) / pressure
+        for factor in (1 / density**2, pressure / density**2)
+    )
+    np.testing.assert_allclose(by_formula, si, rtol=1e-9)
+    np.testing.assert_allclose(by_syntax, 10 * si, rtol=1e-9)
+    assert "a factor of ten" in entry.argument and entry.workaround == "Convert A3 as 1/density^2."
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_support_unit(lammps: Engine, dimension: int) -> None:
+    entry = ENTRIES["support-unit"]
+    cells = (7, 6) if dimension == 2 else (4, 4, 4)
+    sites = np.indices(cells).reshape(dimension, -1).T + 0.5
+    random = np.random.default_rng(3)
+    x = sites + random.uniform(-0.2, 0.2, sites.shape)
+    v = random.uniform(-1, 1, sites.shape)
+    kind = random.integers(1, 3, len(sites))
+
+    def shifted(size: float, wmin: float) -> Any:
+        rheo = {"cut": 2.4 * size, "shift": {"scale_cross_type": [1.0, 0.05, wmin]}}
+        types = [{"mass": size**dimension}, {"mass": size**dimension}]
+        box = [size * cell for cell in cells]
+        scene = told(x * size, box, v * size, kind=kind, types=types, rheo=rheo, compare=["shift/v"])
+        return np.any(lammps.fields(scene)[0]["shift/v"] != 0, axis=1)
+
+    wmin = 0.35
+    here = shifted(1.0, wmin)
+    assert 0 < here.sum() < len(here)
+    assert (shifted(2.0, wmin) != here).any()
+    assert (shifted(2.0, wmin / 2.0**dimension) != here).any(), "as W scales"
+    assert entry.workaround.endswith("divide wmin by s in 2D and by s^2 in 3D.")
+    np.testing.assert_array_equal(shifted(2.0, wmin / 2.0 ** (dimension - 1)), here)

@@ -1,0 +1,171 @@
+"""Small scenes that a finding's text speaks of, put to LAMMPS and to the reference; and the numbers in a text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lammps_cases.comparison.trajectory import Prediction, Problem, predict
+from lammps_cases.engine import installations
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.variants import Snapshot, combined
+from lammps_cases.probes.probe import Input, edited
+from lammps_cases.probes.run import Reply, put
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.model_cases import problem_of, read_snapshots
+
+Floats = npt.NDArray[np.floating]
+NUMBER = r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+ENTRIES: dict[str, Finding] = {entry.id: entry for entry in LEDGER}
+
+
+def said(entry: str, part: str, pattern: str) -> tuple[Quoted, ...]:
+    """The numbers that a sentence quotes: those of the groups of a pattern, in which # is any number."""
+    text = getattr(ENTRIES[entry], part)
+    found = re.search(pattern.replace("#", f"({NUMBER})"), text)
+    assert found, f"{entry}: no {pattern!r} in {text!r}"
+    return tuple(Quoted(number) for number in found.groups())
+
+
+class Quoted(float):
+    """A number as a text quotes it: equal to all that round to it."""
+
+    def __new__(cls, text: str) -> Quoted:
+        """Keep the text, whose digits count."""
+        made = super().__new__(cls, text)
+        made.digits = len(text.partition("e")[0].partition(".")[2])
+        return made
+
+    digits: int
+
+    def is_rounded(self, number: Any) -> bool:
+        """Whether a number, rounded to the digits quoted, is this one."""
+        return round(float(number), self.digits) == float(self)
+
+
+def quoted(entry: str, part: str) -> list[str]:
+    """What stands in quotation marks."""
+    return re.findall(r"(?<!\w)'([^']+)'(?!\w)", getattr(ENTRIES[entry], part))
+
+
+@dataclass(frozen=True)
+class Told:
+    """A scene with particles of its own."""
+
+    scene: Scene
+    atoms: Atoms
+
+    @property
+    def problem(self) -> Problem:
+        """As the reference takes it."""
+        return problem_of(self.scene, self.atoms, "", self.scene.snapshots)
+
+    @property
+    def job(self) -> Job:
+        """As LAMMPS is given it."""
+        return job(self.scene, self.atoms, plan(self.scene))
+
+    def predicted(self, *findings: str, snapshot: Snapshot | None = None) -> Prediction:
+        """What the reference says of it, with the variants of some findings."""
+        variants = [variant for name in findings if (variant := ENTRIES[name].model_variant)]
+        made = combined(variants, self.problem, snapshot or {})
+        assert made is not None and len(variants) == len(findings)
+        stages, stepping = made
+        return predict(self.problem, stages, stepping)
+
+
+def told(
+    x: Any, box: Sequence[float], v: Any = None, rho: Any = 1.0, e: Any = None, kind: Any = 1, **scene: Any
+) -> Told:
+    """A scene of particles at ``x``, of types ``kind``, in a box whose low corner is 0."""
+    x_nd = np.asarray(x, float)
+    n, d = x_nd.shape
+    base = {
+        "dimension": d,
+        "types": [{"mass": 1.0}],
+        "positions": {"lattice": "sq" if d == 2 else "sc", "spacing": 1.0, "cells": [1] * d},
+        "pressure": [{"types": "*", "style": "linear"}],
+        **({} if rho is None else {"rho": {"constant": 1.0}}),
+        "compare": ["f"],
+        "rheo": {},
+        **({"energy": {"constant": 1.0}} if e is not None else {}),
+    }
+    merged = base | scene
+    merged["rheo"] = {"cut": 3.0} | merged["rheo"]
+    made = Scene.model_validate(merged)
+    type_n = np.broadcast_to(np.asarray(kind, np.int32), n).copy()
+
+    def three(values: Any, fill: float = 0.0) -> Floats:
+        return np.column_stack([np.broadcast_to(values, (n, d)), np.full((n, 3 - d), fill)]).astype(float)
+
+    low, high = np.zeros(3), np.array([*box, *[0.5] * (3 - d)], float)
+    low[d:] = -0.5
+    periodic = made.positions.periodic or (True,) * d
+    mass_n = np.array([t.mass for t in made.types])[type_n - 1]
+    energy_n = None if e is None else np.broadcast_to(e, n).astype(float)
+    rho_n = None if rho is None else np.broadcast_to(rho, n).astype(float)
+    v_nc = None if v is None else three(v)
+    atoms = Atoms(
+        np.arange(1, n + 1),
+        type_n,
+        three(x_nd),
+        mass_n,
+        low,
+        high,
+        (*periodic, *(True,) * (3 - d)),
+        1.0,
+        v_nc,
+        rho_n,
+        energy_n,
+    )
+    return Told(made, atoms)
+
+
+class Engine:
+    """A LAMMPS in a process of its own."""
+
+    def __init__(self, workers: Workers) -> None:
+        self.workers = workers
+
+    def answer(self, given: Told | Job) -> Answer:
+        """All that LAMMPS answers to a scene."""
+        what = given.job if isinstance(given, Told) else given
+        found = self.workers.outcome(self.workers.submit(what, 60.0))
+        assert isinstance(found, Answer), found
+        return found
+
+    def fields(self, given: Told) -> list[Snapshot]:
+        """LAMMPS' fields of a scene, at every step that is compared."""
+        return read_snapshots(given.scene, self.answer(given))
+
+    def replies(self, *inputs: Input) -> list[Reply]:
+        """What LAMMPS makes of decks."""
+        return list(put(self.workers, inputs, 60.0))
+
+    def reply(self, base: str, *edits: tuple[str, str]) -> Reply:
+        """What LAMMPS makes of an edited base of the probes."""
+        return self.replies(edited(base, edits))[0]
+
+
+@contextmanager
+def engine(name: str = "env") -> Iterator[Engine]:
+    """Open a LAMMPS by its name."""
+    with Workers(installations.resolve(name).site, 1) as workers:
+        yield Engine(workers)
+
+
+def agree(found: Any, prediction: Prediction, field: str, at: int = 0) -> bool:
+    """Whether a field of LAMMPS lies within the bound of a prediction on every atom."""
+    return bool(np.all(np.abs(found - prediction.fields[at][field]) <= prediction.bounds[at][field]))

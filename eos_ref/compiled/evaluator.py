@@ -208,7 +208,7 @@ class CompiledEvaluator(Evaluator):
 
     def color_sums(self, volume_n: Any) -> tuple[Axes, FloatArray, FloatArray]:
         gradient_nc, color_n, same_n = np.zeros((self.n, self.model.dimension)), np.zeros(self.n), np.zeros(self.n)
-        inputs = self._in(volume_n), self._in(self.type_n), self.like
+        inputs = self._in(volume_n), self._in(self.type_n), self.model.weighs_distance, self.like
         self._each(loops.color_sums, self._spline(), inputs, (gradient_nc, color_n, same_n))
         return axes(self._out(gradient_nc)), self._out(color_n), self._out(same_n)
 

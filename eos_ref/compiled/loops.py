@@ -241,13 +241,16 @@ def shift_sums(pairs: Pairs, volume_n: Any, w_h: float, like: Any, out_nc: Any) 
 
 @_jit
 def color_sums(
-    pairs: Pairs, volume_n: Any, type_n: Any, like: Any, gradient_nc: Any, color_n: Any, same_n: Any
+    pairs: Pairs, volume_n: Any, type_n: Any, distance: bool, like: Any, gradient_nc: Any, color_n: Any, same_n: Any
 ) -> None:
-    """Add sum_j V_j grad W and sum_j V_j W over other types, sum_j W over the same type."""
+    """Add sum_j V_j grad W and sum_j V_j W over other types, sum_j W (sum_j r W with ``distance``) over the same."""
     for i in range(volume_n.size):
         for p in range(pairs.start_n[i], pairs.start_n[i + 1]):
             j, w = pairs.j_p[p], pairs.w_p[p]
             if type_n[i] == type_n[j]:
+                if distance:
+                    x = row(pairs.x_pc, p, like)
+                    w *= math.sqrt(dot(x, x))
                 same_n[i] += w
                 same_n[j] += w
             else:

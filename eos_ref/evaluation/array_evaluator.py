@@ -191,8 +191,12 @@ class ArrayEvaluator(Evaluator):
         return gradient, self.total(where(other, volume * self.w, 0.0)), self.same_type_support(other)
 
     def same_type_support(self, other: BoolArray) -> Array:
-        r"""Return the support by particles of the same type, (n,): :math:`\sum_jW_{ij}\delta_{ij}` (manual)."""
-        return self.total(where(other, 0.0, self.w))  # type: ignore[no-any-return]
+        r"""Return the support by particles of the same type, (n,), as the manual's version has it.
+
+        :math:`\sum_jW_{ij}\delta_{ij}`, and from 4 Jul 2026 on :math:`\sum_jr_{ij}W_{ij}\delta_{ij}`.
+        """
+        support_p = self.w * self.r if self.model.weighs_distance else self.w
+        return self.total(where(other, 0.0, support_p))  # type: ignore[no-any-return]
 
     def surface_sums(self, rho_n: Array) -> tuple[Axes, Array]:
         volume = self.mass_n[self.j] / self.density_pair(rho_n)[1]

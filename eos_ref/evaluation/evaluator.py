@@ -138,7 +138,7 @@ class Evaluator(ABC):
         r"""Return sums over the neighbours of other types, and one over those of the same, each (n,).
 
         Over other types :math:`\sum_jV_j\nabla_iW_{ij}` and :math:`\sum_jV_jW_{ij}`; over the own
-        :math:`\sum_jW_{ij}`.
+        :math:`\sum_jW_{ij}`, or :math:`\sum_jr_{ij}W_{ij}` where the manual weighs distances.
         """
 
     @abstractmethod

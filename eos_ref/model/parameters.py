@@ -244,6 +244,11 @@ class Model:
         return KERNELS[self.fix.kernel].order
 
     @property
+    def weighs_distance(self) -> bool:
+        """Return whether support by particles of the same type is weighed by their distance."""
+        return self.fix.shift is not None and self.fix.shift.weighs_distance
+
+    @property
     def corrects_gradients(self) -> bool:
         """Return whether gradients are those of a reproducing kernel (RK1, RK2); RK0 has no unique gradient."""
         return self.order >= 1

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NoReturn, cast, get_args
 
 from eos_ref.eos.registry import PARAMETER, STYLES, Style
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.errors import InputError, nearest
 from eos_ref.kernels.styles import KernelStyle
+from eos_ref.syntax.manual import FIRST, Manual, weighs_distance
 from eos_ref.syntax.ranges import type_range
 
 SurfaceStyle = Literal["coordination", "divergence"]
@@ -51,10 +52,15 @@ class SurfaceDetection:
 
 @dataclass(frozen=True)
 class Shift:
-    """Arguments of the shift keyword; ``scale_cross_type`` holds shiftscale, cmin, wmin."""
+    """Arguments of the shift keyword; ``scale_cross_type`` holds shiftscale, cmin, and wmin or rmin.
+
+    The support of a particle by its own type is sum_j W_ij in the manual of 22 Jul 2025, compared with wmin (1/volume),
+    and sum_j r_ij W_ij in that of 4 Jul 2026, compared with rmin (length/volume): ``weighs_distance``.
+    """
 
     exclude_types: tuple[str, ...] = ()
     scale_cross_type: tuple[float, float, float] | None = None
+    weighs_distance: bool = False
 
 
 @dataclass(frozen=True)
@@ -324,7 +330,7 @@ _KEYWORDS: dict[str, Callable[[_Words, int | None], Settings]] = {
 }
 
 
-def parse_fix_rheo(text: str, ntypes: int | None = None) -> FixRheo:
+def parse_fix_rheo(text: str, ntypes: int | None = None, manual: Manual = FIRST) -> FixRheo:
     """Read ``fix ID all rheo cut kstyle zmin keyword values...``.
 
     Parameters
@@ -333,6 +339,8 @@ def parse_fix_rheo(text: str, ntypes: int | None = None) -> FixRheo:
         The command; ``&`` continues a line, ``#`` begins a comment.
     ntypes : int, optional
         Number of atom types; if given, density and speed/sound must have as many values.
+    manual : {"2025.7.22", "2026.7.4"}
+        Version of the manual by which the command is understood.
 
     Raises
     ------
@@ -357,4 +365,6 @@ def parse_fix_rheo(text: str, ntypes: int | None = None) -> FixRheo:
         if keyword not in _KEYWORDS:
             words.fail("keyword of fix rheo", _one_of(keyword, tuple(_KEYWORDS)), keyword)
         settings |= _KEYWORDS[keyword](words, ntypes)
+    if "shift" in settings:
+        settings["shift"] = replace(settings["shift"], weighs_distance=weighs_distance(manual))
     return FixRheo(cut, cast(KernelStyle, kernel), zmin, **settings)

@@ -14,6 +14,7 @@ from typing import NoReturn
 from eos_ref import EOSTable, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model, PairRheo, Thermal, Viscosity
+from eos_ref.syntax.manual import FIRST, Manual
 from eos_ref.syntax.ranges import type_range
 
 # Commands that a run may execute in between (run ... every) without changing the model.
@@ -71,8 +72,10 @@ class Deck:
         """Return the words of the last fix of a style."""
         return next((values for values in reversed(self.fixes.values()) if values[3] == style), None)
 
-    def model(self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable) -> Model:
-        """Return the particle model.
+    def model(
+        self, dimension: int, ntypes: int, mass_t: Sequence[float], eos: EOSTable, manual: Manual = FIRST
+    ) -> Model:
+        """Return the particle model, by a version of the manual.
 
         Raises
         ------
@@ -85,7 +88,7 @@ class Deck:
         heated = self.fix("rheo/thermal")
         return Model(
             dimension=2 if dimension == 2 else 3,
-            fix=parse_fix_rheo(" ".join(rheo), ntypes),
+            fix=parse_fix_rheo(" ".join(rheo), ntypes, manual),
             mass_t=tuple(mass_t),
             eos=eos,
             pair=pair_rheo(self.pair),

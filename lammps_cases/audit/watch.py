@@ -20,6 +20,7 @@ from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
+from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample
 from lammps_cases.audit.deck import HARMLESS, Deck
 from lammps_cases.audit.options import AuditOptions, RunFacts, SampleRow, SampleRows
@@ -162,7 +163,8 @@ class DeckWatch:
     def _model(self, table: EOSTable, mass_t: Array | None) -> Model | InputError:
         mass = [1.0] * len(table) if mass_t is None else mass_t[1:].tolist()
         try:
-            return self.deck.model(int(self.lmp.extract_setting("dimension")), len(table), mass, table)
+            manual = manual_of(str(self.lmp.version()))
+            return self.deck.model(int(self.lmp.extract_setting("dimension")), len(table), mass, table, manual)
         except InputError as error:
             return error
 

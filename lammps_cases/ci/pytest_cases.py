@@ -77,7 +77,7 @@ class CaseJudge:
             The scene is no good.
         """
         assert self._workers is not None
-        ready = campaign.prepare(case)
+        ready = campaign.prepare(case.by(self.engine.manual))
         futures = [self._workers.submit(job, case.scene.engine.time_limit) for job in ready.jobs]
         arguments = (ready, campaign.answers(self._workers, ready, futures), self.engine, self.store)
         judged = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))

@@ -27,7 +27,9 @@ class SupportTimesDistance(ArrayEvaluator):
 def asks_for_support(problem: Problem) -> bool:
     """Whether shifting needs support by particles of the same type."""
     shift = problem.model.fix.shift
-    return shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[2] > 0
+    if shift is None or shift.scale_cross_type is None or shift.weighs_distance:
+        return False
+    return shift.scale_cross_type[2] > 0
 
 
 class NormalOfLastPair(ArrayEvaluator):

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import EOS
+from eos_ref.syntax.manual import Manual, manual_of
 from lammps_cases.records import schema1
 from lammps_cases.records.documents import SCHEMAS, Document
 
@@ -240,6 +241,11 @@ class EngineRecord(_Record):
     git: str = ""
     compiler: str = ""
     mpi: str = Field("", description="MPICH, Open MPI, or serial")
+
+    @property
+    def manual(self) -> Manual:
+        """Return the version of the manual that describes this LAMMPS, whatever its distribution is called."""
+        return manual_of(self.version_string)
 
     @property
     def key(self) -> str:

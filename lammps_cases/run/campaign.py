@@ -107,14 +107,14 @@ def run_cases(
 
     begin = time.perf_counter()
     with output_folder(directory) as folder, Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
-        identity = workers.identify()  # the workers start while the scenes are built
-        queue = []
-        for case in sorted(cases, key=_last):
-            ready = prepare(case)
-            queue.append((ready, [workers.submit(each, case.scene.engine.time_limit) for each in ready.jobs]))
-        importlib.import_module("lammps_cases.report.page")  # while LAMMPS works
+        identity = workers.identify()
+        importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
         who = workers.outcome(identity)
         answering = engine_record(engine, who)
+        queue = []
+        for case in sorted(cases, key=_last):
+            ready = prepare(case.by(answering.manual))
+            queue.append((ready, [workers.submit(each, case.scene.engine.time_limit) for each in ready.jobs]))
         judged = []
         for ready, futures in queue:
             outcomes = answers(workers, ready, futures)

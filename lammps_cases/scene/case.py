@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.model.quantities import keyword_of
+from eos_ref.syntax.manual import FIRST, Manual
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.fields import FieldName
 from lammps_cases.scene.manual import ExampleSettings
@@ -30,6 +31,7 @@ MAX_ATOMS = 10_000_000
 class Scene(SceneModel):
     """One case. See `lammps_cases/cases` for examples."""
 
+    manual: Manual = Field(FIRST, description="version of the manual that the reference follows, set by the engine")
     units: Units = "lj"
     dimension: Literal[2, 3]
     types: tuple[AtomType, ...] = Field(min_length=1)

@@ -11,7 +11,7 @@ import itertools
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from eos_ref import InputError
 from eos_ref.errors import nearest, unknown
+from eos_ref.syntax.manual import Manual
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import Scene, check_name, models
 
@@ -41,6 +42,12 @@ class Case:
     def where(self) -> str:
         """Return the place for messages: file and case."""
         return f"{self.source.name}, case {self.name}"
+
+    def by(self, manual: Manual) -> Case:
+        """Return the case with the manual's version that the reference is to follow."""
+        if manual == self.scene.manual:
+            return self
+        return replace(self, scene=self.scene.model_copy(update={"manual": manual}))
 
     def reproduce(self, engine: str = "env") -> str:
         """Return the command that runs this case alone, on the same engine."""

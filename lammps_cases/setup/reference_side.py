@@ -15,6 +15,7 @@ from eos_ref import InputError
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
+from eos_ref.syntax.manual import weighs_distance
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene import AtomType, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
@@ -67,7 +68,7 @@ def _fix(scene: Scene, cut: float) -> FixRheo:
         thermal=scene.thermal,
         interface_reconstruct=rheo.interface_reconstruct,
         surface_detection=SurfaceDetection(surface.style, surface.limit, surface.splash) if surface else None,
-        shift=Shift(shift.exclude, shift.scale_cross_type) if shift else None,
+        shift=Shift(shift.exclude, shift.scale_cross_type, weighs_distance(scene.manual)) if shift else None,
         rho_sum=rheo.rho_sum,
         self_mass=rheo.self_mass,
         rho0=scene.rho0,

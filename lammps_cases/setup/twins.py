@@ -17,6 +17,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.quantities import QUANTITIES, Dimension
+from eos_ref.syntax.manual import Manual, weighs_distance
 from lammps_cases.scene import AtomType, ForceSettings, Lattice, PowerLaw, RheoSettings, Scene, TwinSettings
 from lammps_cases.scene.atoms import Atoms, IntArray, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
@@ -251,7 +252,7 @@ def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
     update: dict[str, Any] = {
         "types": tuple(_rescaled_type(t, scale, scene.thermal) for t in scene.types),
         "positions": positions,
-        "rheo": _rescaled_rheo(scene.rheo, scale, cut),
+        "rheo": _rescaled_rheo(scene.rheo, scene.manual, scale, cut),
         "pair": scene.pair.model_copy(update={"rho_damp": scene.pair.rho_damp * scale.of("diffusivity")}),
         "forces": tuple(_rescaled_force(force, scale) for force in scene.forces),
     }
@@ -276,11 +277,12 @@ def _rescaled_type(t: AtomType, scale: Scale, thermal: bool) -> AtomType:
     return t.model_copy(update=update)
 
 
-def _rescaled_rheo(rheo: RheoSettings, scale: Scale, cut: float) -> RheoSettings:
+def _rescaled_rheo(rheo: RheoSettings, manual: Manual, scale: Scale, cut: float) -> RheoSettings:
     update: dict[str, Any] = {"cut": cut * scale.of("x")}
     if rheo.shifting and rheo.shifting.scale_cross_type:
         keep, cmin, wmin = rheo.shifting.scale_cross_type
-        scaled = (keep, cmin, wmin * scale.of("kernel"))
+        support = scale.of("kernel") * (scale.of("x") if weighs_distance(manual) else 1.0)
+        scaled = (keep, cmin, wmin * support)
         update["shift"] = rheo.shifting.model_copy(update={"scale_cross_type": scaled})
     return rheo.model_copy(update=update)
 

@@ -184,7 +184,7 @@ def measure(
 
 def _records(workers: JudgingWorkers, kind: Kind, cases: Sequence[Case], progress: Progress) -> Records:
     """Return the record of every case by name; some cases are prepared while others run."""
-    perturbed_cases = (perturbed_case(kind, prepare(case)) for case in cases)
+    perturbed_cases = (perturbed_case(kind, prepare(case.by(workers.judge.engine.manual))) for case in cases)
     waiting = ((perturbed, workers.judging(run_and_judge, perturbed)) for perturbed in perturbed_cases)
     queue = deque(islice(waiting, AHEAD))
     records: Records = {}
@@ -205,7 +205,9 @@ def _reason(workers: JudgingWorkers, kind: Kind, case: Case) -> Reason | None:
     scene = case.scene
     if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
         return None
-    first = workers.outcome(workers.judging(first_difference, perturbed_case(kind, prepare(case))))
+    first = workers.outcome(
+        workers.judging(first_difference, perturbed_case(kind, prepare(case.by(workers.judge.engine.manual))))
+    )
     return None if isinstance(first, Failure) else first
 
 

@@ -219,7 +219,11 @@ def measure(
     """
     quick = {case.name for case in cases if "quick" in case.tags}
     with JudgingWorkers(engine, jobs, store) as workers:
-        ready = {case.name: prepare(case) for case in cases if not (case.scene.expect or case.scene.twin)}
+        ready = {
+            case.name: prepare(case.by(workers.judge.engine.manual))
+            for case in cases
+            if not (case.scene.expect or case.scene.twin)
+        }
 
         def results(what: str, futures: dict[str, Future[list[R]]]) -> dict[str, list[R]]:
             lists: dict[str, list[R]] = {}

@@ -111,7 +111,7 @@ class MutationPool:
         return order
 
     def _control(self, case: Case) -> Generator[Future[Any], Any, Control]:
-        ready = prepare(case)
+        ready = prepare(case.by(self.engine.manual))
         outcome: Control | Failure = yield self._judging(tasks.answer_case, ready)
         if isinstance(outcome, Failure):
             outcome = yield self._judging(tasks.answer_case, ready, outcome.message)

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError, model_
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
+from lammps_cases.records.manuals import OfManual
 from lammps_cases.records.yaml_files import read_yaml
 
 FOLDER = Path(__file__).parent
@@ -36,7 +37,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 _FILES: dict[Page, str] = {"fix rheo": "rheo.yaml", "fix rheo/pressure": "pressure.yaml"}
 
 
-class Claim(BaseModel):
+class Claim(OfManual):
     """One testable statement of a manual page.
 
     Attributes

@@ -14,14 +14,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.claims.model import Claim, claims
 from lammps_cases.probes import PREFIX
 from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
 from lammps_cases.records.wording import INSIDE, counted, number, own_words
 
-ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested"]
+ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested", "not claimed"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
-_WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested")  # over several engines
+# Over several engines, of which some may have a manual that does not make the claim.
+_WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested", "not claimed")
 BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a finding, says nothing of the manual
 
 
@@ -96,6 +98,7 @@ def judge(
     chosen: Sequence[Claim],
     records: Mapping[str, CaseRecord],
     known: Collection[str] | None = None,
+    manual: Manual = FIRST,
 ) -> list[Judged]:
     """The verdict on every claim.
 
@@ -106,10 +109,17 @@ def judge(
     known : collection of str, optional
         All cases and probes that there are: a claim holds only if every one of its own has been run. Without it, one
         for each of its patterns must have been.
+    manual : {"2025.7.22", "2026.7.4"}
+        The manual of the LAMMPS that ran.
     """
     ran = Names(records)
     every = ran if known is None else Names(known)
-    return [_judged(claim, ran, every, records, known is not None) for claim in chosen]
+    return [
+        _judged(claim, ran, every, records, known is not None)
+        if claim.made_in(manual)
+        else Judged(claim, "not claimed")
+        for claim in chosen
+    ]
 
 
 def _judged(claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRecord], complete: bool) -> Judged:
@@ -244,7 +254,7 @@ def summary(run: RunRecord) -> Summary | None:
 
 def of_run(chosen: Sequence[Claim], run: RunRecord, known: Collection[str] | None = None) -> list[Judged]:
     """The verdicts of a run."""
-    return judge(chosen, {case.case: case for case in run.cases}, known)
+    return judge(chosen, {case.case: case for case in run.cases}, known, run.engine.manual)
 
 
 def worst(verdicts: Iterable[ClaimVerdict]) -> ClaimVerdict:

@@ -31,6 +31,7 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 @shared.folder_option("--out", "reports/claims", "Folder of the page.")
 @shared.jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
+@click.option("--manuals", is_flag=True, help="Only list the claims that not every version of the manual makes.")
 @shared.json_option
 def claims_command(
     names: tuple[str, ...],
@@ -39,6 +40,7 @@ def claims_command(
     out: Path,
     jobs: int,
     traceability: bool,
+    manuals: bool,
     as_json: bool,
 ) -> int:
     """Say for every statement of the two manual pages whether LAMMPS keeps it, and by which cases that is known.
@@ -52,7 +54,7 @@ def claims_command(
               eos-ref claims 'pressure-tait*' --engine pypi:2025.7.22.1.0 --engine env
               eos-ref claims --run reports/latest
     """
-    if not runs and not traceability:
+    if not (runs or traceability or manuals):
         shared.start_fork_server()
     from lammps_cases.claims import model
     from lammps_cases.claims.trace import trace
@@ -65,6 +67,8 @@ def claims_command(
     leads = trace(model.claims(), case_names)
     if traceability:
         return _traceability(leads, as_json)
+    if manuals:
+        return _manuals(chosen, as_json)
     shared.page_folder(out)
     from lammps_cases.claims import page
     from lammps_cases.claims.page import Column
@@ -76,6 +80,7 @@ def claims_command(
     chosen_engines = engines or (() if runs else ("env",))
     answers += [_answers(engine, chosen, cases, not names, out, jobs, as_json) for engine in chosen_engines]
     labels = _labels(answers)
+    chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
     columns = [
         Column(label, folder / "report.html", of_run(chosen, run, case_names))
         for label, (run, folder) in zip(labels, answers, strict=True)
@@ -98,6 +103,21 @@ def claims_command(
     if any(case.verdict in BROKEN for run, _ in answers for case in run.cases):
         return 3
     return int(bool(unforeseen) or any(judged.unexplained for column in columns for judged in column.judged))
+
+
+def _manuals(chosen: Sequence[Claim], as_json: bool) -> int:
+    """List the claims that not every version of the manual makes."""
+    from eos_ref.syntax.manual import MANUALS
+
+    some = [claim for claim in chosen if not all(claim.made_in(manual) for manual in MANUALS)]
+    rows = [{"id": c.id, "since": c.since, "until": c.until, "section": c.section, "text": c.text} for c in some]
+    if as_json:
+        click.echo(json.dumps({"manuals": MANUALS, "claims": rows}, indent=1))
+        return 0
+    counts = ", ".join(f"{manual}: {sum(claim.made_in(manual) for claim in chosen)} claims" for manual in MANUALS)
+    click.echo(f"{counts}; {len(some)} not in every one")
+    shared.table(("claim", "since", "until", "text"), [(c.id, c.since, c.until, c.text) for c in some])
+    return 0
 
 
 def _labels(answers: Sequence[tuple[RunRecord, Path]]) -> list[str]:
@@ -144,7 +164,8 @@ def _answers(
             who = workers.outcome(workers.identify())
             record = campaign.engine_record(resolved, who)
             probed = campaign.provenance(record, campaign.command_line())
-            probed.cases = manual.put(probes, workers, bar)
+            said = [probe for probe in probes if probe.made_in(record.manual)]
+            probed.cases = manual.put(said, workers, bar)
     write_atomically(_probes_file(folder), probed.counted().to_json())
     run = run or probed.model_copy(update={"cases": []})
     return run.model_copy(update={"cases": [*run.cases, *probed.cases]}), folder

@@ -19,7 +19,7 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -140,8 +140,7 @@ def solve(site: str | None, job: Job) -> Answer:
         A rank died without an error message of LAMMPS.
     """
     with instance(site).use() as lmp:
-        if not lmp.has_mpi_support:
-            raise EngineLacks(f"{job.ranks} ranks need MPI, and this LAMMPS was built without")
+        require_mpi(lmp, job.ranks)
     try:
         return kept(site, job.ranks).run(job)
     except mpi.LauncherMissing as error:
@@ -150,6 +149,17 @@ def solve(site: str | None, job: Job) -> Answer:
         if failed := _kept.pop((site, job.ranks), None):
             failed.end()
         raise
+
+
+def require_mpi(lmp: Any, count: int) -> None:
+    """Make sure that a LAMMPS can run on several ranks.
+
+    Raises
+    ------
+    EngineLacks
+    """
+    if not lmp.has_mpi_support:
+        raise EngineLacks(f"{count} ranks need MPI, and this LAMMPS was built without")
 
 
 def last_lines(text: str) -> str:

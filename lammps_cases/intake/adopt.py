@@ -73,7 +73,8 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
     seconds["cases"] = round(time.perf_counter() - begin, 1)
     begin = time.perf_counter()
     with Workers(intake.engine.site, intake.jobs) as workers:
-        probed = manual.put(intake.probes, workers, intake.progress)
+        probes = [probe for probe in intake.probes if probe.made_in(run.engine.manual)]
+        probed = manual.put(probes, workers, intake.progress)
         seconds["probes"] = round(time.perf_counter() - begin, 1)
         begin = time.perf_counter()
         rows = inputs.table(workers, intake.progress, intake.bad_inputs)

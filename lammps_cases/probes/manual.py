@@ -19,6 +19,7 @@ from lammps_cases.probes import PREFIX, run
 from lammps_cases.probes.probe import Edits, Input, Probe, edited, load
 from lammps_cases.probes.run import Reply
 from lammps_cases.records import wording
+from lammps_cases.records.manuals import OfManual
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, Mismatch, Verdict
 
@@ -26,7 +27,7 @@ TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
 FILE = "probes.yaml"
 
 
-class ManualProbe(Probe):
+class ManualProbe(OfManual, Probe):
     """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks`` and ``same``.
 
     Attributes

@@ -269,7 +269,7 @@ class DoubleLoop:
                 for p in self.pairs[i]:
                     V = self.m[p.j] / self.seen_density(p.j)
                     if self.t[p.j] == self.t[i]:
-                        same += p.w
+                        same += p.r * p.w if setting.weighs_distance else p.w
                     else:
                         C += V * p.w
                         g = [a + V * b for a, b in zip(g, p.gw, strict=True)]

@@ -224,6 +224,7 @@ RECIPES: dict[str, dict[str, Any]] = {
     },
     "exclude": {"shift": Shift(("2",)), "damp": 0.125},
     "cross": {"shift": Shift((), (0.3, 0.35, 0.2)), "walls": True},
+    "cross, by distance": {"shift": Shift((), (0.3, 0.35, 0.4), weighs_distance=True), "walls": True},
     "forces": {
         "solids": True,
         "forces2": (

@@ -205,9 +205,8 @@ def _reason(workers: JudgingWorkers, kind: Kind, case: Case) -> Reason | None:
     scene = case.scene
     if not scene.whole_model or scene.twin or scene.snapshots[-1] < 1 or kind == "ranks":
         return None
-    first = workers.outcome(
-        workers.judging(first_difference, perturbed_case(kind, prepare(case.by(workers.judge.engine.manual))))
-    )
+    ready = prepare(case.by(workers.judge.engine.manual))
+    first = workers.outcome(workers.judging(first_difference, perturbed_case(kind, ready)))
     return None if isinstance(first, Failure) else first
 
 

@@ -219,11 +219,10 @@ def measure(
     """
     quick = {case.name for case in cases if "quick" in case.tags}
     with JudgingWorkers(engine, jobs, store) as workers:
-        ready = {
-            case.name: prepare(case.by(workers.judge.engine.manual))
-            for case in cases
-            if not (case.scene.expect or case.scene.twin)
-        }
+        judged_by_manual = (
+            case.by(workers.judge.engine.manual) for case in cases if not (case.scene.expect or case.scene.twin)
+        )
+        ready = {case.name: prepare(case) for case in judged_by_manual}
 
         def results(what: str, futures: dict[str, Future[list[R]]]) -> dict[str, list[R]]:
             lists: dict[str, list[R]] = {}

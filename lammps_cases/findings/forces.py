@@ -37,15 +37,14 @@ FORCE_PER_VOLUME = Finding(
     severity="high",
     documented="pair rheo, as published (Palermo et al. 2024; Clemmer et al. 2024): the pressure force on i is "
     "-sum V_i V_j (P_i + P_j) grad W, the viscous one sum 2 eta V_i V_j (x.grad W)/r^2 v_ij.",
-    observed="Since 2025.7.22.2.0 the factor V_i = m_i/rho_i is missing from pressure, viscous and artificial "
+    observed="Since 2025.7.22.2.0 the factor V_i = m_i/rho_i is missing from the pressure, viscous and artificial "
     "viscous force on i: the array f holds a force per volume and is divided by the mass all the same. The "
-    "accelerations are wrong by the factor 1/V_i; nothing shows where every volume is 1, as in all example "
-    "decks.",
-    argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 feel "
-    "-1.10812 and +1.06855 in place of -0.79152 and +0.79152, so the pair accelerates itself. A fluid resolved "
-    "twice as finely in 2D (a quarter of each mass) gets 4 times the acceleration from the same pressure field, "
-    "while gravity, which multiplies by the mass, stays as it is.",
-    workaround="Choose the unit of length so that m/rho0 is 1 for every type.",
+    "accelerations are wrong by the factor 1/V_i; nothing shows where every volume is 1.",
+    argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 at distance 1 "
+    "(2D, cutoff 3, linear law with rho0 = c = 1) feel -0.12948 and +0.12486 in place of -0.09249 and +0.09249, so "
+    "the pair accelerates itself. The factor depends on the resolution: with half the spacing in 2D, a quarter of each "
+    "mass, it is 4 times larger, while the acceleration by gravity stays right.",
+    workaround="Choose masses and the unit of length so that m/rho0 is 1 for every type; the factor rho/rho0 remains.",
     scene="two particles of volume other than 1",
     model_variant=Variant(has_forces, ForcePerVolume),
     replaces=("collecting_volume",),

@@ -54,11 +54,12 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
     "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
     observed="Since 2025.7.22.2.0 the output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean "
-    "of kappa/(rho0 cv): the rate of T, for the volume of one particle, at the equilibrium density. It is then "
-    "integrated as if it were the rate of the energy of the particle, which is m cv times larger.",
-    argument="Where m cv = 2 heat flows half as fast as the conductivity says. Two particles of volumes 2 and 3 "
-    "exchange -0.565 and +0.377: energy is not conserved.",
-    workaround="Use m = rho0 cv = 1 per type, with the diffusivity for the conductivity.",
+    "of kappa/(rho0 cv): the rate of T at the equilibrium density, without V_i. It is then integrated as if it were "
+    "the rate of the energy of the particle, which is m cv times larger.",
+    argument="Two particles of masses 2 and 3 and temperatures 2 and 1 at distance 1 (2D, cutoff 3; rho, rho0, cv and "
+    "kappa are 1) exchange -1.398 and +0.932 in place of -2.797 and +2.797: where m cv = 2 heat flows half as fast as "
+    "the conductivity says, and energy is not conserved.",
+    workaround="Give the conductivity times m cv, with the same m/rho0 for every type; the factor rho/rho0 remains.",
     scene="two particles of different temperature and volume, cv other than 1",
     model_variant=Variant(has_heat, HeatAsTemperatureRate),
     replaces=("heated_volume",),
@@ -74,9 +75,10 @@ HEAT_OVER_DENSITY = Finding(
     "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
     observed="Every term of the sum is divided by (rho_i + rho_j)/2. From 2025.7.22.2.0 on the heat flow is "
     "another one (heat-is-temperature-rate).",
-    argument="The flow between two particles of volume 2/3 and density 1.5 is 2/3 of what the conductivity says; "
-    "the unit of the result is power over density. Water in SI units conducts a thousand times too little.",
-    workaround="Give the conductivity times the density.",
+    argument="The flow between two particles of density 1.5 is 2/3 of what the conductivity says; the unit of the "
+    "result is power over density. At the density of water in SI units, 1000, heat flows a thousand times too slowly.",
+    workaround="Give the conductivity times rho0, with the same rho0 for every type; the factor rho0 over the mean "
+    "density of the pair remains.",
     scene="two particles of different temperature and a density other than 1",
     model_variant=Variant(has_heat, HeatOverDensity),
 )
@@ -92,8 +94,9 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     observed="T = E/cv, while the heat flow changes E and ideal/gas takes E/m for the energy per mass. From "
     "2025.7.22.2.0 on T = E/(m cv).",
     argument="Two particles of masses 2 and 3 with energies 2 and 1 and cv = 1 have T = 1 and 1/3; LAMMPS "
-    "reports 2 and 1. A temperature that is measured in experiments depends on how finely the fluid is resolved.",
-    workaround="Use masses of 1, or a newer LAMMPS.",
+    "reports 2 and 1. The temperature depends on how finely the fluid is resolved: with a quarter of the mass and of "
+    "the energy per particle it is a quarter.",
+    workaround="Give the specific heat times the mass of a particle, or use 2025.7.22.2.0 or newer.",
     scene="one particle of mass other than 1",
     model_variant=Variant(has_heat, TemperatureWithoutMass),
 )

@@ -1,0 +1,203 @@
+"""What the findings about forces and heat say: every number of their texts, by LAMMPS and by the reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.told import ENTRIES, Engine, Told, agree, said, told
+
+pytestmark = pytest.mark.lammps
+
+APART = np.array([[4.0, 4.0], [5.0, 4.0]])  # at distance 1
+
+
+def pair(x: Any = APART, **options: Any) -> Told:
+    """Two particles, with the cutoff of the texts."""
+    options = {"kind": [1, 2], "rheo": {"cut": 3.0}} | options
+    return told(x, (12, 12), **options)
+
+
+# --- force-per-volume
+
+FORCES = "force-per-volume"
+PARTS: dict[str, dict[str, Any]] = {
+    "pressure": {"types": [{"mass": 1.0, "viscosity": 0.0}] * 2},
+    "viscous": {"types": [{"mass": 1.0, "cs": 1e-9, "viscosity": 0.3}] * 2, "v": [[0.2, 0.1], [0.0, 0.0]]},
+    "artificial viscous": {
+        "types": [{"mass": 1.0, "cs": 1e-3, "viscosity": 0.0}] * 2,
+        "v": [[0.2, 0.1], [0.0, 0.0]],
+        "pair": {"artificial_visc": 0.7},
+    },
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_forces_lack_a_volume_each(lammps: Engine, part: str) -> None:
+    """f is the right force over V_i; the acceleration is f over the mass; with volumes of 1 nothing shows."""
+    assert part in ENTRIES[FORCES].observed
+    rho = np.array([1.4, 1.35])
+    given = PARTS[part]
+    wrong = pair(**given, rho=rho)
+    found = lammps.fields(wrong)[0]["f"]
+    np.testing.assert_allclose(found, wrong.predicted().fields[0]["f"] * rho[:, None], rtol=1e-13)
+    assert np.abs(found).max() > 0 and agree(found, wrong.predicted(FORCES), "f")
+    heavy = given["types"][0] | {"mass": 2.5}
+    moved = pair(**given | {"types": [heavy] * 2}, rho=rho, compare=["v"], evolve={"steps": 1, "timestep": 0.004})
+    assert agree(lammps.fields(moved)[-1]["v"], moved.predicted(FORCES), "v", -1)
+    assert not agree(lammps.fields(moved)[-1]["v"], moved.predicted(), "v", -1)
+    unit = pair(**given, rho=1.0)
+    assert agree(lammps.fields(unit)[0]["f"], unit.predicted(), "f")
+
+
+def test_force_per_volume(lammps: Engine) -> None:
+    mass, *rho, apart, dimension, cut = said(
+        FORCES, "argument", r"mass # and densities # and # at distance # \(#D, cutoff #,"
+    )
+    assert (mass, dimension, cut) == (1, 2, 3) and apart == np.diff(APART[:, 0])[0]
+    *found, low, high = said(FORCES, "argument", r"feel # and # in place of # and #")
+    scene = pair(types=[{"mass": 1.0}] * 2, rho=rho)
+    lammps_n, right = lammps.fields(scene)[0]["f"][:, 0], scene.predicted().fields[0]["f"][:, 0]
+    variant = scene.predicted(FORCES).fields[0]["f"][:, 0]
+    for k, (quoted, reference) in enumerate(zip(found, (low, high), strict=True)):
+        assert quoted.is_rounded(lammps_n[k]) and quoted.is_rounded(variant[k])
+        assert reference.is_rounded(right[k])
+
+
+def test_the_missing_volume_depends_on_the_resolution(lammps: Engine) -> None:
+    (factor,) = said(FORCES, "argument", "a quarter of each mass, it is # times larger")
+    errors = []
+    gravity = [{"style": "gravity", "vector": [0.0, -0.75]}]
+    for size in (1.0, 0.5):
+        types = [{"mass": 1.3 * size**2}] * 2
+        fluid = pair(APART * size, types=types, rho=[1.4, 1.35], rheo={"cut": 3.0 * size})
+        errors.append(lammps.fields(fluid)[0]["f"][:, 0] / fluid.predicted().fields[0]["f"][:, 0])
+        pulled = pair([[2.0, 2.0], [8.0, 8.0]], types=types, forces=gravity, rheo={"cut": 3.0 * size})
+        assert agree(lammps.fields(pulled)[0]["f"], pulled.predicted(), "f")
+    np.testing.assert_allclose(errors[1], factor * errors[0], rtol=1e-13)
+
+
+def test_unit_volumes_leave_a_factor(lammps: Engine) -> None:
+    assert ENTRIES[FORCES].workaround.endswith("m/rho0 is 1 for every type; the factor rho/rho0 remains.")
+    rho, rho0 = np.array([1.47, 0.79]), np.array([1.4, 0.8])
+    scene = pair(types=[{"mass": r, "rho0": r, "cs": 3.0} for r in rho0], rho=rho, v=[[0.2, 0.1], [0.0, 0.0]])
+    expected = scene.predicted().fields[0]["f"] * (rho / rho0)[:, None]
+    np.testing.assert_allclose(lammps.fields(scene)[0]["f"], expected, rtol=1e-13)
+
+
+# --- heat
+
+HEAT, OVER, MASS = "heat-is-temperature-rate", "heat-over-density", "temperature-without-mass"
+
+
+def warm(
+    mass: Any, energy: Any, kappa: Any = (1.0, 1.0), cv: Any = (1.0, 1.0), rho0: Any = (1.0, 1.0), **options: Any
+) -> Told:
+    """Two particles with energies."""
+    values = zip(mass, kappa, cv, rho0, strict=True)
+    types = [
+        {"mass": float(m), "conductivity": float(k), "specific_heat": float(c), "rho0": float(r), "cs": 1.0}
+        for m, k, c, r in values
+    ]
+    options = {"compare": ["temperature", "heatflow"]} | options
+    return pair(types=types, e=list(energy), **options)
+
+
+def test_heat_is_temperature_rate(lammps: Engine) -> None:
+    *mass, t1, t2, apart, dimension, cut = said(
+        HEAT, "argument", r"masses # and # and temperatures # and # at distance # \(#D, cutoff #; rho"
+    )
+    assert (apart, dimension, cut) == (1, 2, 3)
+    *wrong, low, high = said(HEAT, "argument", "exchange # and # in place of # and #")
+    m = np.array(mass)
+    scene = warm(m, m * [t1, t2])
+    found, right = lammps.fields(scene)[0], scene.predicted().fields[0]
+    np.testing.assert_array_equal(found["temperature"], [t1, t2])
+    for k, (quoted, reference) in enumerate(zip(wrong, (low, high), strict=True)):
+        assert quoted.is_rounded(found["heatflow"][k]) and reference.is_rounded(right["heatflow"][k])
+    np.testing.assert_allclose(found["heatflow"], right["heatflow"] / m, rtol=1e-13)
+    assert mass[0] == 2 and "where m cv = 2 heat flows half as fast" in ENTRIES[HEAT].argument
+
+
+DIFFERENT: dict[str, Any] = {"cv": (1.5, 0.8), "kappa": (0.7, 0.3), "rho0": (1.27, 0.81), "rho": [1.3, 0.79]}
+
+
+@pytest.mark.parametrize("harmonic", [False, True])
+def test_heat_flow_is_that_of_the_formula(lammps: Engine, harmonic: bool) -> None:
+    """D is the mean of kappa/(rho0 cv), the volume that of the other particle; the energy grows by it."""
+    mass = np.array([1.31, 0.62])
+    options = DIFFERENT | {"pair": {"harmonic_means": harmonic}}
+    scene = warm(mass, (2.0, 0.9), **options)
+    found, right = lammps.fields(scene)[0]["heatflow"], scene.predicted()
+    kappa, cv, rho0, rho = (np.array(options[name]) for name in ("kappa", "cv", "rho0", "rho"))
+
+    def mean(values: Any) -> Any:
+        return 2 / (1 / values[0] + 1 / values[1]) if harmonic else values.mean()
+
+    change = mean(kappa / (rho0 * cv)) / (mean(kappa) * mass / rho)
+    np.testing.assert_allclose(found, right.fields[0]["heatflow"] * change, rtol=1e-12)
+    steps = {"steps": 1, "timestep": 0.004}
+    moved = warm(mass, (2.0, 0.9), **options, evolve=steps, compare=["energy", "temperature"])
+    assert agree(lammps.fields(moved)[-1]["energy"], moved.predicted(HEAT, FORCES), "energy", -1)
+    assert not agree(lammps.fields(moved)[-1]["energy"], moved.predicted(FORCES), "energy", -1)
+
+
+@pytest.mark.parametrize("harmonic", [False, True])
+def test_heat_with_another_conductivity(lammps: Engine, harmonic: bool) -> None:
+    assert ENTRIES[HEAT].workaround == (
+        "Give the conductivity times m cv, with the same m/rho0 for every type; the factor rho/rho0 remains."
+    )
+    rho0, rho, cv, kappa = np.array([1.27, 0.81]), np.array([1.3, 0.79]), np.array([1.5, 0.8]), np.array([0.7, 0.3])
+    mass, means = 0.6 * rho0, {"pair": {"harmonic_means": harmonic}}
+    options: dict[str, Any] = {"cv": cv, "rho0": rho0, "rho": rho} | means
+    around = warm(mass, (2.0, 0.9), kappa * mass * cv, **options)
+    right = warm(mass, (2.0, 0.9), kappa, **options).predicted().fields[0]["heatflow"]
+    np.testing.assert_allclose(lammps.fields(around)[0]["heatflow"], right * rho / rho0, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_heat_over_density(older: Engine) -> None:
+    """The specific heat times the mass makes the temperature of this LAMMPS right, which takes E/cv for it."""
+    density, part, whole = said(OVER, "argument", r"density # is #/# of what")
+    (water,) = said(OVER, "argument", r"SI units, #, heat flows a thousand times")
+
+    def ratio(mass: Any, rho: Any, **options: Any) -> Any:
+        mass, energy = np.array(mass), np.array([2.0, 0.9])
+        cv, factor = options.pop("cv", np.ones(2)), options.pop("factor", 1.0)
+        right = warm(mass, energy, options.get("kappa", (1.0, 1.0)), cv, rho=rho, rho0=options.get("rho0", (1.0, 1.0)))
+        kappa = factor * np.array(options.get("kappa", (1.0, 1.0)))
+        asked = warm(mass, energy, kappa, cv * mass, rho=rho, rho0=options.get("rho0", (1.0, 1.0)))
+        return older.fields(asked)[0]["heatflow"] / right.predicted().fields[0]["heatflow"]
+
+    np.testing.assert_allclose(ratio((1.0, 1.0), [density] * 2), part / whole, rtol=1e-12)
+    np.testing.assert_allclose(ratio((900.0, 1100.0), [water] * 2), 1e-3, rtol=1e-12)
+    np.testing.assert_allclose(ratio((1.3, 0.6), [1.3, 0.8], kappa=(0.7, 0.3)), 2 / (1.3 + 0.8), rtol=1e-12)
+    assert "Give the conductivity times rho0, with the same rho0 for every type" in ENTRIES[OVER].workaround
+    rho0 = 1.25
+    around = ratio((1.3, 0.6), [1.3, 1.2], kappa=(0.7, 0.3), rho0=(rho0, rho0), factor=rho0, cv=np.array([1.5, 0.8]))
+    np.testing.assert_allclose(around, rho0 / (0.5 * (1.3 + 1.2)), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_temperature_without_mass(lammps: Engine, older: Engine) -> None:
+    *numbers, cv, right1, right2, over = said(
+        MASS, "argument", r"masses # and # with energies # and # and cv = # have T = # and #/#;"
+    )
+    mass, energy = np.array(numbers[:2]), np.array(numbers[2:])
+    wrong = said(MASS, "argument", "LAMMPS reports # and #")
+    temperature = {"compare": ["temperature"]}
+    scene = warm(mass, energy, cv=(cv, cv), **temperature)
+    right = [right1, right2 / over]
+    np.testing.assert_allclose(scene.predicted().fields[0]["temperature"], right, rtol=1e-15)
+    np.testing.assert_array_equal(older.fields(scene)[0]["temperature"], wrong)
+    assert agree(lammps.fields(scene)[0]["temperature"], scene.predicted(), "temperature")
+    around = warm(mass, energy, cv=mass * cv, **temperature)
+    assert ENTRIES[MASS].workaround.startswith("Give the specific heat times the mass of a particle")
+    assert agree(older.fields(around)[0]["temperature"], scene.predicted(), "temperature")
+    fine = warm(mass / 4, energy / 4, cv=(cv, cv), **temperature)
+    np.testing.assert_array_equal(older.fields(fine)[0]["temperature"], np.array(wrong) / 4)
+    np.testing.assert_array_equal(fine.predicted().fields[0]["temperature"], scene.predicted().fields[0]["temperature"])
+    gas = warm(mass, energy, compare=["pressure"], pressure=[{"types": "*", "style": "ideal/gas", "gamma": 1.4}])
+    assert agree(older.fields(gas)[0]["pressure"], gas.predicted(), "pressure"), "E/m is the energy per mass"

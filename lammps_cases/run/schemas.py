@@ -30,7 +30,8 @@ def scene_schema() -> dict[str, Any]:
     axis = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Patch"}}
     file["properties"]["matrix"]["additionalProperties"] = axis
     # A patch gives parts of what a scene needs: none of its objects is complete.
-    for definition in ("Lattice", "FromFile", "LawSettings", "AtomType", "Evolve", "SurfaceDetectionSettings"):
+    parts = ("Lattice", "FromFile", "Listed", "LawSettings", "AtomType", "Evolve", "SurfaceDetectionSettings")
+    for definition in parts:
         definitions[definition].pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "eos-ref case file", **file}
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from eos_ref import EOSTable, InputError
 from eos_ref.eos.table import FloatArray
-from lammps_cases.scene import FromFile, Lattice, Scene, Values
+from lammps_cases.scene import FromFile, Lattice, Listed, Scene, Values
 from lammps_cases.scene.casefile import Case
 
 IntArray = npt.NDArray[np.integer]
@@ -77,6 +77,8 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     scene = case.scene
     if isinstance(scene.positions, Lattice):
         file = _lattice(case, scene.positions)
+    elif isinstance(scene.positions, Listed):
+        file = _listed(scene.positions, scene.dimension)
     else:
         file = _read_extxyz(case, scene.positions)
     x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
@@ -118,6 +120,21 @@ def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
     return {"x": x_nc[type_n > 0], "type": type_n[type_n > 0], **box}
 
 
+def _listed(listed: Listed, dimension: int) -> dict[str, Any]:
+    """Return the particles of a list as of a file: x, type, low, high, periodic, spacing."""
+    n, depth = len(listed.x), listed.spacing / 2
+    x_nc, low_c, high_c = np.zeros((n, 3)), np.full(3, -depth), np.full(3, depth)
+    x_nc[:, :dimension], low_c[:dimension], high_c[:dimension] = listed.x, listed.low, listed.high
+    return {
+        "x": x_nc,
+        "type": np.array(listed.types or (1,) * n),
+        "low": low_c,
+        "high": high_c,
+        "periodic": (*(listed.periodic or (True,) * dimension), *(True,) * (3 - dimension)),
+        "spacing": listed.spacing,
+    }
+
+
 def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArray:
     """Return the types of all sites, given in fractions of the lattice; 0 where there is no particle.
 
@@ -137,6 +154,11 @@ def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArra
 
 def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
     scene = case.scene
+    if scene.velocity.values is not None:
+        v_nc = np.zeros((len(type_n), 3))
+        given = np.array(scene.velocity.values)
+        v_nc[:, : scene.dimension] = _one_per_particle(given, len(type_n), f"{case.where}, velocity")
+        return v_nc
     moves = scene.velocity.random or scene.velocity.uniform or any(t.velocity for t in scene.types)
     if not moves:
         return None

@@ -17,7 +17,7 @@ from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.fields import FieldName
 from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
-from lammps_cases.scene.particles import PLANAR, Lattice, Positions, Values, Velocity
+from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
 from lammps_cases.scene.values import SceneModel
@@ -77,6 +77,8 @@ class Scene(SceneModel):
             atoms = math.prod(self.positions.cells) * {"hex": 2, "bcc": 2, "fcc": 4}.get(self.positions.lattice, 1)
             if atoms > MAX_ATOMS:
                 raise ValueError(f"at most {MAX_ATOMS} particles, found {atoms}")
+        if isinstance(self.positions, Listed) and len(self.positions.low) != self.dimension:
+            raise ValueError(f"positions need {self.dimension} components, found {len(self.positions.low)}")
         if self.violate and not self.expect:
             raise ValueError("violate needs expect: {refused: TEXT}")
         for key in ("rho", "energy"):
@@ -136,16 +138,19 @@ class Scene(SceneModel):
         for types in (*(f.types for f in self.forces), *(self.rheo.shifting.exclude if self.rheo.shifting else ())):
             if types is not None:
                 type_range(types, n)
-        if any(t.thermal for t in self.types) and self.energy is None and isinstance(self.positions, Lattice):
+        if any(t.thermal for t in self.types) and self.energy is None and not isinstance(self.positions, FromFile):
             raise ValueError("conductivity, specific_heat, latent_heat and T_freeze need energy")
 
     def _check_vectors(self) -> None:
         vectors: dict[str, list[tuple[float | None, ...] | tuple[float, ...] | None]] = {
             "velocity.uniform": [self.velocity.uniform],
+            "velocity.values": [*(self.velocity.values or ())],
             "velocity of a type": [t.velocity for t in self.types],
             "vector of a force": [force.vector for force in self.forces],
             "vector of twin": [self.twin.translate or self.twin.boost] if self.twin else [],
         }
+        if self.velocity.values is not None and any(t.velocity for t in self.types):
+            raise ValueError("velocity.values stands instead of the velocity of a type")
         for what, given in vectors.items():
             for vector in given:
                 if vector is not None and len(vector) != self.dimension:

@@ -58,14 +58,45 @@ class FromFile(SceneModel):
     )
 
 
+class Listed(SceneModel):
+    """Particles one by one, in order of id, in a box."""
+
+    x: tuple[Vector, ...] = Field(min_length=1, description="one position per particle")
+    types: tuple[Annotated[int, Field(ge=1, strict=True)], ...] | None = Field(
+        None, description="one type per particle; default: all 1"
+    )
+    low: Vector = Field(description="corner of the box")
+    high: Vector = Field(description="opposite corner")
+    periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
+    spacing: Positive = Field(1.0, description="distance that the cutoff and the skin are given in by default")
+
+    @model_validator(mode="after")
+    def _size(self) -> Listed:
+        d = len(self.low)
+        if any(len(x) != d for x in (self.high, *self.x)):
+            raise ValueError(f"x, low and high need the same number of components, {d} as low has")
+        if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"the box needs low < high, found {self.low} and {self.high}")
+        if self.types is not None and len(self.types) != len(self.x):
+            raise ValueError(f"types needs one value per particle ({len(self.x)}), found {len(self.types)}")
+        if self.periodic is not None and len(self.periodic) != d:
+            raise ValueError(f"periodic needs {d} flags, found {len(self.periodic)}")
+        return self
+
+
 def _kind_of_positions(positions: object) -> str:
-    from_file = isinstance(positions, FromFile) or (isinstance(positions, dict) and "extxyz" in positions)
-    return "from file" if from_file else "on lattice"
+    def has(key: str, kind: type[SceneModel]) -> bool:
+        return isinstance(positions, kind) or (isinstance(positions, dict) and key in positions)
+
+    return "from file" if has("extxyz", FromFile) else "one by one" if has("x", Listed) else "on lattice"
 
 
-# The key extxyz decides, so that a mistake in one kind is not reported as a mistake in the other.
+# The keys extxyz and x decide, so that a mistake in one kind is not reported as a mistake in another.
 Positions = Annotated[
-    Annotated[Lattice, Tag("on lattice")] | Annotated[FromFile, Tag("from file")], Discriminator(_kind_of_positions)
+    Annotated[Lattice, Tag("on lattice")]
+    | Annotated[FromFile, Tag("from file")]
+    | Annotated[Listed, Tag("one by one")],
+    Discriminator(_kind_of_positions),
 ]
 
 
@@ -119,3 +150,10 @@ class Velocity(SceneModel):
 
     random: Finite = Field(0.0, description="largest component")
     uniform: Vector | None = None
+    values: tuple[Vector, ...] | None = Field(None, description="one per particle, in order of id; instead of all else")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Velocity:
+        if self.values is not None and (self.random or self.uniform):
+            raise ValueError("values goes with neither random nor uniform")
+        return self

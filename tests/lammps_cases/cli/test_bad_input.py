@@ -154,6 +154,43 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"velocity": {"uniform": [1.0, 0.0, 0.0]}},
         ("velocity.uniform", "2 components", "found 3"),
     ),
+    "velocities of three components": (
+        {"velocity": {"values": [[1.0, 0.0, 0.0]] * 20}},
+        ("velocity.values", "2 components", "found 3"),
+    ),
+    "velocities of too few": ({"velocity": {"values": [[1.0, 0.0]]}}, ("velocity", "one value per particle", "1")),
+    "velocities beside random": (
+        {"velocity": {"values": [[1.0, 0.0]] * 20, "random": 0.1}},
+        ("velocity", "neither random nor uniform"),
+    ),
+    "velocities beside that of a type": (
+        {"velocity": {"values": [[1.0, 0.0]] * 20}, "types": [{"mass": 1.0, "velocity": [1.0, 0.0]}]},
+        ("stands instead of the velocity of a type",),
+    ),
+    "list of particles of three components": (
+        {"positions": {"x": [[0.5, 0.5, 0.5]], "low": [0.0, 0.0], "high": [1.0, 1.0]}},
+        ("positions", "same number of components"),
+    ),
+    "list of particles in space": (
+        {"positions": {"x": [[0.5, 0.5, 0.5]], "low": [0.0, 0.0, 0.0], "high": [1.0, 1.0, 1.0]}},
+        ("positions need 2 components", "found 3"),
+    ),
+    "list of particles, box inside out": (
+        {"positions": {"x": [[0.5, 0.5]], "low": [1.0, 0.0], "high": [0.0, 1.0]}},
+        ("low < high",),
+    ),
+    "list of particles, types of two": (
+        {"positions": {"x": [[0.5, 0.5]], "types": [1, 1], "low": [0.0, 0.0], "high": [1.0, 1.0]}},
+        ("types needs one value per particle (1), found 2",),
+    ),
+    "list of particles, type beyond": (
+        {"positions": {"x": [[0.5, 0.5]], "types": [2], "low": [0.0, 0.0], "high": [1.0, 1.0]}},
+        ("type", "within 1 to 1", "2"),
+    ),
+    "list of particles, a lattice's key": (
+        {"positions": {"x": [[0.5, 0.5]], "low": [0.0, 0.0], "high": [1.0, 1.0], "cells": [2, 2]}},
+        ("positions.cells", "unknown key"),
+    ),
     "velocity of a type": ({"types": [{"mass": 1.0, "velocity": [1.0]}]}, ("types.0.velocity", "at least 2")),
     "velocity in evolve": ({"evolve": {"steps": 1, "timestep": 0.1, "velocity": 1.0}}, ("evolve.velocity",)),
     "gravity left open": ({"forces": [{"style": "gravity", "vector": [0, None]}]}, ("forces.0", "every component")),

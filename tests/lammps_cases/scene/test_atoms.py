@@ -54,6 +54,20 @@ def test_faces_that_are_open_have_a_margin(case_file: Write) -> None:
     np.testing.assert_array_equal(atoms.high_c, [2.0, 2.5, 0.25])
 
 
+def test_particles_are_listed_one_by_one(case_file: Write) -> None:
+    listed = {"x": [[0.25, 1.0], [1.5, 0.5]], "types": [2, 1], "low": [0.0, -1.0], "high": [2.0, 2.0]}
+    scene = {"types": TWO, "rho": {"values": [0.9, 1.1]}, "velocity": {"values": [[1.0, 2.0], [0.0, -3.0]]}}
+    atoms = atoms_of(case_file(positions={**listed, "periodic": [True, False], "spacing": 0.5}, **scene))
+    assert atoms.type_n.tolist() == [2, 1]
+    assert atoms.x_nc.tolist() == [[0.25, 1.0, 0.0], [1.5, 0.5, 0.0]]
+    assert (atoms.low_c.tolist(), atoms.high_c.tolist()) == ([0.0, -1.0, -0.25], [2.0, 2.0, 0.25])
+    assert (atoms.periodic, atoms.spacing) == ((True, False, True), 0.5)
+    assert atoms.v_nc is not None and atoms.v_nc.tolist() == [[1.0, 2.0, 0.0], [0.0, -3.0, 0.0]]
+    assert atoms.rho_n is not None and atoms.rho_n.tolist() == [0.9, 1.1]
+    plain = atoms_of(case_file(positions=listed, **scene | {"types": TWO}, name="plain"))
+    assert (plain.periodic, plain.spacing) == ((True, True, True), 1.0)
+
+
 def test_regions_give_types_and_remove_particles(case_file: Write) -> None:
     regions = [
         {"type": 2, "low": [0.0, 0.0], "high": [1.0, 0.5]},

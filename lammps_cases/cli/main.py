@@ -15,6 +15,7 @@ COMMANDS = {
     "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
     "list": "List the cases.",
     "explain": "Show what a case models, what it does not, and why.",
+    "shrink": "Make the smallest scene that still fails the same way.",
     "ledger": "List the findings: where LAMMPS differs from its manual.",
     "report": "Render the report of a finished run again.",
     "merge": "Join the shards of a run.",

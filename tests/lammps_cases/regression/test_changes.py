@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from lammps_cases.records.outcome import CHANGE_KINDS, CaseOutcome, ChangeKind
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, StepRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, StepRecord, Verdict
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import compare
 from lammps_cases.regression.outcomes import comparable
@@ -193,3 +194,16 @@ def test_fields_of_an_audit_are_told_apart_by_type() -> None:
         "pressure (type 1)",
         "pressure (type 2)",
     ]
+
+
+def test_what_else_differs_is_said() -> None:
+    engines = (
+        EngineRecord(library_sha256="ab" * 32, compiler="GNU C++ 14", mpi="MPICH"),
+        EngineRecord(library_sha256="cd" * 32, compiler="GNU C++ 12", mpi="Open MPI"),
+        EngineRecord(library_sha256="ab" * 32, mpi="MPI"),
+    )
+    a, b, c = (replace(side(case("one", field())), engine=engine) for engine in engines)
+    (note,) = compare(a, b, Policy(news=False)).notes
+    parts = "library abababab and cdcdcdcd; compiler GNU C++ 14 and GNU C++ 12; MPI MPICH and Open MPI"
+    assert note == f"the environment differs: {parts}"
+    assert compare(a, c, Policy(news=False)).notes == ()

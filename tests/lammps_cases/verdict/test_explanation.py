@@ -1,0 +1,110 @@
+"""What explains a difference: the smallest set of findings, on any LAMMPS; and what is left beside known ones.
+
+LAMMPS is played by the reference with findings of the ledger, so that any of them can be mended.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings import LEDGER, Finding, applicable, shown_by
+from lammps_cases.findings.variants import Snapshot, Variant, combined
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.model_cases import problem_of
+
+CASES = {case.name: case for case in casefile.load()}
+BY_ID = {entry.id: entry for entry in LEDGER}
+NEW = "2099.1.1"
+# Scenes that show several findings without LAMMPS' neighbour lists, two or three of them at a time.
+SCENES = {
+    "thermal.latent.2d": ("force-per-volume", "heat-is-temperature-rate"),
+    "cross-type.both.2d": ("force-per-volume", "cross-type-support"),
+}
+PREDICTOR = Predictor()
+
+
+class DoubledConductivity(ArrayEvaluator):
+    """A fault that the ledger does not know."""
+
+    def conduction(self) -> Any:
+        """Twice the conductivity."""
+        return 2.0 * super().conduction()
+
+
+def problem(name: str) -> tuple[Problem, Any]:
+    """Return a scene as the reference takes it, and the ids of its particles."""
+    ready = campaign.prepare(CASES[name])
+    return problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots), ready.atoms.id_n
+
+
+def played(of: Problem, findings: Sequence[Finding], *faults: type[ArrayEvaluator]) -> list[Snapshot]:
+    """Return the fields of a LAMMPS that has some findings, and maybe faults of its own."""
+    variants = [entry.model_variant for entry in findings if entry.model_variant]
+    made = combined([*variants, *(Variant(lambda _: True, fault) for fault in faults)], of, {})
+    assert made is not None
+    return [{name: np.asarray(array) for name, array in step.items()} for step in PREDICTOR.values(of, made)]
+
+
+def judged(
+    of: Problem, id_n: Any, name: str, snapshots: Sequence[Snapshot], engine: str
+) -> particle_model.ModelVerdict:
+    """Judge the fields of a scene as those of an engine."""
+    return particle_model.judge(of, name, id_n, snapshots, engine, PREDICTOR)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])
+@pytest.mark.parametrize("name", SCENES)
+def test_every_subset_of_findings_explains_a_lammps_that_has_it(name: str, engine: str) -> None:
+    """Also those with one mended, which an explanation by all together would take for a difference."""
+    of, id_n = problem(name)
+    findings = [BY_ID[finding] for finding in SCENES[name]]
+    assert set(findings) <= set(shown_by(of, "2025.7.22.4.0")) <= set(applicable(of))
+    for size in range(len(findings) + 1):
+        for some in itertools.combinations(findings, size):
+            verdict = judged(of, id_n, name, played(of, some), engine)
+            assert {entry.id for entry in verdict.entries} == {entry.id for entry in some}
+            assert (verdict.first is None) == (not some) and verdict.beyond is None
+            worst = {comparison.record.verdict for comparison in verdict.comparisons}
+            assert ("explained" in worst) == bool(some) and "differs" not in worst
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["2025.7.22.0.1", "2025.7.22.4.0", NEW])
+def test_a_finding_of_another_version_is_recognised(engine: str) -> None:
+    of, id_n = problem("thermal.latent.2d")
+    verdict = judged(of, id_n, "thermal.latent.2d", played(of, [BY_ID["temperature-without-mass"]]), engine)
+    assert [entry.id for entry in verdict.entries] == ["temperature-without-mass"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])
+def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None:
+    of, id_n = problem("thermal.latent.2d")
+    known = [BY_ID["force-per-volume"]]
+    verdict = judged(of, id_n, "thermal.latent.2d", played(of, known, DoubledConductivity), engine)
+    assert not verdict.entries and verdict.first is not None and verdict.beyond is not None
+    assert verdict.beyond.blame.field == "heatflow"
+    fields = [comparison.record for comparison in verdict.comparisons]
+    record = CaseRecord(case="x", verdict="differs", fields=fields, blame=verdict.first, beyond=verdict.beyond)
+    assert wording.message(record).startswith("heatflow (stage ")
+    assert wording.message(record).endswith(f"beside {', '.join(verdict.beyond.findings)}")
+
+
+def test_nothing_is_said_of_findings_that_are_not_there() -> None:
+    of, id_n = problem("thermal.latent.2d")
+    verdict = judged(of, id_n, "thermal.latent.2d", played(of, [], DoubledConductivity), NEW)
+    assert not verdict.entries
+    assert verdict.first is not None and verdict.first.field == "heatflow"

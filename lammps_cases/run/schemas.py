@@ -29,9 +29,9 @@ def scene_schema() -> dict[str, Any]:
     file["properties"]["scene"] = {"$ref": "#/$defs/Scene"}
     axis = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Patch"}}
     file["properties"]["matrix"]["additionalProperties"] = axis
-    # A patch gives parts of what a scene needs: none of its objects is complete.
-    parts = ("Lattice", "FromFile", "Listed", "LawSettings", "AtomType", "Evolve", "SurfaceDetectionSettings")
-    for definition in parts:
+    # A patch gives parts of what a scene needs: none of its objects is complete. But for a list of particles:
+    # without x, a spacing is that of a lattice.
+    for definition in ("Lattice", "FromFile", "LawSettings", "AtomType", "Evolve", "SurfaceDetectionSettings"):
         definitions[definition].pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "eos-ref case file", **file}
 

@@ -128,9 +128,10 @@ WALL_VELOCITY_LOST = Finding(
     "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
     observed="The solid's velocity as the fluid sees it is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
     "agree for a wall at rest only.",
-    argument="A fluid and its container that move together with velocity U must feel no viscous force; LAMMPS "
-    "sees the wall at 0 in place of U. A wall moved at U drags the fluid towards U d_s/(d_s + d_f), not U, so "
-    "that a Couette flow depends on how the particles of the wall lie. Not Galilean invariant.",
+    argument="A fluid and its container that move together with velocity U must feel no viscous force; in LAMMPS the "
+    "fluid sees the wall at 0 in place of U, so that the forces depend on the frame. A wall moved at U drags a fluid "
+    "particle towards U d_s/(d_s + d_f), not U: over one row of solids 0.5 U, over two rows 0.6 U (spacing 1, cutoff "
+    "1.3), so that a Couette flow depends on how the particles of the wall lie.",
     workaround="Keep walls at rest: choose the frame of the wall, or drive the fluid by addforce.",
     scene="fluid at rest over one row of solid particles that moves",
     model_variant=Variant(has_moving_walls, WallVelocityLost),
@@ -144,11 +145,12 @@ WALLS_SUMMED_AFTER_SETUP = Finding(
     severity="low",
     documented="fix rheo, interface/reconstruct: the density of solids is reconstructed for the interaction with "
     "fluid; rho/sum sums densities.",
-    observed="With both keywords the densities (and pressures) of solids reported after run 0 are the sums; the "
-    "forces of the same step used the reconstructed ones, and every later step reports these.",
-    argument="Output and forces of one step belong to different densities: a restart or a check of P(rho) after "
-    "run 0 sees a state that the dynamics never had.",
-    workaround="Look at solids from the first step on.",
+    observed="With both keywords the densities of solids reported after run 0 are the sums; the forces of the same "
+    "step used the reconstructed ones, and every later step of the run reports these. Each run without 'pre no' begins "
+    "so again.",
+    argument="Output and forces of one step belong to different densities: who computes the forces from the densities "
+    "reported after run 0 gets other ones.",
+    workaround="Look at solids after a step, not after run 0.",
     scene="fluid over solid particles with rho/sum, run 0",
     model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup),
 )
@@ -164,13 +166,14 @@ WALLS_AFTER_REBUILD = Finding(
     observed="In a step in which atoms enter or leave the layer of periodic images, the extrapolation to solids "
     "reads accelerations by the slots of images that the new list numbers, while the slots still hold what the old "
     "list had in them: accelerations of other particles. Densities of solids that see fluid through a periodic "
-    "boundary are off by up to 1 % in that step, and with them the forces; before the next step the slots are "
-    "filled anew, so that only the trajectory keeps the error.",
-    argument="The same run with another skin or other rebuild settings has another trajectory. With the "
-    "accelerations taken from LAMMPS' own slots, as of the list before, every density is reproduced to rounding, "
-    "over 200 steps with 35 changes of the list; slots beyond those of the old list hold zeros. Lists that are "
-    "rebuilt with the same images in the same order do no harm.",
-    workaround="A large skin, so that lists are rebuilt seldom.",
+    "boundary are wrong in that step, by 0.2 % in the scene open.walls-after-rebuild, and with them the forces; before "
+    "the next step the slots are filled anew, so that only the trajectory keeps the error.",
+    argument="The same run with other rebuild settings has another trajectory. With the accelerations taken from "
+    "LAMMPS' own slots, as of the list before and 0 in slots that it did not have, every density of the scene is "
+    "reproduced to rounding, over 60 steps with a rebuild in each and other images from step 6 on. Lists rebuilt with "
+    "the same images in the same order, as before step 6, do no harm.",
+    workaround="Let lists be rebuilt only when they must ('neigh_modify check yes', the default), and seldom, by a "
+    "large skin.",
     scene="fluid over fixed solids under gravity, periodic along the wall, lists rebuilt every step",
     model_variant=Variant(
         has_kept_images,
@@ -201,10 +204,10 @@ WALLS_DEPEND_ON_PAIR_ORDER = Finding(
     "in the list, minus that of the second, made with the second particle's gradient; with the quintic kernel the "
     "two are the same. With newton off pairs across a boundary are listed for each particle, which then has its "
     "own gradient, as all have from 2025.7.22.2.0 on.",
-    argument="The twins that relabel the atoms or change newton, skin or frame give other densities from step 1 "
-    "on, by up to 6e-3: physics must not depend on which of a pair a list names first. With the order of LAMMPS' "
-    "own lists every density is reproduced to rounding at every step.",
-    workaround="The quintic kernel, or a newer LAMMPS.",
+    argument="With the same four particles numbered in another order the solid has another density from step 1 on: "
+    "physics must not depend on which of a pair a list names first. With the order of LAMMPS' own lists every "
+    "density is reproduced to rounding.",
+    workaround="Use the quintic kernel, or 2025.7.22.2.0 or newer.",
     scene="one solid and three fluid particles, RK1",
     model_variant=Variant(
         keeps_corrected_forces,

@@ -67,10 +67,12 @@ class Told:
     scene: Scene
     atoms: Atoms
 
+    steps: tuple[int, ...] | None = None
+
     @property
     def problem(self) -> Problem:
-        """As the reference takes it."""
-        return problem_of(self.scene, self.atoms, "", self.scene.snapshots)
+        """As the reference takes it, at the steps that the scene compares or at some others."""
+        return problem_of(self.scene, self.atoms, "", self.scene.snapshots if self.steps is None else self.steps)
 
     @property
     def job(self) -> Job:
@@ -146,9 +148,12 @@ class Engine:
         assert isinstance(found, Answer), found
         return found
 
-    def fields(self, given: Told) -> list[Snapshot]:
-        """LAMMPS' fields of a scene, at every step that is compared."""
-        return read_snapshots(given.scene, self.answer(given))
+    def fields(self, given: Told, every_step: bool = False) -> list[Snapshot]:
+        """LAMMPS' fields of a scene at the steps that are compared; at every step with the lists of neighbours."""
+        if not every_step:
+            return read_snapshots(given.scene, self.answer(given))
+        asked = job(given.scene, given.atoms, plan(given.scene), every_step=True, lists=True)
+        return read_snapshots(given.scene, self.answer(asked))
 
     def replies(self, *inputs: Input) -> list[Reply]:
         """What LAMMPS makes of decks."""

@@ -1,0 +1,209 @@
+"""What the findings about solids say: every number and every "because" of their texts, by LAMMPS and the reference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.numbers.number import Array
+from lammps_cases.engine.session import RunCommand
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
+
+pytestmark = pytest.mark.lammps
+
+FORCES, LOST, SUMMED = "force-per-volume", "wall-velocity-lost", "walls-summed-after-setup"
+REBUILT, ORDER = "walls-after-rebuild", "walls-depend-on-pair-order"
+COLUMNS = 4
+HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
+
+
+def over_rows(rows: int, v_fluid: float, v_solid: float) -> Told:
+    """A row of fluid over rows of solids, all volumes 1: a fluid particle sees one solid, right below it."""
+    spacing, cut = said(LOST, "argument", r"\(spacing #, cutoff #\)")
+    assert spacing == 1 and cut < np.sqrt(2)
+    x = [[i + 0.5, 4.0 - j] for j in range(rows) for i in range(COLUMNS)] + [[i + 0.5, 5.0] for i in range(COLUMNS)]
+    solids = rows * COLUMNS
+    return told(
+        x,
+        (COLUMNS, 9),
+        v=[[v_solid, 0.0]] * solids + [[v_fluid, 0.0]] * COLUMNS,
+        kind=[2] * solids + [1] * COLUMNS,
+        types=[{"mass": 1.0, "viscosity": 0.2}, {"mass": 1.0, "viscosity": 0.2, "phase": "solid"}],
+        rheo={"cut": float(cut), "interface_reconstruct": True},
+    )
+
+
+def ratio_of_distances(scene: Told) -> float:
+    """d_s/d_f of the pairs of solid and fluid, as the reference computes it."""
+    seen: list[Any] = []
+
+    class Recording(ArrayEvaluator):
+        def wall_velocity(self, v_solid: Array, v_fluid: Array, ratio: Array) -> Array:
+            seen.append(ratio[~self.solid_n[self.i] & self.solid_n[self.j]])
+            return super().wall_velocity(v_solid, v_fluid, ratio)
+
+    problem = scene.problem
+    Simulation(problem.model, problem.box, problem.state, ("f",), Recording).setup()
+    assert np.ptp(seen[0]) == 0
+    return float(seen[0][0])
+
+
+def test_wall_velocity_lost(lammps: Engine) -> None:
+    for rows, part in enumerate(said(LOST, "argument", "over one row of solids # U, over two rows # U"), 1):
+        u = 0.7
+        ratio = ratio_of_distances(over_rows(rows, 0.0, u))
+        assert part.is_rounded(ratio / (1 + ratio))
+        force = {v: lammps.fields(over_rows(rows, v, u))[0]["f"][-COLUMNS:, 0] for v in (0.0, part * u, u)}
+        right = {v: over_rows(rows, v, u).predicted() for v in force}
+        rounding = right[0.0].bounds[0]["f"].max()
+        assert np.all(np.abs(force[part * u]) < 4 * rounding) and np.all(force[0.0] > 0), "drags towards this velocity"
+        # Together with the container: no force is right, LAMMPS' fluid sees a wall at 0.
+        assert np.all(np.abs(right[u].fields[0]["f"][:, 0]) < rounding)
+        at_zero = over_rows(rows, 0.0, 0.0).predicted().fields[0]["f"]
+        assert not at_zero[:, 0].any()
+        assert np.all(force[u] < 0)
+        # The workaround: in the frame of the wall LAMMPS has the forces of every frame.
+        at_rest = lammps.fields(over_rows(rows, 0.2, 0.0))[0]["f"][-COLUMNS:]
+        moving = over_rows(rows, 0.2 + u, u)
+        assert np.all(np.abs(at_rest - moving.predicted().fields[0]["f"][-COLUMNS:]) < 4 * rounding)
+        in_motion = lammps.fields(moving)[0]["f"][-COLUMNS:]
+        assert np.all(np.abs(at_rest - in_motion)[:, 0] > 0.1 * np.abs(at_rest[:, 0]))
+
+
+def test_wall_at_rest_and_fluid_driven(lammps: Engine) -> None:
+    """The other workaround: addforce on the fluid, with volumes of 1."""
+    scene = over_rows(1, 0.1, 0.0)
+    force = [{"style": "addforce", "types": 1, "vector": [0.3, 0.0]}]
+    model = scene.scene.model_validate(scene.scene.model_dump(exclude_unset=True) | {"forces": force})
+    driven = Told(model, scene.atoms)
+    fluid = slice(-COLUMNS, None)
+    found, right = lammps.fields(driven)[0]["f"], driven.predicted()
+    assert np.all(np.abs(found - right.fields[0]["f"])[fluid] <= right.bounds[0]["f"][fluid])
+
+
+def summed(**rheo: Any) -> Told:
+    """Three fluid particles beside two solids."""
+    return told(
+        [[4.0, 1.0], [5.0, 1.0], [4.0, 2.2], [5.1, 2.1], [4.4, 3.0]],
+        (12, 12),
+        rho=None if rheo.get("rho_sum", True) else 1.0,
+        kind=[2, 2, 1, 1, 1],
+        types=[{"mass": 1.0}, {"mass": 1.0, "phase": "solid"}],
+        rheo={"rho_sum": True, "interface_reconstruct": True} | rheo,
+        compare=["rho", "f"],
+        forces=HELD,
+        evolve={"steps": 2, "timestep": 0.004},
+    )
+
+
+def test_walls_summed_after_setup(lammps: Engine) -> None:
+    scene = summed()
+    sums = summed(interface_reconstruct=False).predicted().fields[0]["rho"]
+    found, reconstructed = lammps.fields(scene), scene.predicted(FORCES)
+    solid = slice(0, 2)
+    np.testing.assert_allclose(found[0]["rho"][solid], sums[solid], rtol=1e-15)
+    assert np.all(np.abs(found[0]["rho"] - reconstructed.fields[0]["rho"])[solid] > 0.05)
+    for step in (0, 1, 2):
+        assert agree(found[step]["f"], reconstructed, "f", step), "of the densities reconstructed"
+        assert agree(found[step]["rho"], reconstructed, "rho", step) == (step > 0)
+    assert quoted(SUMMED, "observed") == ["pre no"]
+    commands = ("run 1 post no", "run 0 post no", "run 0 pre no post no", "run 1 pre no post no", "run 0 post no")
+    again = replace(scene.job, runs=tuple(RunCommand(command) for command in commands))
+    stepped, setup, continued, later, begun = (at["rho"][solid] for at in lammps.answer(again).snapshots)
+    assert np.all(np.abs(stepped - sums[solid]) > 0.05) and np.all(np.abs(later - sums[solid]) > 0.05)
+    np.testing.assert_allclose([setup, continued, begun], [sums[solid]] * 3, rtol=1e-4)
+    assert ENTRIES[SUMMED].workaround == "Look at solids after a step, not after run 0."
+
+
+def rebuilt(name: str, **engine: Any) -> Told:
+    """A shipped case with other settings of the lists."""
+    (case,) = casefile.select(casefile.load(), [name])
+    settings = case.scene.engine.model_copy(update=engine)
+    return Told(case.scene.model_copy(update={"engine": settings}), campaign.prepare(case).atoms)
+
+
+@pytest.mark.slow
+def test_walls_after_rebuild(lammps: Engine) -> None:
+    percent, name = said(REBUILT, "observed", "by # % in the scene")[0], "open.walls-after-rebuild"
+    assert f"in the scene {name}" in ENTRIES[REBUILT].observed
+    steps, first = map(
+        int, said(REBUILT, "argument", "over # steps with a rebuild in each and other images from step #")
+    )
+    scene = rebuilt(name)
+    found = lammps.fields(scene, every_step=True)
+    assert len(found) == 1 + steps
+    images = [listed.row_s[len(scene.atoms) :] for listed in found[0]["lists"]]
+    changes = [k for k in range(1, len(images)) if not np.array_equal(images[k], images[k - 1])]
+    assert changes[0] == first
+    assert any("every 1" in line and "check no" in line for line in scene.job.setup)
+    # Right before it; wrong in it, in solids alone; and the trajectory keeps a trace.
+    every = Told(scene.scene, scene.atoms, tuple(range(first + 2)))
+    plain = every.predicted(FORCES)
+    assert all(agree(found[k]["rho"], plain, "rho", k) for k in range(first))
+    off_n, later_n = (np.abs(found[k]["rho"] / plain.fields[k]["rho"] - 1) for k in (first, first + 1))
+    assert percent.is_rounded(100 * off_n.max())
+    solid_n = scene.problem.state.solid_n
+    assert off_n[solid_n].max() == off_n.max() > 1e4 * off_n[~solid_n].max() and later_n.max() < 1e-5
+    assert not agree(found[first + 1]["rho"], plain, "rho", first + 1)
+    assert agree(found[first]["chi"], plain, "chi", first) and not agree(found[first]["f"], plain, "f", first)
+    # With LAMMPS' own slots every density of all steps.
+    all_steps = Told(scene.scene, scene.atoms, tuple(range(steps + 1)))
+    following = all_steps.predicted(FORCES, REBUILT, snapshot=found[0])
+    assert all(agree(found[k]["rho"], following, "rho", k) for k in range(steps + 1))
+    # The workaround: a skin large enough for all steps.
+    (check,) = quoted(REBUILT, "workaround")
+    assert check == "neigh_modify check yes"
+    large = rebuilt(name, check=True, skin=1.0)
+    calm = lammps.fields(large, every_step=True)
+    assert all(np.array_equal(listed.row_s, calm[0]["lists"][0].row_s) for listed in calm[0]["lists"])
+    right = Told(large.scene, large.atoms, (0, steps // 2, steps)).predicted(FORCES)
+    assert all(agree(calm[k]["rho"], right, "rho", at) for at, k in enumerate((0, steps // 2, steps)))
+
+
+FOUR = np.array([[4.0, 4.0], [4.7, 4.9], [3.2, 5.1], [4.3, 5.6]])
+TWELVE = np.indices((3, 4)).reshape(2, -1).T + 4.0 + np.random.default_rng(5).uniform(-0.2, 0.2, (12, 2))
+
+
+def numbered(x: Any, order: Any, kernel: str) -> Told:
+    """A solid, the first particle, and fluid, numbered in some order."""
+    n = len(x)
+    v = 0.1 * np.column_stack([np.arange(n) % 3, np.arange(n) % 2])
+    v[0] = 0.0
+    rho, kind = 1.0 + 0.01 * (np.arange(n) % 4), np.where(np.arange(n) == 0, 2, 1)
+    return told(
+        x[order],
+        (12, 12),
+        v[order],
+        rho[order],
+        kind=kind[order],
+        types=[{"mass": 1.0, "cs": 3.0}, {"mass": 1.0, "cs": 3.0, "phase": "solid"}],
+        rheo={"kernel": kernel, "interface_reconstruct": True},
+        compare=["rho"],
+        forces=HELD,
+        evolve={"steps": 1, "timestep": 0.004},
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kernel", "x"), [("quintic", FOUR), ("RK1", FOUR), ("RK2", TWELVE)])
+def test_walls_depend_on_pair_order(lammps: Engine, older: Engine, kernel: str, x: Any) -> None:
+    assert len(FOUR) == 4 and "the same four particles" in ENTRIES[ORDER].argument
+    assert ENTRIES[ORDER].workaround == "Use the quintic kernel, or 2025.7.22.2.0 or newer."
+    solids = []
+    for order in (np.arange(len(x)), np.arange(len(x))[::-1]):
+        scene = numbered(x, order, kernel)
+        found, right = older.fields(scene, every_step=True), scene.predicted()
+        solids.append(found[-1]["rho"][order == 0])
+        assert agree(found[0]["rho"], right, "rho")
+        assert agree(found[-1]["rho"], right, "rho", -1) == (kernel == "quintic")
+        if kernel != "quintic":
+            assert agree(found[-1]["rho"], scene.predicted(ORDER, snapshot=found[0]), "rho", -1)
+        assert agree(lammps.fields(scene)[-1]["rho"], scene.predicted(FORCES), "rho", -1), "the newer one is right"
+    assert (np.ptp(solids) > 1e-4) == (kernel != "quintic"), solids

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -101,6 +102,9 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     for case in run.cases:
         if not case.as_expected:
             click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")
+    skipped = Counter(case.message for case in run.cases if case.verdict == "skipped")
+    for reason, cases in skipped.items():
+        click.echo(f"  {counted(cases, 'case')} skipped: {reason}")
     explained = sum(case.verdict == "explained" for case in run.cases)
     if explained:
         click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")

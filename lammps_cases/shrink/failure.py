@@ -19,14 +19,14 @@ _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 @dataclass(frozen=True)
 class FailureMode:
-    """How a case fails. Two are equal if they fail the same way, whichever atom and step show it first.
+    """How a case fails. Two are equal if they fail the same way, whichever step and atom show it first.
 
     Attributes
     ----------
     field, stage : what is blamed, beyond the findings that the scene shows; empty where LAMMPS gave no numbers
     finding : id of the finding that is followed, whatever field shows it; empty for a difference
     error : LAMMPS' error without its numbers, or how its process ended
-    atom, step : where it shows first
+    shown_in, step, atom : field, step and atom where it shows first
     """
 
     verdict: str
@@ -35,8 +35,9 @@ class FailureMode:
     stage: str = ""
     finding: str = ""
     error: str = ""
-    atom: int | None = dataclasses.field(default=None, compare=False)
+    shown_in: str = dataclasses.field(default="", compare=False)
     step: int | None = dataclasses.field(default=None, compare=False)
+    atom: int | None = dataclasses.field(default=None, compare=False)
 
     @property
     def words(self) -> str:
@@ -55,14 +56,14 @@ class FailureMode:
 def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
     """Return how a case fails, or that it shows a finding; None if it does not."""
     blame = record.beyond.blame if record.beyond else record.blame
-    atom, step = (blame.atom, blame.step) if blame else (None, None)
+    place: dict[str, Any] = {"shown_in": blame.field, "step": blame.step, "atom": blame.atom} if blame else {}
     if finding:
         shown = record.verdict == "explained" and finding in wording.explained_by(record)
-        return FailureMode("explained", record.ended, finding=finding, atom=atom, step=step) if shown else None
+        return FailureMode("explained", record.ended, finding=finding, **place) if shown else None
     if record.as_expected:
         return None
     if record.ended == "answered" and blame:
-        return FailureMode(record.verdict, record.ended, blame.field, blame.stage, atom=atom, step=step)
+        return FailureMode(record.verdict, record.ended, blame.field, blame.stage, **place)
     lost = type(record.unusable).__name__ if record.unusable else ""
     fault = record.harness_error.exception if record.harness_error else ""
     return FailureMode(record.verdict, record.ended, error=lost or fault or _kind(record))

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-# command: one line of help; the module of the same name holds a click command, NAME_command
+# command: one line of help; the module of the same name, - as _, holds a click command, NAME_command
 COMMANDS = {
     "run": "Run cases against LAMMPS and write a report: the main job.",
     "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
@@ -17,6 +17,7 @@ COMMANDS = {
     "explain": "Show what a case models, what it does not, and why.",
     "shrink": "Make the smallest scene that still fails the same way.",
     "ledger": "List the findings: where LAMMPS differs from its manual.",
+    "report-bug": "Write a bug report for LAMMPS: a deck that tells PASS from FAIL, and its text.",
     "report": "Render the report of a finished run again.",
     "merge": "Join the shards of a run.",
     "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",
@@ -45,8 +46,9 @@ class LazyGroup(click.Group):
         """Import the module of a command."""
         if name not in COMMANDS:
             return None
-        module = importlib.import_module(f"lammps_cases.cli.{name}")
-        command: click.Command = getattr(module, f"{name}_command")
+        word = name.replace("-", "_")
+        module = importlib.import_module(f"lammps_cases.cli.{word}")
+        command: click.Command = getattr(module, f"{word}_command")
         command.short_help = COMMANDS[name]
         return command
 

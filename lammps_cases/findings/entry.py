@@ -55,6 +55,7 @@ class Finding:
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
     workaround : what a user can do meanwhile
+    upstream : what LAMMPS knows of it: unreported, the address of an issue, or "fixed in VERSION"
     engines : versions of LAMMPS that were seen to have it, from `lammps_cases.findings.engines`
     applies_to : patterns of the cases that it speaks of, for all findings without a model variant
     scene : the smallest scene that shows it
@@ -76,6 +77,7 @@ class Finding:
     observed: str
     argument: str
     workaround: str
+    upstream: str = "unreported"
     engines: tuple[str, ...] = ()
     applies_to: tuple[str, ...] = ()
     scene: str = ""

@@ -1,0 +1,179 @@
+"""``in.lammps``: a job as a deck of LAMMPS' own commands that prints what it obtained, what is expected, and a verdict.
+
+The verdict is PASS or FAIL on a line of its own. A deck that LAMMPS must refuse passes if it stops there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lammps_cases.engine.session import Job
+from lammps_cases.records.files import write_atomically
+
+DECK, DATA = "in.lammps", "data.lammps"
+MOST_SINGLE = 5  # particles that a deck creates one by one; more come in a data file
+_ARRAYS = {"x": ("x", "y", "z"), "v": ("vx", "vy", "vz"), "f": ("fx", "fy", "fz")}  # that variables read
+
+
+@dataclass(frozen=True)
+class Deck:
+    """A deck with its data file (empty: none), and the text of the refusal that is due (empty: LAMMPS must run it)."""
+
+    lines: tuple[str, ...]
+    data: str = ""
+    refused: str = ""
+
+    @property
+    def text(self) -> str:
+        """Return the content of the deck."""
+        return "".join(f"{line}\n" for line in self.lines)
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write the files into a folder; return their paths."""
+        contents = {DECK: self.text} | ({DATA: self.data} if self.data else {})
+        for name, content in contents.items():
+            write_atomically(folder / name, content)
+        return [folder / name for name in contents]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number of LAMMPS, and the number expected.
+
+    Attributes
+    ----------
+    obtained : LAMMPS' word for the number in a formula
+    expected : the number that the manual's formula gives, as a text that LAMMPS reads back as the same double
+    bound : the largest difference that rounding makes
+    """
+
+    obtained: str
+    expected: str
+    bound: float
+
+    @property
+    def inside(self) -> str:
+        """Return the command that asks whether the number is inside the bound; what is no number is not."""
+        # Formulas see other variables with 15 digits: the number itself stands here, not a variable that holds it.
+        return f"variable inside equal abs({self.obtained}-({self.expected}))<={self.bound!r}"
+
+    @property
+    def printed(self) -> tuple[str, ...]:
+        """Return the commands that print both numbers and the verdict."""
+        return (
+            f'print "obtained $({self.obtained}:%.17g)"',
+            f'print "expected {self.expected} within {self.bound:.2g}"',
+            'if "${inside} == 1" then "print PASS" else "print FAIL"',
+        )
+
+
+OUTPUT = "thermo_style custom step v_inside"  # output computes what a variable reads, for the last step
+
+
+def of_number(job: Job, step: int, check: Check) -> Deck:
+    """Return the deck of a job that compares a number after some steps."""
+    lines, data = _scene(job)
+    return Deck((*lines, check.inside, OUTPUT, f"run {step} post no", *check.printed), data)
+
+
+def of_two(job: Job, other: Job, times: float, check: Check) -> Deck:
+    """Return the deck of two jobs, of which the second must give the number of the first times a factor."""
+    second = Check(check.obtained, "${expected}", check.bound)
+    return Deck(
+        (
+            *_scene(job)[0],
+            f"variable first equal {check.obtained}",
+            "thermo_style custom step v_first",
+            "run 0 post no",
+            f"variable expected string $({times!r}*{check.obtained}:%.17g)",
+            "clear",
+            *_scene(other)[0],
+            second.inside,
+            OUTPUT,
+            "run 0 post no",
+            *second.printed,
+        )
+    )
+
+
+def of_outcome(given: Job | tuple[str, ...], refused: str) -> Deck:
+    """Return the deck of an input that LAMMPS must run, or refuse with a text."""
+    lines, data = ([*given], "") if isinstance(given, tuple) else _scene(given)
+    if isinstance(given, Job):
+        if given.outputs:  # what is computed is asked for, as LAMMPS computes nothing else
+            first, shape = next(iter(given.outputs.items()))
+            lines += [f"variable asked equal {word(given, first, 1, (0,) * len(shape))}"]
+            lines += ["thermo_style custom step v_asked"]
+        lines += [run.command for run in given.runs]
+    due = f"an error that holds: {refused}" if refused else "LAMMPS runs this deck"
+    verdict = "FAIL" if refused else "PASS"
+    lines = [f'print "expected {due}"', *lines, 'print "obtained LAMMPS ran it"', f"print {verdict}"]
+    return Deck(tuple(lines), data, refused)
+
+
+def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:
+    """Return LAMMPS' word for a component of a field of an atom; empty if no variable reads it."""
+    if field not in job.outputs:
+        return f"{_ARRAYS[field][axes[0]]}[{atom}]" if field in _ARRAYS else ""
+    shapes = list(job.outputs.values())
+    at = list(job.outputs).index(field)
+    column = sum(map(math.prod, shapes[:at])) + (int(np.ravel_multi_index(axes, shapes[at])) if axes else 0)
+    return f"C_q[{atom}]" + (f"[{column + 1}]" if sum(map(math.prod, shapes)) > 1 else "")
+
+
+# --- the particles
+
+
+def _scene(job: Job) -> tuple[list[str], str]:
+    """Return the commands up to the first run, and the data file if there are too many particles for commands."""
+    (style,) = (line.split()[1] for line in job.setup if line.startswith("atom_style"))
+    lines = [*job.setup]
+    lines.insert(next(k for k, line in enumerate(lines) if line.startswith("region box")), "atom_modify map yes")
+    if len(job.id_n) <= MOST_SINGLE:
+        return [*lines, *_single(job, style), *job.commands], ""
+    kept = [line for line in lines if not line.startswith(("region box", "create_box"))]
+    return [*kept, f"read_data {DATA}", *job.commands], _data(job, style)
+
+
+def _single(job: Job, style: str) -> Iterable[str]:
+    """Yield the commands that create particles one by one; their ids follow from the order."""
+    place_n = np.argsort(job.id_n)
+    for n in place_n:
+        x = " ".join(repr(float(x)) for x in job.x_nc[n])
+        yield f"create_atoms {job.type_n[n]} single {x} units box"
+    every = {}
+    for n in place_n:
+        words = [f"{name} {float(job.per_atom[key][n])!r}" for key, name in _SET[style] if key in job.per_atom]
+        if job.v_nc is not None:
+            words += [f"{name} {float(v)!r}" for name, v in zip(("vx", "vy", "vz"), job.v_nc[n], strict=True) if v]
+        every[job.id_n[n]] = " ".join(words)
+    same = len(set(every.values())) == 1
+    for atom, given in {"all": next(iter(every.values()))}.items() if same else every.items():
+        if given:
+            yield f"set {'group' if same else 'atom'} {atom} {given}"
+
+
+_SET = {"atomic": (), "rheo": (("rho", "rheo/rho"),), "rheo/thermal": (("rho", "rheo/rho"), ("esph", "sph/e"))}
+
+
+def _data(job: Job, style: str) -> str:
+    """Return the data file: atoms, with status 0 (fluid) for atoms of the package, and velocities."""
+    (box,) = (line.split()[3:] for line in job.setup if line.startswith("region box"))
+    (types,) = (line.split()[1] for line in job.setup if line.startswith("create_box"))
+    lines = ["particles of the deck", "", f"{len(job.id_n)} atoms", f"{types} atom types", ""]
+    lines += [f"{box[2 * a]} {box[2 * a + 1]} {axis}lo {axis}hi" for a, axis in enumerate("xyz")]
+    lines += ["", f"Atoms # {style}", ""]
+    status = ["0"] * (style != "atomic")
+    zeros = np.zeros(len(job.id_n))
+    for n, x_c in enumerate(job.x_nc):
+        values = [*(job.per_atom.get(key, zeros)[n] for key, _ in _SET[style]), *x_c]
+        lines.append(" ".join([f"{job.id_n[n]} {job.type_n[n]}", *status, *(repr(float(v)) for v in values)]))
+    if job.v_nc is not None:
+        lines += ["", "Velocities", ""]
+        lines += [" ".join([str(i), *(repr(float(v)) for v in v_c)]) for i, v_c in zip(job.id_n, job.v_nc, strict=True)]
+    return "\n".join(lines) + "\n"

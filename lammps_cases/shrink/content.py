@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
 from eos_ref import InputError
 from eos_ref.syntax.ranges import type_range
+from lammps_cases.records.yaml_files import yaml_text
 from lammps_cases.run.campaign import prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
@@ -67,7 +67,7 @@ def document(content: Content, name: str, about: str) -> str:
     data: dict[str, Any] = {"name": first, "about": about}
     if labels:
         data["matrix"] = {f"part {k}": {label: {}} for k, label in enumerate(labels, 2)}
-    return yaml.safe_dump(data | {"scene": content}, sort_keys=False, default_flow_style=None, width=110)
+    return yaml_text(data | {"scene": content})
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
@@ -77,11 +78,11 @@ class Trials:
     progress: Progress = SILENT
     count: int = 0
     complete: bool = True
-    _known: dict[str, FailureMode | None] = field(default_factory=dict, repr=False)
+    _known: dict[bytes, FailureMode | None] = field(default_factory=dict, repr=False)
 
     def fails(self, content: Content) -> FailureMode | None:
         """Return how a content fails, if it does so as the case; None if it does otherwise, or is no scene."""
-        key = json.dumps(content)
+        key = hashlib.sha256(json.dumps(content).encode()).digest()
         if key not in self._known:
             self._known[key] = self._judged(content)
         return self._known[key]
@@ -95,7 +96,7 @@ class Trials:
             return None
         try:
             record = self.judge(candidate)
-        except InputError:
+        except (ValueError, ArithmeticError):  # no scene: an InputError, or numbers out of all proportion
             return None
         self.count += 1
         self.progress.advance(self.count, CANDIDATES, f"{len(content['positions']['x'])} particles")

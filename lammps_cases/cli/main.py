@@ -18,6 +18,7 @@ COMMANDS = {
     "shrink": "Make the smallest scene that still fails the same way.",
     "ledger": "List the findings: where LAMMPS differs from its manual.",
     "report-bug": "Write a bug report for LAMMPS: a deck that tells PASS from FAIL, and its text.",
+    "diagnose": "Group the red cases of a finished run, and say what could cause them.",
     "report": "Render the report of a finished run again.",
     "merge": "Join the shards of a run.",
     "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",

@@ -95,7 +95,7 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     if as_json:
         click.echo(run.to_json(), nl=False)
         return run.exit_code
-    from lammps_cases.records.wording import carried, carried_rows, counted
+    from lammps_cases.records.wording import carried, carried_rows, counted, triage_lines
 
     counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
     click.secho(f"{counted(len(run.cases), 'case')}: {counts} ({run.seconds:.1f} s)", bold=True)
@@ -105,6 +105,8 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
     skipped = Counter(case.message for case in run.cases if case.verdict == "skipped")
     for reason, cases in skipped.items():
         click.echo(f"  {counted(cases, 'case')} skipped: {reason}")
+    for line in triage_lines(run):
+        click.echo(f"  {line}")
     explained = sum(case.verdict == "explained" for case in run.cases)
     if explained:
         click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")

@@ -285,6 +285,38 @@ class CarriedOver(_Record):
     unexplained: int = Field(0, description="cases that differ, without an explanation")
 
 
+class Hypothesis(_Record):
+    """A change of the reference's formulas that reproduces LAMMPS on every atom of every case of a group."""
+
+    sentence: str = Field(description="LAMMPS behaves as if ...")
+    whole: bool = Field(description="in all fields of the first red step; else only up to the first red one")
+
+
+class TriageGroup(_Record):
+    """Red cases with the same first cause."""
+
+    cases: list[str]
+    verdict: Verdict
+    twin: str = ""
+    stage: str = Field("", description="of the first field outside its bound, beside the findings that a case shows")
+    field: str = ""
+    step: int | None = Field(None, description="the first at which a case of the group is red")
+    text: str = Field("", description="how the cases ended, where they have no numbers")
+    common: list[str] = Field([], description="what all scenes of the group have together, in the words of scenes")
+    green_with: int = Field(0, description="green cases whose scenes have all of that too")
+    green: int = Field(0, description="green cases of the run")
+    hypotheses: list[Hypothesis] = []
+    more: int = Field(0, description="further hypotheses that reproduce the group, not named")
+    tried: int = Field(0, description="changes of the reference's formulas that were tried")
+    cut_short: bool = Field(False, description="the work allowed was spent before all of them were tried")
+
+
+class Triage(_Record):
+    """What a red run ends with; hypotheses explain nothing, and change no verdict."""
+
+    groups: list[TriageGroup] = []
+
+
 class RunRecord(_Record):
     """A whole run."""
 
@@ -297,6 +329,7 @@ class RunRecord(_Record):
     strict: bool = False
     shard: str = Field("", description="i/n, if this is a part of a run")
     carried: CarriedOver | None = None
+    triage: Triage | None = Field(None, description="of a run that is not all as expected")
     notes: list[str] = Field([], description="what concerns the run as a whole")
     cases: list[CaseRecord] = []
     summary: dict[str, int] = {}

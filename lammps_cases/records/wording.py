@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from lammps_cases.records.run_record import (
@@ -18,6 +18,7 @@ from lammps_cases.records.run_record import (
     Mismatch,
     OtherSteps,
     RunRecord,
+    TriageGroup,
     Verdict,
 )
 
@@ -102,6 +103,64 @@ def plain(item: Any) -> Any:
     if isinstance(item, float) and not math.isfinite(item):
         return "NaN" if math.isnan(item) else "Infinity" if item > 0 else "-Infinity"
     return item
+
+
+# --- triage
+
+
+HYPOTHESES = (
+    "Hypotheses say what reproduces LAMMPS on every atom of every case of a group; none explains anything, or makes a "
+    "case pass."
+)
+
+
+def cause(group: TriageGroup) -> str:
+    """Say what the cases of a group have as their first cause."""
+    if not group.field:
+        return f"{group.verdict}: {one_line(group.text)}"
+    step = "" if group.step is None else f" at step {group.step}"
+    return f"{group.field} (stage {group.stage}) leaves its bound first{step}"
+
+
+def in_common(group: TriageGroup) -> str:
+    """Say what the scenes of a group have that no green one has, or few."""
+    all_of = "the only scene" if len(group.cases) == 1 else f"all {len(group.cases)} scenes"
+    if not group.green:
+        return f"{all_of}; no green one to compare with"
+    if not group.common:
+        return f"{all_of}: nothing that fewer of the {group.green} green ones have"
+    others = f"{group.green_with or 'none'} of {group.green} others"
+    return f"{all_of} with {' and '.join(group.common)}; {others}"
+
+
+def hypotheses(group: TriageGroup) -> list[str]:
+    """Say what reproduces LAMMPS in a group, one hypothesis a line; or that nothing tried does."""
+    lines = [
+        f"as if {each.sentence}" + ("" if each.whole else f" (up to {group.field}; not all that follows)")
+        for each in group.hypotheses
+    ]
+    if group.more:
+        lines.append(f"and {group.more} more that say the same in these scenes")
+    if not lines and group.tried:
+        cut = ", the work allowed being spent" if group.cut_short else ""
+        lines.append(f"no hypothesis: none of {counted(group.tried, 'change')} of the formulas reproduces it{cut}")
+    return lines or ["no hypothesis: nothing to try formulas on"]
+
+
+def triage_lines(run: RunRecord) -> Iterator[str]:
+    """Yield the triage of a run as lines of text; hypotheses are no more than that."""
+    for at, group in enumerate(run.triage.groups if run.triage else (), 1):
+        yield f"triage {at} of {len(run.triage.groups)}: {counted(len(group.cases), 'case')}, {cause(group)}"  # type: ignore[union-attr]
+        yield f"  scenes: {in_common(group)}"
+        for line in hypotheses(group):
+            yield f"  hypothesis: {line}" if group.hypotheses else f"  {line}"
+        yield f"  cases: {some(group.cases)}"
+
+
+def some(names: Sequence[str], listed: int = 6) -> str:
+    """Name the first of some things, and how many more there are."""
+    rest = len(names) - listed
+    return ", ".join(names[:listed]) + (f", {rest} more" if rest > 0 else "")
 
 
 # --- names

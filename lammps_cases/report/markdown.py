@@ -22,6 +22,7 @@ def summary(run: RunRecord, ledger: Sequence[Finding]) -> str:
         text(wording.sentence(run)),
         "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
         _carried(run),
+        _triage(run),
         _failures(run),
         _findings(findings.of_run(run, ledger)),
         *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in agreement.matrices(run)),
@@ -37,6 +38,18 @@ def _carried(run: RunRecord) -> str:
         return ""
     rows = ((code(name), what, str(cases)) for name, what, cases in wording.carried_rows(run.carried))
     return f"### {text(wording.carried(run.carried))}\n\n{table(('finding', 'on this version', 'cases'), rows)}"
+
+
+def _triage(run: RunRecord) -> str:
+    if run.triage is None:
+        return ""
+    groups = []
+    for group in run.triage.groups:
+        said = [f"scenes: {text(wording.in_common(group))}", *map(text, wording.hypotheses(group))]
+        said.append(f"cases: {', '.join(map(code, group.cases[:LISTED]))}")
+        head = f"* **{wording.counted(len(group.cases), 'case')}**: {text(wording.cause(group))}"
+        groups.append("\n".join([head, *(f"  * {line}" for line in said)]))
+    return f"### Triage\n\n{wording.HYPOTHESES}\n\n" + "\n".join(groups)
 
 
 def _failures(run: RunRecord) -> str:

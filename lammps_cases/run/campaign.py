@@ -24,7 +24,7 @@ from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError, RunRecord, Triage
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
@@ -134,12 +134,23 @@ def run_cases(
         run.strict, run.shard = strict, part
         run.cases = sorted(records, key=lambda record: record.case)
         run.carried = carried_over(run)
+        run.triage = triaged(run, cases, folder, store)
         run.seconds = round(time.perf_counter() - begin, 3)
         write_run(run.counted(), folder, drawn, history.past(run))
     history.collect(run, directory)
     if store and run.predictions.computed:
         store.trim()
     return run
+
+
+def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | None = None) -> Triage | None:
+    """Return the triage of a run from its arrays in the folder of its report; a green run costs nothing."""
+    if all(record.as_expected for record in run.cases):
+        return None
+    from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.diagnosis.triage import triage
+
+    return triage(run, cases, folder / "fields", Predictor(store))
 
 
 def report(
@@ -151,6 +162,11 @@ def report(
     record, arrays = judge(site, ready, outcomes, engine, store)
     if arrays:
         write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+        if not record.as_expected and ready.case.scene.whole_model and ready.twin is None:
+            from lammps_cases.diagnosis import answers as kept
+
+            assert isinstance(outcomes[0], Answer)
+            kept.keep(folder / "fields", record.case, ready.case.scene, outcomes[0])
     return record, drawn(record, arrays)
 
 

@@ -1,0 +1,36 @@
+"""eos-ref diagnose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from lammps_cases.cli import shared
+
+
+@click.command("diagnose")
+@click.argument("run", type=shared.PATH)
+@shared.paths_option
+@shared.json_option
+def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
+    """Group the red cases of a finished run, say what their scenes share, and try changes of the formulas.
+
+    Needs the cases as they were and the arrays of the report, not LAMMPS. Writes the report anew.
+
+    \b
+    Example:  eos-ref diagnose reports/latest
+    """
+    from lammps_cases import history
+    from lammps_cases.comparison.prediction_keys import open_store
+    from lammps_cases.records.run_record import read_run
+    from lammps_cases.run import campaign
+    from lammps_cases.scene import casefile
+
+    record = read_run(run)
+    named = {Path(case.source) for case in record.cases}
+    own = [path for path in sorted(named) if path.is_absolute() and path.is_file()]
+    cases = [*casefile.load(), *casefile.load(paths or own)] if paths or own else casefile.load()
+    record.triage = campaign.triaged(record, cases, run, open_store())
+    campaign.write_run(record, run, past=history.past(record))
+    return shared.finish(record, run, as_json)

@@ -1,0 +1,540 @@
+"""The changes of the reference's formulas that are tried, in words and as classes.
+
+Beside the mistakes that the lint knows and the variants of the ledger: every sum over neighbours times every factor,
+of the particle or its neighbour; every pair class skipped or counted twice; values of other particles and types; stale
+values; other kernels; parts of a time step left out or doubled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from eos_ref import EOS, EOSTable
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.parameters import Gradients, Model
+from eos_ref.numbers.elementary import where
+from lammps_cases.diagnosis.changes import (
+    MEETINGS,
+    Change,
+    Stages,
+    Weight,
+    corrected_gradient,
+    density,
+    gradient_sum,
+    kernel_times,
+    kicked,
+    met,
+    pair_sum,
+    plain_gradient,
+    scaled,
+    stale,
+    step_part,
+    sum_of,
+    with_model,
+)
+from lammps_cases.findings import LEDGER
+from lammps_cases.verdict import model_mistakes
+
+# --- factors
+
+Particle = Callable[[ArrayEvaluator], Any]
+_OF_PARTICLE: dict[str, Particle] = {
+    "volume": lambda e: e.mass_n / density(e),
+    "mass": lambda e: e.mass_n,
+    "density": density,
+    "equilibrium density": lambda e: e.rho0_n,
+    "equilibrium volume": lambda e: e.mass_n / e.rho0_n,
+    "density over its equilibrium density": lambda e: density(e) / e.rho0_n,
+    "speed of sound": lambda e: e.cs_n,
+}
+_NUMBERS: dict[str, Callable[[Model], float]] = {
+    "were twice as large": lambda model: 2.0,
+    "were half as large": lambda model: 0.5,
+    "had the other sign": lambda model: -1.0,
+    "were missing": lambda model: 0.0,
+    "were multiplied by the dimension": lambda model: float(model.dimension),
+    "were divided by the dimension": lambda model: 1.0 / model.dimension,
+    "were multiplied by h": lambda model: model.h,
+    "were divided by h": lambda model: 1 / model.h,
+    "were multiplied by the cutoff": lambda model: model.cut,
+    "were divided by the cutoff": lambda model: 1 / model.cut,
+}
+_PAIRS: dict[str, Callable[[ArrayEvaluator], Any]] = {
+    "of one type": lambda e: e.type_n[e.i] == e.type_n[e.j],
+    "of two types": lambda e: e.type_n[e.i] != e.type_n[e.j],
+    "of two fluid particles": lambda e: ~e.solid_n[e.i] & ~e.solid_n[e.j],
+    "of fluid and solid": lambda e: e.solid_n[e.i] != e.solid_n[e.j],
+    "of two solid particles": lambda e: e.solid_n[e.i] & e.solid_n[e.j],
+    "under which the particle has the higher number": lambda e: e.i > e.j,
+}
+
+
+def _as_due(values_n: Any, e: ArrayEvaluator, length: int, neighbour: bool) -> Any:
+    if length != e.n or length == len(e.i):
+        return values_n[e.j if neighbour else e.i]
+    return values_n
+
+
+def _number(factor: Callable[[Model], float]) -> Weight:
+    return lambda e, length: factor(e.model)
+
+
+def _particle(of: Particle, neighbour: bool, inverse: bool) -> Weight:
+    def weight(e: ArrayEvaluator, length: int) -> Any:
+        values = _as_due(of(e), e, length, neighbour)
+        return 1 / values if inverse else values
+
+    return weight
+
+
+def _ratio(of: Particle, neighbour: bool) -> Weight:
+    def weight(e: ArrayEvaluator, length: int) -> Any:
+        values_n = of(e)
+        return values_n[e.j] / values_n[e.i] if neighbour else values_n[e.i] / values_n[e.j]
+
+    return weight
+
+
+def _of_class(pairs: Callable[[ArrayEvaluator], Any], factor: float) -> Weight:
+    return lambda e, length: where(pairs(e), factor, 1.0)
+
+
+def numbers() -> Iterator[tuple[str, Weight]]:
+    """Yield factors that are numbers."""
+    for words, factor in _NUMBERS.items():
+        yield words, _number(factor)
+
+
+def of_particles(neighbours: bool) -> Iterator[tuple[str, Weight]]:
+    """Yield factors that are values of particles, of their neighbours too."""
+    for name, of in _OF_PARTICLE.items():
+        for neighbour in (False, True) if neighbours else (False,):
+            whose = "of the neighbour" if neighbour else "of the particle"
+            yield f"were multiplied by the {name} {whose}", _particle(of, neighbour, False)
+            yield f"were divided by the {name} {whose}", _particle(of, neighbour, True)
+        if neighbours:
+            yield f"used the {name} of the particle for that of its neighbour", _ratio(of, False)
+            yield f"used the {name} of the neighbour for that of the particle", _ratio(of, True)
+
+
+def of_pairs() -> Iterator[tuple[str, Weight]]:
+    """Yield factors that are another for some classes of pairs."""
+    for name, pairs in _PAIRS.items():
+        yield f"skipped pairs {name}", _of_class(pairs, 0.0)
+        yield f"counted pairs {name} twice", _of_class(pairs, 2.0)
+        yield f"counted pairs {name} by half", _of_class(pairs, 0.5)
+    yield "were multiplied by the distance", lambda e, length: e.r
+    yield "were divided by the distance", lambda e, length: 1 / e.r
+
+
+# --- what is changed
+
+_TERMS = {
+    "the force of pressures": ("pressure",),
+    "the viscous force": ("viscous",),
+    "the force of pairs": ("pressure", "viscous"),
+    "the density diffusion": ("drho_n",),
+    "the heat flow": ("heat_n",),
+}
+_GRADIENTS = {
+    "the gradient of velocities": "v_ncc",
+    "the gradient of densities": "rho_nc",
+    "the gradient of energies": "energy_nc",
+}
+_SUMS = {
+    "the summed density, its own term aside,": "kernel_sum",
+    "the moment matrix of the reproducing kernel": "moments",
+    "the sums of the shifting velocity": "shift_sums",
+    "the sums over other types": "color_sums",
+    "the support by the same type": "same_type_support",
+    "the sums of surface detection": "surface_sums",
+    "the sums over the fluid at a wall": "wall_sums",
+    "the sums of the same-phase fraction": "phase_sums",
+}
+_VALUES = {
+    "the pressure": "pressure",
+    "the viscosity": "viscosity",
+    "the speed of sound": "sound_speed",
+    "the temperature": "temperature",
+    "the conductivity": "conduction",
+    "the specific energy": "specific_energy",
+    "the summed density": "density_sum",
+    "the density of walls": "wall_density",
+    "the same-phase fraction": "same_fraction",
+    "the density diffusion": "diffusion",
+    "the shifting velocity": "raw_shift",
+    "the normal between types": "cross_type_normal",
+}
+_OF_PAIRS = {
+    "the volume that a pair's force acts on": "collecting_volume",
+    "the volume that a pair's heat flows into": "heated_volume",
+    "the artificial viscosity": "artificial",
+    "the repulsion by walls": "repulsion",
+    "the no-slip ratio": "no_slip",
+    "the velocity of a wall": "wall_velocity",
+}
+_STALE = {
+    "the pressure": "pressure",
+    "the viscosity": "viscosity",
+    "the speed of sound": "sound_speed",
+    "the temperature": "temperature",
+    "the summed density": "density_sum",
+    "the density that particles meet each other with": "apparent_density",
+    "the same-phase fraction": "same_fraction",
+    "the density of walls": "wall_density",
+    "the shifting velocity": "raw_shift",
+    "the viscosity of strain": "viscosity",
+}
+_INPUTS: dict[str, tuple[str, Any]] = {
+    "the pressure": ("pressure_n", ("pressure",)),
+    "the viscosity": ("viscosity_n", ("viscous",)),
+    "the speed of sound": ("sound_n", ("pressure", "viscous")),
+    "the conductivity": ("conduction", ("heat_n",)),
+    "the temperature": ("temperature_n", ("heat_n",)),
+    "the equilibrium density": ("rho0_n", ("drho_n",)),
+}
+
+
+def _sums() -> Iterator[tuple[str, Callable[[Weight], Stages]]]:
+    for name, of in _TERMS.items():
+        yield name, lambda weight, of=of: pair_sum(weight, of)  # type: ignore[misc]
+    for name, part in _GRADIENTS.items():
+        yield name, lambda weight, part=part: gradient_sum(weight, part)  # type: ignore[misc]
+    for name, method in _SUMS.items():
+        yield name, lambda weight, method=method: sum_of(method, weight)  # type: ignore[misc]
+
+
+def _of_sums() -> Iterator[Change]:
+    for target, make in _sums():
+        for words, weight in (*numbers(), *of_particles(neighbours=True), *of_pairs()):
+            yield Change(f"{target} {words}", target, make(weight))
+
+
+def _of_values() -> Iterator[Change]:
+    for target, method in _VALUES.items():
+        for words, weight in (*numbers(), *of_particles(neighbours=False)):
+            yield Change(f"{target} of every particle {words}", f"{target} of every particle", scaled(method, weight))
+    for target, method in _OF_PAIRS.items():
+        for words, weight in (*numbers(), *of_particles(neighbours=True), *of_pairs()):
+            yield Change(f"{target} {words}", target, scaled(method, weight))
+    for target, method in _STALE.items():
+        sentence = f"{target} of every particle were that of the evaluation before"
+        yield Change(sentence, f"{target} of every particle, stale", stale(method))
+
+
+def _of_meetings() -> Iterator[Change]:
+    for what, (name, of) in _INPUTS.items():
+        for meeting in MEETINGS:
+            yield Change(f"pairs met {what} {meeting}", f"{what} that pairs meet", met(name, meeting, of))
+    for terms, of in _TERMS.items():
+        for meeting in MEETINGS:
+            yield Change(f"{terms} used the mass {meeting}", f"masses in {terms}", met("mass_n", meeting, of))
+
+
+def _of_kernels() -> Iterator[Change]:
+    for name, method in (("the terms of pairs", "pair_terms"), ("the gradients", "gradients")):
+        yield Change(f"{name} used the gradient of the plain kernel", f"kernel of {name}", plain_gradient(method))
+    for name, method in (
+        ("shifting", "shift_sums"),
+        ("surface detection", "surface_sums"),
+        ("the sums over other types", "color_sums"),
+    ):
+        sentence = f"{name} used the gradient of the reproducing kernel"
+        yield Change(sentence, f"kernel of {name}", corrected_gradient(method))
+    for words, factor in _NUMBERS.items():
+        for name, values, slopes in (
+            ("the kernel", True, False),
+            ("the gradient of the kernel", False, True),
+            ("the kernel and its gradient", True, True),
+        ):
+            yield Change(f"{name} {words}", name, kernel_times(factor, values, slopes))
+
+
+# --- parameters
+
+Law = Callable[[EOSTable], EOSTable]
+_LAW_PARAMETERS = {
+    "speed of sound": "cs",
+    "equilibrium density": "rho0",
+    "parameter": "parameter",
+    "background": "background",
+}
+
+
+def _laws(change: Callable[[EOS, EOSTable, int], EOS]) -> Law:
+    return lambda table: EOSTable(tuple(change(law, table, t) for t, law in enumerate(table.laws)))
+
+
+def law_changes(types: int) -> Iterator[tuple[str, Law]]:
+    """Yield changes of the laws of all types, in words; some mean nothing for some laws and raise there."""
+    for k in range(types if types > 1 else 0):
+        for name, key in _LAW_PARAMETERS.items():
+            yield (
+                f"the pressure of every particle used the {name} of type {k + 1}",
+                _laws(lambda law, table, t, k=k, key=key: replace(law, **{key: getattr(table.laws[k], key)})),  # type: ignore[misc]
+            )
+        yield (
+            f"the pressure of every particle followed the law of type {k + 1}",
+            _laws(lambda law, table, t, k=k: table.laws[k]),  # type: ignore[misc]
+        )
+    for step, words in ((1, "next"), (-1, "previous")) if types > 1 else ():
+        for name, key in _LAW_PARAMETERS.items():
+            yield (
+                f"the pressure of every particle used the {name} of the {words} type",
+                _laws(
+                    lambda law, table, t, key=key, step=step: replace(  # type: ignore[misc]
+                        law, **{key: getattr(table.laws[(t + step) % len(table.laws)], key)}
+                    )
+                ),
+            )
+        yield (
+            f"the pressure of every particle followed the law of the {words} type",
+            _laws(lambda law, table, t, step=step: table.laws[(t + step) % len(table.laws)]),  # type: ignore[misc]
+        )
+    for name, key in (("speed of sound", "cs"), ("equilibrium density", "rho0")):
+        for words, number in (
+            ("a", lambda value: 1.0),
+            ("the square root of the", lambda value: value**0.5),
+            ("the square of the", lambda value: value**2),
+            ("twice the", lambda value: 2 * value),
+            ("half the", lambda value: value / 2),
+        ):
+            said = f"a {name} of 1" if words == "a" else f"{words} {name}"
+            yield (
+                f"the pressure of every particle used {said}",
+                _laws(
+                    lambda law, table, t, key=key, number=number: replace(law, **{key: number(getattr(law, key))})  # type: ignore[misc]
+                ),
+            )
+    yield "the background pressure were missing", _laws(lambda law, table, t: replace(law, background=0.0))
+    yield (
+        "the background pressure had the other sign",
+        _laws(lambda law, table, t: replace(law, background=-law.background)),
+    )
+    yield (
+        "every law were linear",
+        _laws(lambda law, table, t: law if law.needs_energy else EOS("linear", law.rho0, law.cs, None, law.background)),
+    )
+    for words, other in (
+        ("one more than it is", lambda value: value + 1),
+        ("one less than it is", lambda value: value - 1),
+        ("0", lambda value: 0.0),
+        ("7", lambda value: 7.0),
+        ("of the other sign", lambda value: -value),
+    ):
+        yield (
+            f"the parameter of every law (gamma, A3) were {words}",
+            _laws(
+                lambda law, table, t, other=other: (  # type: ignore[misc]
+                    law if law.parameter is None else replace(law, parameter=other(law.parameter))
+                )
+            ),
+        )
+
+
+def _of_types(types: int) -> Iterator[Change]:
+    for words, law in law_changes(types):
+        yield Change(
+            words,
+            "the laws",
+            with_model(lambda model, law=law: replace(model, eos=law(model.eos))),  # type: ignore[misc]
+        )
+    sources: list[tuple[str, Callable[[Any, int], Any]]] = []
+    if types > 1:
+        sources += [
+            (f"that of type {k + 1} for every type", lambda values, t, k=k: values[k])  # type: ignore[misc]
+            for k in range(types)
+        ]
+        sources.append(("that of the next type", lambda values, t: values[(t + 1) % len(values)]))
+        sources.append(("that of the previous type", lambda values, t: values[t - 1]))
+    for words, take in sources:
+        for name, change in _PARAMETERS.items():
+            yield Change(
+                f"{name} were {words}",
+                f"{name} by type",
+                with_model(lambda model, change=change, take=take: change(model, take)),  # type: ignore[misc]
+            )
+
+
+Take = Callable[[Any, int], Any]
+
+
+def _taken(values: Any, take: Take) -> tuple[Any, ...]:
+    return tuple(take(tuple(values), t) for t in range(len(values)))
+
+
+def _thermal(name: str) -> Callable[[Model, Take], Model]:
+    def change(model: Model, take: Take) -> Model:
+        if model.thermal is None:
+            return model
+        taken = _taken([getattr(p, name) for p in model.thermal], take)
+        return replace(model, thermal=tuple(replace(p, **{name: v}) for p, v in zip(model.thermal, taken, strict=True)))
+
+    return change
+
+
+_PARAMETERS: dict[str, Callable[[Model, Take], Model]] = {
+    "the mass in all sums": lambda model, take: replace(model, mass_t=_taken(model.mass_t, take)),
+    "the viscosity": lambda model, take: replace(model, viscosity=_taken(model.viscosity, take)),
+    "the equilibrium density of fix rheo": lambda model, take: replace(
+        model, fix=replace(model.fix, rho0=_taken(model.rho0, take))
+    ),
+    "the speed of sound of fix rheo": lambda model, take: replace(
+        model, fix=replace(model.fix, cs=_taken(model.cs, take))
+    ),
+    "the conductivity": _thermal("conductivity"),
+    "the specific heat": _thermal("specific_heat"),
+    "the latent heat": _thermal("latent_heat"),
+    "the freezing temperature": _thermal("T_freeze"),
+}
+
+
+def _pair(**change: Any) -> Callable[[Model], Model]:
+    return lambda model: replace(model, pair=replace(model.pair, **change))
+
+
+def _fix(**change: Any) -> Callable[[Model], Model]:
+    return lambda model: replace(model, fix=replace(model.fix, **change))
+
+
+def _shift(**change: Any) -> Callable[[Model], Model]:
+    def changed(model: Model) -> Model:
+        if model.fix.shift is None:
+            return model
+        return replace(model, fix=replace(model.fix, shift=replace(model.fix.shift, **change)))
+
+    return changed
+
+
+_KEYWORDS: dict[str, Callable[[Model], Model]] = {
+    "artificial/visc were ignored": _pair(artificial_viscosity=0.0),
+    "rho/damp were ignored": _pair(rho_damp=0.0),
+    "self/mass were ignored": _fix(self_mass=False),
+    "self/mass were given": _fix(self_mass=True),
+    "zmin were 0": _fix(zmin=0),
+    "interface/reconstruct were ignored in sums": _fix(interface_reconstruct=False),
+    "exclude/type were ignored": _shift(exclude_types=()),
+    "scale/cross/type were ignored": _shift(scale_cross_type=None),
+    "the kernel were quintic": _fix(kernel="quintic"),
+    "the kernel were RK1": _fix(kernel="RK1"),
+    "the kernel were RK2": _fix(kernel="RK2"),
+}
+
+
+# --- time steps
+
+
+def _of_steps() -> Iterator[Change]:
+    parts = (
+        ("the change of density in half a step", "_continuity"),
+        ("the shift of a step", "_shift"),
+    )
+    for target, method in parts:
+        for words, factor in (("were twice as large", 2.0), ("were half as large", 0.5), ("had the other sign", -1.0)):
+            yield Change(
+                f"{target} {words}",
+                target,
+                stepping=step_part(
+                    method,
+                    lambda plain, sim, given, factor=factor: plain(factor * given[0], *given[1:]),  # type: ignore[misc]
+                ),
+            )
+    for target, method in (
+        *parts,
+        ("the change of phases", "_change_phase"),
+        ("the accelerations kept for walls", "keep_forces"),
+    ):
+        yield Change(f"{target} were left out", target, stepping=step_part(method, lambda plain, sim, given: None))
+
+    def first_only(which: int) -> Callable[..., Any]:
+        def call(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
+            sim.halves = getattr(sim, "halves", 0) + 1
+            return None if sim.halves % 2 == which else plain(*given)
+
+        return call
+
+    for which, words in ((1, "first"), (0, "second")):
+        yield Change(
+            f"the {words} half of the change of density were left out",
+            "the change of density in half a step",
+            stepping=step_part("_continuity", first_only(which)),
+        )
+    yield Change(
+        "the gradients of the first half step were those of the evaluation before",
+        "the half-step gradients",
+        stepping=step_part("_half_step_gradients", lambda plain, sim, given: sim.gradient),
+    )
+    for words, first, second in (
+        ("the first half of the kick were left out", -1.0, 0.0),
+        ("the second half of the kick were left out", 0.0, -1.0),
+        ("the first half of the kick were a whole one", 1.0, 0.0),
+        ("the second half of the kick were a whole one", 0.0, 1.0),
+    ):
+        yield Change(words, "the kicks", stepping=kicked(first, second))
+    yield Change("the forces of other fixes were left out", "other forces", stepping=step_part("_external", _left_out))
+    yield Change(
+        "the forces of other fixes did not contain the mass",
+        "other forces",
+        stepping=step_part("_external", _without_mass),
+    )
+
+
+def _left_out(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
+    return given[0]
+
+
+def _without_mass(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
+    return given[0] + (plain(*given) - given[0]) / sim.mass_n[:, None]
+
+
+# --- all of them
+
+
+class VelocitiesTransposed(ArrayEvaluator):
+    """Gradients of velocities with their axes exchanged."""
+
+    def gradients(self, *arguments: Any, **options: Any) -> Gradients:
+        """Exchange the axes."""
+        plain = super().gradients(*arguments, **options)
+        if plain.v_ncc is None:
+            return plain
+        from eos_ref.numbers.columns import joined, matrix
+
+        rows = matrix(plain.v_ncc)
+        return replace(plain, v_ncc=joined([list(column) for column in zip(*rows, strict=True)]))
+
+
+@cache
+def changes(types: int) -> tuple[Change, ...]:
+    """Return all changes that are tried in a scene of some number of types, the plainest first."""
+    named = [
+        Change(f"the reference made the mistake: {name}", name, mutant.stages)
+        for name, mutant in model_mistakes.MUTANTS.items()
+    ]
+    variants = [
+        Change(f"finding {entry.id} showed here", entry.id, variant.stages, variant.stepping)
+        for entry in LEDGER
+        if (variant := entry.model_variant) is not None
+        and not variant.fit
+        and not variant.lists
+        and not variant.undefined
+    ]
+    keywords = [Change(words, words, with_model(change)) for words, change in _KEYWORDS.items()]
+    transposed = Change(
+        "the gradient of velocities had its axes exchanged", "the gradient of velocities", VelocitiesTransposed
+    )
+    return (
+        *_of_types(types),
+        *_of_values(),
+        *_of_meetings(),
+        *_of_sums(),
+        *_of_kernels(),
+        *keywords,
+        transposed,
+        *_of_steps(),
+        *named,
+        *variants,
+    )

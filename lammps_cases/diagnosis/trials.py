@@ -1,0 +1,271 @@
+"""Which changes of the reference reproduce LAMMPS: on a group's smallest case first, then on all others."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.compare import excess
+from lammps_cases.comparison.predictor import Made, Predictor
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, predict, visit, wanted
+from lammps_cases.diagnosis.changes import Change, Watched
+from lammps_cases.diagnosis.grammar import changes
+from lammps_cases.findings.variants import Snapshot
+from lammps_cases.scene.fields import in_step_order
+from lammps_cases.verdict.model_fields import nearest_image, sides
+
+NEARER = 0.05  # what is left of the largest difference, for a change to be looked at closely
+PROBED = 10  # a target with this many changes is tried with two of them first
+PAIRED = 150  # changes that are tried in pairs, those of different effect
+LONGEST_STEP = 20  # compared steps beyond this one are too far for hundreds of trials
+
+
+class Spent(Exception):
+    """The work that may be spent on hypotheses is."""
+
+
+@dataclass
+class Work:
+    """Seconds that trials take, as estimated from their size, so that the same run is diagnosed alike anywhere."""
+
+    left: float
+
+    def spend(self, problem: Problem, times: float = 1.0) -> None:
+        """Count the evaluations of a scene at all its steps.
+
+        Raises
+        ------
+        Spent
+        """
+        self.left -= times * (1 + problem.steps[-1]) * (2.0e-3 + 3.0e-5 * len(problem.state.x_nc))
+        if self.left < 0:
+            raise Spent
+
+
+@dataclass
+class RedCase:
+    """A case of the particle model that differs, up to the step at which it does first.
+
+    Attributes
+    ----------
+    problem : compared up to the first red step
+    snapshots : LAMMPS' fields at its steps
+    field : the first red one
+    base : stages and stepping of the findings that the case shows beside
+    reference : what the reference predicts with these
+    """
+
+    name: str
+    problem: Problem
+    snapshots: Sequence[Snapshot]
+    field: str
+    base: Made
+    reference: Prediction
+    seed: int
+
+    @property
+    def size(self) -> float:
+        """Return how long a trial takes, in no unit."""
+        return (1 + self.problem.steps[-1]) * (100 + len(self.problem.state.x_nc))
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Return the first red step, and the place of its first red field in the order of a step."""
+        return self.problem.steps[-1], in_step_order(self.problem.fields).index(self.field)
+
+    @property
+    def types(self) -> int:
+        """Return the number of atom types."""
+        return len(self.problem.model.mass_t)
+
+    def made(self, tried: Sequence[Change]) -> Made | None:
+        """Return stages and stepping with some changes; None where they have no meaning together."""
+        stages, stepping = self.base
+        parts = [change.stages for change in tried if change.stages]
+        steps = [change.stepping for change in tried if change.stepping]
+        if any(part in stages.__mro__ for part in parts) or any(part in stepping.__mro__ for part in steps):
+            return None
+        if not any(issubclass(step, Watched) for step in steps):
+            steps.append(Watched)
+        bases = (*steps[:-1], stepping, steps[-1]) if stepping is not Simulation else tuple(steps)
+        try:
+            return type("Tried", (*parts, stages), {}), type("Stepping", bases, {})
+        except TypeError:  # a variant and one that is built on it
+            return None
+
+    def values(self, tried: Sequence[Change]) -> list[Fields] | None:
+        """Return the fields with some changes at all steps; None where they have no meaning."""
+        made = self.made(tried)
+        if made is None:
+            return None
+        stages, stepping = made
+        problem = self.problem
+        try:
+            with np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+                visited = visit(sim, problem.steps, problem.timestep)
+                return [{f: np.array(sim.output(f), float) for f in problem.fields} for _ in visited]
+        except Exception:  # a change that has no meaning in this scene reproduces nothing
+            return None
+
+    def first(self) -> tuple[Any, Any]:
+        """Return the first red field: LAMMPS' and the reference's."""
+        at = len(self.problem.steps) - 1
+        return self._lammps(self.field, at, self.reference.fields[at]), np.asarray(
+            self.reference.fields[at][self.field], float
+        )
+
+    def _lammps(self, name: str, at: int, fields: Fields) -> Any:
+        lammps_n = np.asarray(self.snapshots[at][name], float)
+        return nearest_image(self.problem, lammps_n, np.asarray(fields[name], float)) if name == "x" else lammps_n
+
+    def changed(self, values: list[Fields]) -> bool:
+        """Return whether fields differ from the reference's where LAMMPS' do first."""
+        return not np.array_equal(values[-1][self.field], self.first()[1], equal_nan=True)
+
+    def nearer(self, values: list[Fields]) -> bool:
+        """Return whether fields are much nearer to LAMMPS' than the reference's, where these differ first."""
+        lammps_n, reference_n = self.first()
+        with np.errstate(all="ignore"):
+            before = np.abs(lammps_n - reference_n).max(initial=0.0)
+            after = np.abs(lammps_n - values[-1][self.field]).max(initial=0.0)
+        return bool(after <= NEARER * before)
+
+    def inside(self, values: Sequence[Fields], bounds: Sequence[Fields], whole: bool = False) -> bool:
+        """Return whether LAMMPS is inside bounds of some fields: up to the first red one, or in all of them.
+
+        A bound within which the reference lies as well says nothing.
+        """
+        names, last = in_step_order(self.problem.fields), len(self.problem.steps) - 1
+        lammps_n, reference_n = self.first()
+        bound_n = np.broadcast_to(np.asarray(bounds[last][self.field], float), reference_n.shape)
+        if np.all(excess(lammps_n, reference_n, bound_n)[1] <= 1):
+            return False
+        for at, name in itertools.product(range(last + 1), names):
+            past = at == last and names.index(name) > names.index(self.field)
+            if past and not whole:
+                continue
+            values_n = np.asarray(values[at][name], float)
+            bound_n = np.broadcast_to(np.asarray(bounds[at][name], float), values_n.shape)
+            if not np.all(excess(self._lammps(name, at, values[at]), values_n, bound_n)[1] <= 1):
+                return False
+        return True
+
+    def own_bounds(self, tried: Sequence[Change]) -> Prediction | None:
+        """Return the fields with some changes and their own bounds."""
+        made = self.made(tried)
+        if made is None:
+            return None
+        try:
+            with np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return predict(self.problem, *made, self.seed)
+        except Exception:
+            return None
+
+    def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> tuple[bool, bool]:
+        """Return whether changes reproduce LAMMPS up to the first red field, and in all fields of its step.
+
+        Inside the bounds of the reference, or of the change itself; ``strictly``: of the change itself.
+        """
+        work.spend(self.problem)
+        values = self.values(tried)
+        if values is None or not self.nearer(values):
+            return False, False
+        if not strictly and self.inside(values, self.reference.bounds):
+            return True, self.inside(values, self.reference.bounds, whole=True)
+        work.spend(self.problem, 10.0)
+        own = self.own_bounds(tried)
+        if own is None or not self.inside(own.fields, own.bounds):
+            return False, False
+        return True, self.inside(own.fields, own.bounds, whole=True)
+
+
+Tried = tuple[Change, ...]
+
+
+@dataclass
+class Search:
+    """Hypotheses of a case: single changes that reproduce it, or else pairs."""
+
+    case: RedCase
+    work: Work
+    tried: int = 0
+    spent: bool = False
+
+    def singles(self) -> list[Tried]:
+        """Return the single changes that reproduce a case."""
+        return self._survivors((change,) for change in self._worth_trying())
+
+    def pairs(self) -> list[Tried]:
+        """Return the pairs of changes that reproduce a case, of those that have an effect on its red field."""
+        effects: dict[bytes, Change] = {}
+        try:
+            for change in self._worth_trying():
+                self.work.spend(self.case.problem)
+                values = self.case.values((change,))
+                if values is not None and self.case.changed(values):
+                    shown = np.asarray(values[-1][self.case.field], np.float32)
+                    effects.setdefault(shown.tobytes(), change)
+        except Spent:
+            self.spent = True
+            return []
+        return self._survivors(_likely(list(effects.values())[:PAIRED]))
+
+    def _survivors(self, candidates: Iterator[Tried] | Any) -> list[Tried]:
+        survivors: list[Tried] = []
+        try:
+            for tried in candidates:
+                self.tried += 1
+                if self.case.reproduced(tried, self.work, strictly=True)[0]:
+                    survivors.append(tried)
+        except Spent:
+            self.spent = True
+        return survivors
+
+    def _worth_trying(self) -> Iterator[Change]:
+        """Yield all changes but those of targets that the red field does not follow from."""
+        by_target: dict[str, list[Change]] = defaultdict(list)
+        for change in changes(self.case.types):
+            by_target[change.target].append(change)
+        for members in by_target.values():
+            if len(members) < PROBED or any(self._has_effect(change) for change in (members[0], members[-1])):
+                yield from members
+
+    def _has_effect(self, change: Change) -> bool:
+        self.work.spend(self.case.problem)
+        values = self.case.values((change,))
+        return values is not None and self.case.changed(values)
+
+
+def _likely(single: Sequence[Change]) -> Iterator[Tried]:
+    """Yield pairs of changes, those of the same target first."""
+    pairs = list(itertools.combinations(single, 2))
+    yield from (pair for pair in pairs if pair[0].target == pair[1].target)
+    yield from (pair for pair in pairs if pair[0].target != pair[1].target)
+
+
+def red_case(
+    name: str, problem: Problem, snapshots: Sequence[Snapshot], base: Made, seed: int, predictor: Predictor
+) -> RedCase | None:
+    """Return a case up to its first red step; None if it is red nowhere, or too late for hundreds of trials."""
+    plain = base == (ArrayEvaluator, Simulation)
+    prediction = predictor.predict(problem, None if plain else base, seed)
+    for at, step in enumerate(problem.steps):
+        if step > LONGEST_STEP:
+            return None
+        for field in in_step_order(problem.fields):
+            if not np.all(excess(*sides(problem, field, snapshots[at], prediction, at))[1] <= 1):
+                until = replace(problem, steps=problem.steps[: at + 1])
+                known = Prediction(prediction.fields[: at + 1], prediction.bounds[: at + 1])
+                return RedCase(name, until, snapshots, field, base, known, seed)
+    return None

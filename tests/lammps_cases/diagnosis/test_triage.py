@@ -1,0 +1,191 @@
+"""Faults planted without telling the triage: it groups them, and names the cause among its hypotheses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOSTable
+from eos_ref.eos import rounded_eos
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model import interactions
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.number import Array
+from lammps_cases.diagnosis.features import in_common
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
+from lammps_cases.report.markdown import summary
+from tests.support.planted import red_run
+
+
+class TwiceTheViscosity(ArrayEvaluator):
+    def viscosity(self, gradient_ncc: Array | None = None) -> Array:
+        return super().viscosity(gradient_ncc) + super().viscosity(gradient_ncc)
+
+
+class SoundOfTypeOne(ArrayEvaluator):
+    def eos_pressure(self, rho_n: Array, e_n: Array | None) -> Array:
+        first = self.model.eos[1]
+        table = EOSTable(tuple(replace(law, cs=first.cs) for law in self.model.eos))
+        return rounded_eos.by_type(rounded_eos.pressure, table, self.type_n, rho_n, e_n)
+
+
+class OwnVolumeInGradients(ArrayEvaluator):
+    def gradients(self, *arguments: Any, **options: Any) -> Any:
+        self.own = True
+        try:
+            return super().gradients(*arguments, **options)
+        finally:
+            self.own = False
+
+    def density_pair(self, rho_n: Array) -> tuple[Array, Array]:
+        rho_i, rho_j = super().density_pair(rho_n)
+        if getattr(self, "own", False):
+            return rho_i, rho_j * 0 + self.mass_n[self.j] / (self.mass_n[self.i] / rho_i)
+        return rho_i, rho_j
+
+
+class OwnMassesSummed(ArrayEvaluator):
+    def kernel_sum(self, weight_n: Array | None = None) -> Array:
+        return self.total(self.mass_n[self.i] * self.w)  # type: ignore[no-any-return]
+
+
+class DiffusionWithoutOtherTypes(ArrayEvaluator):
+    def diffusion(self, rho_n: Array, volume_j: Array, F: Array, grad: Any) -> Array:
+        same = self.type_n[self.i] == self.type_n[self.j]
+        return super().diffusion(rho_n, where(same, volume_j, 0.0), F, grad)
+
+
+class HalfHeat(ArrayEvaluator):
+    def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
+        return self.mass_n[self.i] / (rho_i + rho_i)
+
+
+class OwnConductivity(ArrayEvaluator):
+    def pair_terms(self, fields: Any) -> Any:
+        terms = super().pair_terms(fields)
+        F = sum(x_p * g_p for x_p, g_p in zip(self.x, self.g, strict=True)) / self.rr
+        rho_i, rho_j = self.density_pair(fields.rho_n)
+        kappa, T_n = self.conduction()[self.i], fields.temperature_n
+        flow = interactions.heat_term(kappa, self.mass_n[self.i] / rho_i, self.mass_n[self.j] / rho_j, F)
+        return replace(terms, heat_n=self.total(flow * (T_n[self.i] - T_n[self.j])))
+
+
+class ShiftTheOtherWay(ArrayEvaluator):
+    def raw_shift(self, v: Any, rho_n: Array) -> Any:
+        return [-shift_n for shift_n in super().raw_shift(v, rho_n)]
+
+
+class PlainKernelInForces(ArrayEvaluator):
+    def pair_terms(self, fields: Any) -> Any:
+        corrected, self.g = self.g, list(self.gradw)
+        terms = super().pair_terms(fields)
+        self.g = corrected
+        return terms
+
+
+class NoFirstKick(Simulation):
+    def step(self, dt: float) -> None:
+        f_nc = self.fields["f"]
+        self.fields["f"] = 0 * f_nc
+        kept = self.state.v_nc
+        self.state.v_nc = kept - 0.5 * dt * (f_nc / self.mass_n[:, None])
+        self.fields["f"] = f_nc
+        super().step(dt)
+
+
+class SquaredDistance(ArrayEvaluator):
+    """A change that no factor, exchange or omission makes."""
+
+    def viscosity(self, gradient_ncc: Array | None = None) -> Array:
+        plain = super().viscosity(gradient_ncc)
+        return plain * (1 + 0.1 * np.sin(np.arange(self.n)))
+
+
+@dataclass(frozen=True)
+class Planted:
+    cases: tuple[str, ...]
+    cause: str
+    stages: type[ArrayEvaluator] = ArrayEvaluator
+    stepping: type[Simulation] = Simulation
+
+
+PLANTED = [
+    Planted(
+        ("forces.viscous.quintic.2d", "forces.viscous.rk1.2d"),
+        "viscosity of every particle were twice",
+        TwiceTheViscosity,
+    ),
+    Planted(("forces.pressure.quintic.2d", "shift.all.2d"), "used the speed of sound of type 1", SoundOfTypeOne),
+    Planted(
+        ("forces.pressure.quintic.2d", "forces.all.rk1.2d"),
+        "gradient of velocities used the volume of the particle for that of its neighbour",
+        OwnVolumeInGradients,
+    ),
+    Planted(("density.two.2d", "shift.sum.2d"), "self/mass were given", OwnMassesSummed),
+    Planted(("forces.damp.quintic.2d", "forces.damp.rk0.2d"), "skipped pairs of two types", DiffusionWithoutOtherTypes),
+    Planted(("thermal.arithmetic.2d", "thermal.rk1.2d"), "heat flow were half as large", HalfHeat),
+    Planted(("thermal.arithmetic.2d", "thermal.latent.2d"), "conductivity of the particle itself", OwnConductivity),
+    Planted(("shift.all.2d", "shift.exclude.2d"), "shifting velocity had the other sign", ShiftTheOtherWay),
+    Planted(("forces.viscous.rk1.2d", "forces.viscous.rk2.2d"), "gradient of the plain kernel", PlainKernelInForces),
+    Planted(("images.quintic.two", "images.quintic.four"), "first half of the kick", stepping=NoFirstKick),
+]
+
+
+@pytest.mark.parametrize("fault", PLANTED, ids=lambda fault: fault.cause)
+def test_the_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> None:
+    run = red_run(tmp_path, fault.cases, fault.stages, fault.stepping)
+    assert run.triage is not None
+    named = [each.sentence for group in run.triage.groups for each in group.hypotheses]
+    assert any(fault.cause in sentence for sentence in named), named
+
+
+def test_what_the_grammar_lacks_gets_no_hypothesis(tmp_path: Path) -> None:
+    run = red_run(tmp_path, ("images.quintic.four", "forces.viscous.quintic.2d"), SquaredDistance)
+    assert run.triage is not None
+    assert sum(len(group.cases) for group in run.triage.groups) == 2
+    assert not any(group.hypotheses for group in run.triage.groups)
+    assert any("no hypothesis: none of" in line for line in wording.triage_lines(run))
+
+
+def test_a_green_run_has_no_triage(tmp_path: Path) -> None:
+    run = red_run(tmp_path, ("images.quintic.two",))
+    assert run.triage is None
+    assert list(wording.triage_lines(run)) == []
+
+
+def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path) -> None:
+    names = ("shift.all.2d", "images.shift.two", "images.shift.four", "images.quintic.two", "images.quintic.four")
+    run = red_run(tmp_path, names, ShiftTheOtherWay)
+    assert run.triage is not None
+    (group,) = run.triage.groups
+    assert group.cases == ["images.shift.four", "images.shift.two", "shift.all.2d"]
+    assert (group.common, group.green_with, group.green) == (["`shift`"], 0, 2)
+    assert wording.in_common(group) == "all 3 scenes with `shift`; none of 2 others"
+    assert "### Triage" in summary(run, ())
+
+
+def test_several_features_are_named_where_none_is_enough() -> None:
+    red = [{"a", "b", "x"}, {"a", "b", "y"}]
+    green = [{"a", "x"}, {"b", "y"}, {"a"}]
+    assert in_common(red, green).features == ("b", "a") or in_common(red, green).features == ("a", "b")
+    assert in_common(red, green).green == 0
+    assert in_common(red, [*green, {"a", "b"}]).green == 1
+
+
+def test_ends_without_numbers_are_grouped_by_their_error() -> None:
+    from lammps_cases.diagnosis.triage import triage
+
+    error = "ERROR: one (src/a.cpp:1)\nLast input line: x"
+    records = [CaseRecord(case=f"made.{k}", verdict="refused", ended="refused", engine_error=error) for k in range(3)]
+    records.append(CaseRecord(case="made.other", verdict="crashed", ended="crashed", engine_error="signal 11"))
+    run = RunRecord(engine=EngineRecord(), reference={}, cases=records)
+    made = triage(run, [], Path())
+    assert isinstance(made, Triage)
+    assert [(len(group.cases), group.verdict) for group in made.groups] == [(3, "refused"), (1, "crashed")]
+    assert wording.hypotheses(made.groups[0]) == ["no hypothesis: nothing to try formulas on"]

@@ -48,10 +48,12 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     "will revert to a non-reproducing quintic kernel until it gains more.",
     observed="With RK1 and RK2 the gradient of such a particle is not computed: it holds what an earlier pair, "
     "or an earlier use of the memory, left there. Sums of W do revert to the quintic kernel.",
-    argument="Two lone particles with RK1 have a velocity gradient of 1e-277 or 3e-321 in a fresh process, and "
-    "another one after a different scene. In a free surface, where particles run out of neighbours, forces there "
-    "are arbitrary. The variant predicts all particles with zmin neighbours or more, and no value for the rest.",
-    workaround="zmin 0, if the fluid has no free surface; else the quintic kernel.",
+    argument="Two lone particles with RK1 and zmin 5 have one velocity gradient in a fresh process and another one "
+    "after a different scene; neither is that of the quintic kernel. In a free surface, where particles run out of "
+    "neighbours, gradients are arbitrary. The variant predicts all particles with zmin neighbours or more, and no "
+    "value for the rest.",
+    workaround="zmin 0, if every particle has enough neighbours for its matrix, as without a free surface; else the "
+    "quintic kernel.",
     scene="two particles, RK1, zmin 5",
     model_variant=Variant(falls_back, StaleGradient, undefined=True),
     expected_in_maps=(

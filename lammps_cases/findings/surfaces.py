@@ -53,9 +53,9 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
     observed="A bulk particle has the status of the layer (8) only if it is the first of some "
     "pair, in the list, with a surface particle within the cutoff; one that is second in all such pairs keeps the "
     "status of bulk (4), although surface/r of the same step holds its distance.",
-    argument="With newton off, or on two ranks, other particles of the same state have the status. With the order "
-    "of LAMMPS' own lists every status is predicted; on several ranks these are not read.",
-    workaround="surface/r for the layer.",
+    argument="With newton off, or with the atoms numbered the other way round, other particles of the same state have "
+    "the status. With the order of LAMMPS' own lists every status is predicted; on several ranks these are not read.",
+    workaround="Take for the layer the bulk particles whose surface/r is less than the cutoff.",
     scene="a block of fluid beside vacuum",
     model_variant=Variant(
         shows_layers,

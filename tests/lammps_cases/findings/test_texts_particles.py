@@ -1,0 +1,227 @@
+"""What the findings about shift, free surfaces and reproducing kernels say: by LAMMPS and the reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.kernels.quintic import quintic
+from tests.support.told import ENTRIES, Engine, Told, agree, engine, said, told
+
+pytestmark = pytest.mark.lammps
+
+SUPPORT, NORMAL = "cross-type-support", "cross-type-normal"
+LAYER, STALE = "layer-depends-on-pair-order", "stale-gradient-below-zmin"
+N = 7
+SITES = np.indices((N, N)).reshape(2, -1).T + 0.5
+CUT = 2.6
+
+
+def w(r: Any) -> Any:
+    """The shape of the kernel, of distances in units of the cutoff."""
+    return quintic(3.0 * r)
+
+
+# --- cross-type-support
+
+
+def test_where_a_neighbour_counts_most() -> None:
+    (place,) = said(SUPPORT, "argument", "W r is largest at # times the cutoff")
+    r = np.linspace(0.0, 1.0, 100_001)
+    product = w(r) * r
+    largest = int(product.argmax())
+    assert place.is_rounded(r[largest])
+    assert np.all(np.diff(product[: largest + 1]) > 0) and np.all(np.diff(w(r)[:largest]) < 0)
+
+
+@pytest.mark.parametrize(("dimension", "cells"), [(2, (9, 9)), (3, (6, 6, 6))])
+def test_wmin_times_the_mean_distance(lammps: Engine, dimension: int, cells: tuple[int, ...]) -> None:
+    spacings, *factors = said(SUPPORT, "workaround", "of # spacings # times the cutoff in 2D and # times in 3D")
+    around = np.stack(np.meshgrid(*[np.arange(-3, 4)] * dimension), -1).reshape(-1, dimension)
+    r = np.linalg.norm(around, axis=1) / spacings
+    r = r[(r > 0) & (r < 1)]
+    factor = float((w(r) * r).sum() / w(r).sum())
+    assert factors[dimension - 2].is_rounded(factor)
+    random = np.random.default_rng(0)
+    sites = np.indices(cells).reshape(dimension, -1).T + 0.5
+    x, v = sites + random.uniform(-0.1, 0.1, sites.shape), random.uniform(-1, 1, sites.shape)
+    kind = random.integers(1, 3, len(x))
+    cut = float(spacings)
+
+    def scene(wmin: float) -> Told:
+        rheo = {"cut": cut, "shift": {"scale_cross_type": [1.0, 0.0, wmin]}}
+        return told(x, cells, v, kind=kind, types=[{"mass": 1.0}] * 2, rheo=rheo, compare=["shift/v"])
+
+    wmin = {2: 0.346, 3: 0.412}[dimension]  # half of the full support
+    right = scene(wmin).predicted().fields[0]["shift/v"].any(axis=1)
+    wrong = lammps.fields(scene(wmin))[0]["shift/v"].any(axis=1)
+    found = lammps.fields(scene(wmin * factor * cut))[0]["shift/v"].any(axis=1)
+    assert 0.2 < right.mean() < 0.8
+    assert np.mean(found != right) < 0.07 < 0.15 < np.mean(wrong != right)
+    assert agree(lammps.fields(scene(wmin))[0]["shift/v"], scene(wmin).predicted(SUPPORT), "shift/v")
+
+
+# --- cross-type-normal
+
+
+def interface(scale: float, axis: int = 0, order: Any = None, equal: bool = False, **options: Any) -> Told:
+    """Two fluids whose interface is normal to an axis."""
+    random = np.random.default_rng(1)
+    x, v = SITES + random.uniform(-0.15, 0.15, SITES.shape), random.uniform(-1, 1, SITES.shape)
+    rho = np.ones(len(x)) if equal else random.uniform(0.95, 1.05, len(x))
+    kind = 1 + (SITES[:, axis] > N / 2)
+    at = np.arange(len(x)) if order is None else order
+    rheo = {"cut": CUT, "shift": {"scale_cross_type": [scale, 0.05, 0.0]}} | options.pop("rheo", {})
+    types = [{"mass": 1.0}] * 2
+    return told(x[at], (N, N), v[at], rho[at], kind=kind[at], types=types, rheo=rheo, compare=["shift/v"], **options)
+
+
+def directions(lammps: Engine, **options: Any) -> Any:
+    """Of what shiftscale 0 takes out of the shifts, with one sign."""
+    change_nc = (
+        lammps.fields(interface(1.0, **options))[0]["shift/v"] - lammps.fields(interface(0.0, **options))[0]["shift/v"]
+    )
+    size_n = np.linalg.norm(change_nc, axis=1)
+    taken_nc = change_nc[size_n > 1e-9] / size_n[size_n > 1e-9, None]
+    return taken_nc * np.sign(taken_nc @ taken_nc[0])[:, None]
+
+
+def same_direction(one: Any, other: Any) -> bool:
+    """Whether directions are parallel, whatever their signs."""
+    return bool(np.all(np.abs(np.abs(one @ other) - 1) < 1e-9))
+
+
+def test_one_direction_for_all_interfaces(lammps: Engine) -> None:
+    along_x, along_y = (directions(lammps, axis=axis) for axis in (0, 1))
+    assert len(along_x) > 10 and len(along_y) > 10
+    shared = along_x[0]
+    assert same_direction(along_x, shared) and same_direction(along_y, shared)
+    scene = interface(0.0)
+    found = lammps.fields(scene, every_step=True)[0]
+    assert agree(found["shift/v"], scene.predicted(NORMAL, snapshot=found), "shift/v")
+    assert not agree(found["shift/v"], scene.predicted(), "shift/v")
+    # That of the last pair within the cutoff in LAMMPS' own list.
+    (listed,) = found["lists"]
+    one, other = listed.pair_ps.T
+    apart_pc = (listed.x_sc[other] - listed.x_sc[one])[:, :2]
+    r = np.linalg.norm(apart_pc, axis=1)
+    last = np.flatnonzero(r < CUT)[-1]
+    assert same_direction(shared, apart_pc[last] / r[last])
+    order = np.random.default_rng(2).permutation(len(SITES))
+    for change in ({"order": order}, {"engine": {"skin": 0.1}}):
+        turned = directions(lammps, **change)
+        assert same_direction(turned, turned[0]) and not same_direction(turned, shared), change
+
+
+def test_directions_that_differ(lammps: Engine) -> None:
+    for change in ({"rheo": {"kernel": "RK1"}}, {"rheo": {"kernel": "RK2"}}, {"engine": {"ranks": 2}}):
+        found = directions(lammps, **change)
+        assert not same_direction(found, found[0]), change
+    equal = interface(0.0, equal=True)
+    found = lammps.fields(equal)[0]
+    predicted = equal.predicted(NORMAL, snapshot=found)
+    off_n = np.any(np.abs(found["shift/v"] - predicted.fields[0]["shift/v"]) > predicted.bounds[0]["shift/v"], axis=1)
+    assert 0 < off_n.sum() < 0.2 * len(off_n)
+    unscaled = lammps.fields(interface(1.0, equal=True))[0]["shift/v"]
+    assert np.any(np.all(found["shift/v"] == unscaled, axis=1)[off_n])
+
+
+def test_exclude_type_is_not_affected(lammps: Engine) -> None:
+    assert ENTRIES[NORMAL].workaround == "Do not use scale/cross/type; exclude/type is not affected."
+    for types in ("1", "2", "*"):
+        excluded = interface(0.0, rheo={"shift": {"exclude": [types]}})
+        assert agree(lammps.fields(excluded)[0]["shift/v"], excluded.predicted(), "shift/v")
+
+
+# --- layer-depends-on-pair-order
+
+BULK, ON_LAYER = 4, 8
+
+
+def layer(turn: int = 1, newton: bool = True) -> Told:
+    """A block of fluid, periodic along x, beside vacuum; with -1 the last particle is the first."""
+    x = np.indices((12, 5)).reshape(2, -1).T + np.array([0.5, 3.0])
+    x = x + np.random.default_rng(4).uniform(-0.1, 0.1, x.shape)
+    return told(
+        x[::turn],
+        (12, 11),
+        rheo={"cut": 1.6, "surface_detection": {"style": "coordination", "limit": 7, "splash": 2}},
+        compare=["status", "surface", "surface/r"],
+        engine={"newton": newton},
+    )
+
+
+def test_layer_depends_on_pair_order(lammps: Engine) -> None:
+    assert f"the status of the layer ({ON_LAYER})" in ENTRIES[LAYER].observed
+    assert f"status of bulk ({BULK})" in ENTRIES[LAYER].observed
+    assert ENTRIES[LAYER].workaround == "Take for the layer the bulk particles whose surface/r is less than the cutoff."
+    seen = []
+    for turn, newton in ((1, True), (1, False), (-1, True)):
+        scene = layer(turn, newton)
+        right = scene.predicted().fields[0]
+        found = lammps.fields(scene, every_step=True)[0]
+        seen.append(found["status"][::turn])
+        np.testing.assert_array_equal(found["status"], scene.predicted(LAYER, snapshot=found).fields[0]["status"])
+        assert agree(found["surface/r"], scene.predicted(), "surface/r")
+        lost = (right["status"] == ON_LAYER) & (found["status"] != ON_LAYER)
+        assert lost.any() and np.all(found["status"][lost] == BULK)
+        np.testing.assert_array_equal(found["status"][~lost], right["status"][~lost])
+        within = (found["surface"] == 0) & (found["surface/r"] < 1.6)
+        np.testing.assert_array_equal(within, right["status"] == ON_LAYER)
+    ordinary, newton_off, turned = seen
+    assert (newton_off != ordinary).any() and (turned != ordinary).any()
+
+
+# --- stale-gradient-below-zmin
+
+
+def moving(x: Any, box: tuple[float, ...], kernel: str, zmin: int, **options: Any) -> Told:
+    """Particles with random velocities."""
+    v = np.random.default_rng(3).uniform(-1, 1, np.shape(x))
+    rheo = {"cut": CUT, "kernel": kernel, "zmin": zmin} | options.pop("rheo", {})
+    return told(x, box, v, rheo=rheo, **{"compare": ["grad/v", "coordination"]} | options)
+
+
+def filled(kernel: str, zmin: int) -> Told:
+    """A box full of fluid."""
+    x = SITES + np.random.default_rng(5).uniform(-0.2, 0.2, SITES.shape)
+    return moving(x, (N, N), kernel, zmin)
+
+
+def two(kernel: str, **options: Any) -> Told:
+    """Two lone particles."""
+    (zmin,) = said(STALE, "argument", "Two lone particles with RK1 and zmin #")
+    return moving([[4.0, 4.0], [5.0, 4.0]], (12, 12), kernel, int(zmin), **options)
+
+
+@pytest.mark.parametrize("kernel", ["RK1", "RK2"])
+def test_stale_gradient(kernel: str) -> None:
+    with engine() as fresh:
+        first = fresh.fields(two(kernel))[0]["grad/v"]
+        filler = fresh.fields(filled(kernel, 0))[0]["grad/v"]
+        second = fresh.fields(two(kernel))[0]["grad/v"]
+        assert agree(filler, filled(kernel, 0).predicted(), "grad/v"), "zmin 0, without a free surface"
+        assert np.isfinite(filled(kernel, 0).predicted().bounds[0]["grad/v"]).all()
+        plain = two("quintic")
+        assert agree(fresh.fields(plain)[0]["grad/v"], plain.predicted(), "grad/v"), "the quintic kernel"
+        sums = two(kernel, rho=None, rheo={"rho_sum": True}, compare=["rho"])
+        assert agree(fresh.fields(sums)[0]["rho"], sums.predicted(), "rho"), "sums of W do revert"
+    assert not np.array_equal(first, second, equal_nan=True)
+    right = two(kernel).predicted()
+    np.testing.assert_array_equal(right.fields[0]["grad/v"], plain.predicted().fields[0]["grad/v"])
+    assert not agree(first, right, "grad/v") and not agree(second, right, "grad/v")
+
+
+def test_gradients_of_a_free_surface(lammps: Engine) -> None:
+    x = np.indices((4, 4)).reshape(2, -1).T + 4.0 + np.random.default_rng(6).uniform(-0.2, 0.2, (16, 2))
+    zmin = 13
+    scene = moving(x, (14, 14), "RK1", zmin)
+    lammps.fields(filled("RK1", 0))
+    found, right, variant = lammps.fields(scene)[0], scene.predicted(), scene.predicted(STALE)
+    wrong_n = np.any(np.abs(found["grad/v"] - right.fields[0]["grad/v"]) > right.bounds[0]["grad/v"], axis=(1, 2))
+    below = found["coordination"] < zmin
+    assert below.any() and not below.all()
+    np.testing.assert_array_equal(wrong_n, below)
+    np.testing.assert_array_equal(np.isinf(variant.bounds[0]["grad/v"]).all(axis=(1, 2)), below)

@@ -35,7 +35,7 @@ def announce_first_use(loop: Any) -> None:
 
 
 def cached(*sources: str) -> Any:
-    """Decorator of a compiled loop kept on disk until one of these files, or of `SOURCES`, changes."""
+    """Return a decorator of a compiled loop that is kept on disk until one of these files, or of `SOURCES`, changes."""
     folder = str(cache_directory((*SOURCES, *sources)))
 
     def decorate(loop: Any) -> Any:

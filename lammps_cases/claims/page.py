@@ -52,7 +52,7 @@ class ClaimView:
 
 
 def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
-    """The page; links are relative to the folder of ``path``, where it will lie."""
+    """Return the page; links are relative to the folder of ``path``, where it will lie."""
     claims = [judged.claim for judged in columns[0].judged]
     rows = [_row(i, columns, path.parent) for i in range(len(claims))]
     grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
@@ -106,7 +106,7 @@ def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:
 
 
 def _link(case: str, columns: Sequence[Column], folder: Path, engine: str = "") -> str:
-    """Where the report of a run shows a case; nothing for a probe."""
+    """Return the place where the report of a run shows a case; nothing for a probe."""
     if case.startswith(PREFIX):
         return ""
     for column in columns:

@@ -1,4 +1,4 @@
-"""Whether a claim holds on an engine, from the records of its cases and probes.
+"""Return whether a claim holds on an engine, from the records of its cases and probes.
 
 A claim is refuted by a finding that its data name as contradicting it, or by a difference that no finding explains. A
 finding that explains a case otherwise is a remark: LAMMPS then agrees, on every atom, with the reference that has that
@@ -68,7 +68,7 @@ class Names:
             self.by_head.setdefault(name.partition(".")[0], []).append(name)
 
     def matching(self, pattern: str) -> list[str]:
-        """The names that fit a pattern, the first word of which is no wild card."""
+        """Return the names that fit a pattern, the first word of which is no wild card."""
         if pattern not in self._found:
             near = self.by_head.get(pattern.partition(".")[0], [])
             start = pattern.removesuffix("*")
@@ -80,7 +80,7 @@ class Names:
         return self._found[pattern]
 
     def of(self, claim: Claim) -> tuple[str, ...]:
-        """The cases of a claim."""
+        """Return the cases of a claim."""
         return tuple(sorted({name for pattern in claim.cases for name in self.matching(pattern)}))
 
 
@@ -100,7 +100,7 @@ def judge(
     known: Collection[str] | None = None,
     manual: Manual = FIRST,
 ) -> list[Judged]:
-    """The verdict on every claim.
+    """Return the verdict on every claim.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _listen(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
 
 
 def _listen_to_end(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
-    """A case without numbers: a refusal, a crash, or a probe."""
+    """Take the evidence of a case without numbers: a refusal, a crash, or a probe."""
     if record.verdict in INSIDE or (record.verdict == "refused" and record.as_expected):
         heard.shown.append((record, None))
         return
@@ -193,7 +193,7 @@ def _numbers(of: FieldRecord, record: CaseRecord) -> str:
 
 
 def _nearest(heard: _Heard) -> Evidence:
-    """The comparison that comes nearest to its bound, of all that show the claim."""
+    """Return the comparison that comes nearest to its bound, of all that show the claim."""
     cases = len({case.case for case, _ in heard.shown})
     compared = [
         (at.max_over_bound or 0.0, case.case, of.field, at.verdict)
@@ -241,7 +241,7 @@ class Summary:
 
 
 def summary(run: RunRecord) -> Summary | None:
-    """The claims by the cases of a run; None if it has no case of any claim, as that of an audit."""
+    """Return the claims by the cases of a run; None if it has no case of any claim, as that of an audit."""
     judged = of_run(claims(), run)
     found = counts(judged)
     refuted = tuple(one for one in judged if one.verdict == "does not hold")
@@ -253,16 +253,16 @@ def summary(run: RunRecord) -> Summary | None:
 
 
 def of_run(chosen: Sequence[Claim], run: RunRecord, known: Collection[str] | None = None) -> list[Judged]:
-    """The verdicts of a run."""
+    """Return the verdicts of a run."""
     return judge(chosen, {case.case: case for case in run.cases}, known, run.engine.manual)
 
 
 def worst(verdicts: Iterable[ClaimVerdict]) -> ClaimVerdict:
-    """The verdict over several engines: that of the one that refutes it, else of one that did not run it."""
+    """Return the verdict over several engines: that of one that refutes it, else of one that did not run it."""
     return min(verdicts, key=_WORST.index)
 
 
 def counts(judged: Iterable[Judged]) -> dict[ClaimVerdict, int]:
-    """How many claims have each verdict."""
+    """Count the claims of each verdict."""
     found = Counter(one.verdict for one in judged)
     return {verdict: found[verdict] for verdict in VERDICTS if found[verdict]}

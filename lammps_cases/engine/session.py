@@ -33,7 +33,7 @@ class EngineMissing(RuntimeError):
 
 
 class EngineLacks(RuntimeError):
-    """This LAMMPS was built without what a job needs; it can run others."""
+    """LAMMPS was built without what a job needs; it can run others."""
 
 
 class EngineRefused(RuntimeError):

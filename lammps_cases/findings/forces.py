@@ -25,7 +25,7 @@ def _unit_volumes(problem: Problem) -> bool:
 
 
 def has_forces(problem: Problem) -> bool:
-    """Whether forces show, and particles have, or come to have, volumes other than 1."""
+    """Return whether forces show, and particles have, or come to have, volumes other than 1."""
     return problem.steps[-1] > 0 or ("f" in problem.fields and not _unit_volumes(problem))
 
 

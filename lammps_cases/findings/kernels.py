@@ -30,7 +30,7 @@ class StaleGradient(ArrayEvaluator):
 
 
 def falls_back(problem: Problem) -> bool:
-    """Whether some particle has fewer than zmin neighbours for a reproducing kernel."""
+    """Return whether some particle has fewer than zmin neighbours for a reproducing kernel."""
     model = problem.model
     if not model.corrects_gradients:
         return False

@@ -95,7 +95,7 @@ class CountingSteps(Simulation):
         return super().evaluate()
 
     def step(self, dt: float) -> None:
-        """The evaluation at the end of the step uses the next list."""
+        """Take the next list for the evaluation at the end of the step."""
         self.at += 1
         super().step(dt)
 

@@ -25,7 +25,7 @@ class SupportTimesDistance(ArrayEvaluator):
 
 
 def asks_for_support(problem: Problem) -> bool:
-    """Whether shifting needs support by particles of the same type."""
+    """Return whether shifting needs support by particles of the same type."""
     shift = problem.model.fix.shift
     if shift is None or shift.scale_cross_type is None or shift.weighs_distance:
         return False
@@ -53,7 +53,7 @@ class NormalOfLastPair(ArrayEvaluator):
 
 
 def scales_across_types(problem: Problem) -> bool:
-    """Whether shifting is scaled along the normal between types, with a kernel whose gradient has one direction."""
+    """Return whether shifts are scaled along the normal between types, by a kernel whose gradient has one direction."""
     shift = problem.model.fix.shift
     return (
         not problem.model.corrects_gradients
@@ -64,7 +64,7 @@ def scales_across_types(problem: Problem) -> bool:
 
 
 def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
-    """The pair whose direction LAMMPS took out of the shift of the particle that changed most."""
+    """Find the pair whose direction LAMMPS took out of the shift of the particle that changed most."""
     if "shift/v" not in snapshot:
         return None
     sim = Simulation(problem.model, problem.box, problem.state, ("shift/v",), stages)

@@ -19,7 +19,7 @@ class LayerOfFirst(FollowingLists):
     """Bulk beside a surface has the status of a layer only if it is the first of some pair with a surface particle."""
 
     def meets_as_first(self, surface_n: BoolArray) -> BoolArray:
-        """Which particles are the first of a pair with one of some others."""
+        """Return which particles are the first of a pair with one of some others, (n,)."""
         return np.bincount(self.i[(self.forward_p >= 0) & surface_n[self.j]], minlength=self.n) > 0
 
 
@@ -38,7 +38,7 @@ class StatusOfLayers(CountingSteps):
 
 
 def shows_layers(problem: Problem) -> bool:
-    """Whether the status of particles beside a surface shows."""
+    """Return whether the status of particles beside a surface shows."""
     return "status" in problem.fields and problem.model.fix.surface_detection is not None
 
 

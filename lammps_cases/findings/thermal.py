@@ -37,12 +37,12 @@ class TemperatureWithoutMass(ArrayEvaluator):
     """The temperature is that of the energy of the particle, not per unit mass."""
 
     def specific_energy(self, energy_n: Array) -> Array:
-        """The energy as it is stored."""
+        """Return the energy as it is stored, (n,)."""
         return energy_n
 
 
 def has_heat(problem: Problem) -> bool:
-    """Whether heat is conducted."""
+    """Return whether heat is conducted."""
     return problem.model.thermal is not None
 
 

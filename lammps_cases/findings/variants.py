@@ -43,7 +43,7 @@ class Variant:
 def combined(
     variants: Sequence[Variant], problem: Problem, snapshot: Snapshot
 ) -> tuple[type[ArrayEvaluator], type[Simulation]] | None:
-    """Evaluator and simulation with several variants at once; None if one cannot be fitted to LAMMPS' numbers."""
+    """Join several variants to an evaluator and a simulation; None if one cannot be fitted to LAMMPS' numbers."""
     stages: type[ArrayEvaluator] = _joined("Evaluator", (v.stages for v in variants), ArrayEvaluator)
     for variant in variants:
         if variant.fit:

@@ -30,7 +30,7 @@ class WallVelocityLost(ArrayEvaluator):
 
 
 def has_moving_walls(problem: Problem) -> bool:
-    """Whether reconstructed solids move, or may come to move."""
+    """Return whether reconstructed solids move, or may come to move."""
     solid_n = problem.state.solid_n
     free = solid_n & ~_held(problem.model, problem.state.type_n)
     return problem.model.fix.interface_reconstruct and bool(np.any(problem.state.v_nc[solid_n]) or free.any())
@@ -55,7 +55,7 @@ class WallsSummedAfterSetup(Simulation):
 
 
 def sums_walls(problem: Problem) -> bool:
-    """Whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
+    """Return whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
     fix = problem.model.fix
     return 0 in problem.steps and fix.rho_sum and fix.interface_reconstruct and bool(problem.state.solid_n.any())
 
@@ -64,7 +64,7 @@ class AccelerationsOfOldImages(FollowingLists):
     """Right after lists were rebuilt, slots hold the accelerations of what was in them before, further slots 0."""
 
     def wall_sums(self, pressure_n: Array, rho_n: Array, acceleration_nc: Array) -> tuple[Array, ...]:
-        """Sums as they are, and what other accelerations than the particles' own add to the last."""
+        """Return the sums, to the last of which other accelerations than the particles' own add."""
         *sums, sum_n = super().wall_sums(pressure_n, rho_n, acceleration_nc)
         if not self.kept_sc.size:  # the set-up: nothing is kept yet
             return *sums, sum_n
@@ -89,7 +89,7 @@ class AccelerationsOfOldImages(FollowingLists):
 
 
 def has_kept_images(problem: Problem) -> bool:
-    """Whether accelerations are kept for walls that may have periodic images."""
+    """Return whether accelerations are kept for walls that may have periodic images."""
     return any(problem.box.periodic) and keeps_forces(problem)
 
 
@@ -100,7 +100,7 @@ class GradientOfSecond(FollowingLists):
     """
 
     def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
-        """All terms as they are, and the pressure force kept from exchanged gradients."""
+        """Return all terms as they are, and the pressure force kept from exchanged gradients."""
         found, own = super().pair_terms(*fields, **options), self.g
         exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & (self.reverse_p >= 0)
         self.g = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own]
@@ -110,12 +110,12 @@ class GradientOfSecond(FollowingLists):
 
 
 def keeps_corrected_forces(problem: Problem) -> bool:
-    """Whether accelerations without pressure are kept for walls, with a kernel whose pairs have two gradients."""
+    """Return whether accelerations without pressure are kept for walls, by a kernel whose pairs have two gradients."""
     return problem.model.corrects_gradients and keeps_forces(problem)
 
 
 def keeps_forces(problem: Problem) -> bool:
-    """Whether accelerations are kept from step to step to reconstruct the densities of walls."""
+    """Return whether accelerations are kept from step to step to reconstruct the densities of walls."""
     return problem.model.fix.interface_reconstruct and problem.steps[-1] > 0 and bool(problem.state.solid_n.any())
 
 

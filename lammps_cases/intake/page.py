@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lammps_cases.intake.record import Adoption
 from lammps_cases.pages import frame
+from lammps_cases.report.findings import SEVERITIES
 
 ASSETS = Path(__file__).with_name("assets")
 ORDER = ("there", "gone in some cases", "gone", "not asked")
@@ -14,7 +15,7 @@ ORDER = ("there", "gone in some cases", "gone", "not asked")
 
 def render(adoption: Adoption) -> str:
     """Return the page of an engine that was taken in."""
-    rows = sorted(adoption.findings, key=lambda row: (ORDER.index(row.status), row.id))
+    rows = sorted(adoption.findings, key=lambda row: (ORDER.index(row.status), SEVERITIES.index(row.severity), row.id))
     return frame.page(
         ASSETS,
         "adopt",

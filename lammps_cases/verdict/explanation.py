@@ -156,7 +156,7 @@ class Trial:
 
 
 def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:
-    """Whether all values that have a bound are inside it.
+    """Return whether all values that have a bound are inside it.
 
     Only the variant may leave a value without one, not the reference with its bound ``own_n``; and not all of a field.
     """

@@ -39,7 +39,7 @@ def sides(
 
 
 def derived(step: int) -> str:
-    """In words, how a bound comes about."""
+    """Return in words how a bound comes about."""
     one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
     return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
 
@@ -52,7 +52,7 @@ def nearest_image(problem: Problem, x_nc: FloatArray, reference_nc: FloatArray) 
 
 
 def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:
-    """The comparison of the worst step, with the verdicts of all."""
+    """Return the comparison of the worst step, with the verdicts of all."""
     records = [comparison.record for comparison in comparisons]
     ratios = [-1.0 if r.max_over_bound is None else r.max_over_bound for r in records]
     at = int(np.argmax(ratios))
@@ -78,7 +78,7 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
 
 
 def first_outside(problem: Problem, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
-    """The first step, then the first field in the order of a step, then the first atom outside the bound."""
+    """Return the first step, then the first field in the order of a step, then the first atom outside the bound."""
     for at, step in enumerate(problem.steps):
         for field in in_step_order(problem.fields):
             comparison = table[field][at]

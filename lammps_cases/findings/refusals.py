@@ -17,7 +17,7 @@ ENTRIES: tuple[Finding, ...] = (
         argument="The same omission gives an error or a crash depending on whether the pressure is asked for. A crash "
         "ends the process, and with it a program that uses LAMMPS as a library, without a message; the error would "
         "have named the cause.",
-        workaround="Define fix rheo/pressure before the first run.",
+        workaround="Define fix rheo/pressure before the first run; 2026.7.4 or newer refuses the run in all cases.",
         applies_to=("refused.no-fix-pressure-read",),
         outcome="crashed",
         engine_error="SIGSEGV",
@@ -32,7 +32,7 @@ ENTRIES: tuple[Finding, ...] = (
         "is another input of the same compute; one of another compute does not help.",
         argument="The total stress contains the pressure, and nothing documents that it has to be asked for as well. "
         "A crash ends the process, and with it a program that uses LAMMPS as a library, without a message.",
-        workaround="Name pressure among the inputs of the same compute.",
+        workaround="Name pressure among the inputs of the same compute, or use 2026.7.4 or newer.",
         applies_to=("strain.unasked.*",),
         outcome="crashed",
         engine_error="SIGSEGV",
@@ -49,7 +49,8 @@ ENTRIES: tuple[Finding, ...] = (
         argument="Two fluids of different particle masses need it: with sum m_j W_ij the density of a particle of "
         "mass 1.5 at distance 1 from one of mass 0.7 (2D, cutoff 2.2) comes out at 0.926 where its own mass gives "
         "1.003, an error of 8 % that a linear law multiplies by c^2.",
-        workaround="Give all types the same mass, with which both sums are the same, or leave rho/sum out.",
+        workaround="Give all types the same mass, with which both sums are the same, leave rho/sum out, or "
+        "use 2026.7.4 or newer.",
         applies_to=("undocumented.self-mass",),
         expected_inputs=("self-mass-alone",),
         expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),
@@ -165,7 +166,7 @@ ENTRIES: tuple[Finding, ...] = (
         "velocities, densities, pressures and energies are NaN.",
         argument="0 is not positive, and T = e/cv has no value for it. A variable that was left at 0 costs the run, "
         "where a negative value is refused at once.",
-        workaround="Give a positive value.",
+        workaround="Give a positive value; 2026.7.4 or newer refuses 0.",
         applies_to=("probes.specific-heat-zero",),
         expected_inputs=("specific-heat-zero",),
         outcome="differs",

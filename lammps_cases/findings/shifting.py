@@ -118,7 +118,7 @@ CROSS_TYPE_NORMAL = Finding(
     argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
     "the atoms turns the direction, although nothing physical has changed; so may another skin or number of "
     "ranks.",
-    workaround="Do not use scale/cross/type; exclude/type is not affected.",
+    workaround="Use 2026.7.4 or newer, or exclude/type, which is not affected.",
     scene="two types in disorder, shiftscale 0",
     model_variant=Variant(scales_across_types, NormalOfLastPair, fit=last_pair),
     replaces=("cross_type_normal",),

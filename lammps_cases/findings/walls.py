@@ -186,8 +186,8 @@ WALLS_AFTER_REBUILD = Finding(
         AlarmDifference(
             ("rebuilt",),
             lambda problem: problem.rheo.interface_reconstruct,
-            "the first step that is wrong is the first in which the list of periodic images changes, and only "
-            "densities of solids are wrong in it; scenes whose images stay the same are right",
+            "the first step that is wrong is the first in which the list of periodic images changes, and it is "
+            "densities of solids that are wrong in it; scenes whose images stay the same are right",
         ),
     ),
 )

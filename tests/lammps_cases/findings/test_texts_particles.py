@@ -129,7 +129,7 @@ def test_directions_that_differ(lammps: Engine) -> None:
 
 
 def test_exclude_type_is_not_affected(lammps: Engine) -> None:
-    assert ENTRIES[NORMAL].workaround == "Do not use scale/cross/type; exclude/type is not affected."
+    assert ENTRIES[NORMAL].workaround == "Use 2026.7.4 or newer, or exclude/type, which is not affected."
     for types in ("1", "2", "*"):
         excluded = interface(0.0, rheo={"shift": {"exclude": [types]}})
         assert agree(lammps.fields(excluded)[0]["shift/v"], excluded.predicted(), "shift/v")

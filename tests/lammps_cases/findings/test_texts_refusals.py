@@ -60,7 +60,7 @@ def test_no_pressure_segfault(lammps: Engine) -> None:
     reply = lammps.reply("deck", *UNPAIRED, (FIX_PRESSURE, ""), asked)
     assert reply.ended == "crashed" and reply.error.endswith("SIGSEGV"), "nothing more, so no message"
     assert "SIGSEGV" in entry.observed
-    assert entry.workaround == "Define fix rheo/pressure before the first run."
+    assert entry.workaround.startswith("Define fix rheo/pressure before the first run;")
     late = (RUN, f"{asked[1].partition(chr(10))[0]}\n{FIX_PRESSURE}\nrun 0 post no")
     assert lammps.reply("deck", *UNPAIRED, (FIX_PRESSURE, ""), late).ended == "answered"
 
@@ -76,7 +76,7 @@ def test_stress_without_pressure_segfault(lammps: Engine) -> None:
             assert reply.ended == "crashed" and reply.error.endswith("SIGSEGV"), "nothing more, so no message"
         for words in (f"{stress} pressure", f"pressure {stress}"):
             assert lammps.reply("deck", asking(words)).ended == "answered"
-    assert entry.workaround == "Name pressure among the inputs of the same compute."
+    assert entry.workaround.startswith("Name pressure among the inputs of the same compute,")
 
 
 def two_masses(mass: tuple[float, float], self_mass: bool = False, **options: Any) -> Told:
@@ -228,7 +228,7 @@ def test_specific_heat_zero(lammps: Engine) -> None:
         values = arrays[name][:, :2] if name in "xv" else arrays[name]
         assert np.isnan(values).all(), name
     assert quoted(entry.id, "documented")[0] in given(words.replace("0.0", "-1.0")).error
-    assert entry.workaround == "Give a positive value."
+    assert entry.workaround.startswith("Give a positive value;")
     assert np.isfinite(given(words.replace("0.0", "0.25")).arrays["esph"]).all()
 
 

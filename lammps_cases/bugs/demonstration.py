@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from lammps_cases import findings
+from lammps_cases.records.manuals import OfManual
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -33,14 +34,13 @@ class Number(BaseModel):
     axes: tuple[int, ...] = ()
 
 
-class Demonstration(BaseModel):
+class Demonstration(OfManual, BaseModel):
     """What a deck for a finding does.
 
     Attributes
     ----------
     scene : the keys of a scene
     number : what is looked at in it
-    hand : the same by hand: formulas of LAMMPS' variables, the last of them the number expected
     other : what a second scene changes, which must give the same number
     times : but for this factor
     smaller : what is changed of the case that the finding applies to
@@ -50,7 +50,6 @@ class Demonstration(BaseModel):
 
     scene: dict[str, Any] = {}
     number: Number | None = None
-    hand: dict[str, str] = {}
     other: dict[str, Any] = {}
     times: float = 1.0
     smaller: dict[str, Any] = {}

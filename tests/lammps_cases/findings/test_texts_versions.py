@@ -1,14 +1,20 @@
-"""What the findings say of versions, against the list of the engines on which each was seen."""
+"""That every finding's text is tested, and what it says of versions, against the engines on which it was seen."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from packaging.version import Version
 
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON
 
 VERSION = r"(\d{4}(?:\.\d+)+)"
+
+
+def test_every_text_is_tested() -> None:
+    tests = "".join(path.read_text() for path in Path(__file__).parent.glob("test_texts_*.py"))
+    assert [entry.id for entry in LEDGER if f'"{entry.id}"' not in tests] == []
 
 
 def test_versions_are_those_on_which_a_finding_was_seen() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -26,6 +27,7 @@ class FailureMode:
     field, stage : what is blamed, beyond the findings that the scene shows; empty where LAMMPS gave no numbers
     finding : id of the finding that is followed, whatever field shows it; empty for a difference
     error : LAMMPS' error without its numbers, or how its process ended
+    bounded : whether the reference and its bound are finite there; a scene in which rounding decides is another failure
     shown_in, step, atom : field, step and atom where it shows first
     """
 
@@ -35,6 +37,7 @@ class FailureMode:
     stage: str = ""
     finding: str = ""
     error: str = ""
+    bounded: bool = True
     shown_in: str = dataclasses.field(default="", compare=False)
     step: int | None = dataclasses.field(default=None, compare=False)
     atom: int | None = dataclasses.field(default=None, compare=False)
@@ -57,6 +60,7 @@ def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
     """Return how a case fails, or that it shows a finding; None if it does not."""
     blame = record.beyond.blame if record.beyond else record.blame
     place: dict[str, Any] = {"shown_in": blame.field, "step": blame.step, "atom": blame.atom} if blame else {}
+    place["bounded"] = not blame or all(v is None or math.isfinite(v) for v in (blame.reference, blame.bound))
     if finding:
         shown = record.verdict == "explained" and finding in wording.explained_by(record)
         return FailureMode("explained", record.ended, finding=finding, **place) if shown else None

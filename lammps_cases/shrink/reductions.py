@@ -30,6 +30,12 @@ from lammps_cases.shrink.failure import FailureMode
 
 Fails = Callable[[Content], FailureMode | None]  # how a content fails, if it does so the same way
 KEPT: tuple[Path, ...] = (("positions",), ("types",))  # parts of which no key is dropped whole
+# Numbers of neighbours; the limit of divergence, below 1 or not much above, is not lowered by these.
+COUNTS: tuple[Path, ...] = (
+    ("rheo", "zmin"),
+    ("rheo", "surface_detection", "limit"),
+    ("rheo", "surface_detection", "splash"),
+)
 FEW = 16  # particles
 ROUNDINGS = (1, 2, 3, 4, 6, 8)  # significant digits
 
@@ -88,12 +94,36 @@ def fewer_particles(content: Content, fails: Fails) -> Content:
     rows = list(range(n))
     count = 1
     while count < n:
-        if fails(only_particles(content, sorted(order[:count]))):
-            rows = sorted(order[:count])
+        near = sorted(order[:count])
+        if found := next((c for c in _with_lower_counts(content, count) if fails(only_particles(c, near))), None):
+            content, rows = found, near
             break
         count *= 2
     rows = _without_parts(rows, lambda kept: fails(only_particles(content, kept)) is not None)
     return only_particles(content, rows)
+
+
+def _with_lower_counts(content: Content, particles: int) -> Iterator[Content]:
+    """Yield a content, then what it is with limits of neighbours that a few particles can be above and below of."""
+    yield content
+    limits = [path for path in COUNTS if _holds(content, path)]
+    for limit in dict.fromkeys((particles - 1, particles // 2)):
+        lower = content
+        for path in limits:
+            value = at(content, path)
+            lower = replaced(lower, path, type(value)(min(value, max(limit, 1))))
+        if lower != content:
+            yield lower
+
+
+def _holds(content: Content, path: Path) -> bool:
+    """Return whether there is a part at some place."""
+    part: Any = content
+    for key in path:
+        if not isinstance(part, dict) or key not in part:
+            return False
+        part = part[key]
+    return True
 
 
 def _nearest(content: Content, atom: int) -> list[int]:

@@ -46,6 +46,7 @@ PLANTED = {
     "read.one-off-output-temperature": "thermal.freezing.2d",
     "read.swapped-rho": "cross-type.both.2d",
     "read.axes-x": "cross-type.both.2d",
+    "read.single-output-surface-r": "surfaces.shifted.periodic",
 }
 
 
@@ -277,6 +278,10 @@ def test_same_way_is_field_and_verdict_not_atom_and_step() -> None:
 
     assert failure_mode(record("f", 1)) == failure_mode(record("f", 2))
     assert failure_mode(record("f", 1)) != failure_mode(record("drho", 1))
+    unbounded = record("f", 1)
+    assert unbounded.blame is not None
+    unbounded.blame.bound = float("inf")
+    assert failure_mode(unbounded) != failure_mode(record("f", 1))
     assert failure_mode(CaseRecord(case="x", verdict="pass")) is None
     assert failure_mode(CaseRecord(case="x", verdict="explained", explained_by=["a"]), "b") is None
     refused = [

@@ -25,12 +25,8 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.records.run_record import read_run
     from lammps_cases.run import campaign
-    from lammps_cases.scene import casefile
 
     record = read_run(run)
-    named = {Path(case.source) for case in record.cases}
-    own = [path for path in sorted(named) if path.is_absolute() and path.is_file()]
-    cases = [*casefile.load(), *casefile.load(paths or own)] if paths or own else casefile.load()
-    record.triage = campaign.triaged(record, cases, run, open_store())
+    record.triage = campaign.triaged(record, campaign.cases_of(record, paths), run, open_store())
     campaign.write_run(record, run, past=history.past(record))
     return shared.finish(record, run, as_json)

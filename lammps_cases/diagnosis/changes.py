@@ -35,6 +35,7 @@ class Change:
     ----------
     sentence : "as if ...", without these words
     target : what is changed, shared by changes that take each other's place
+    number : whether it is no more than a factor that all particles share
     stages, stepping : class to put before the evaluator's or the simulation's
     """
 
@@ -42,6 +43,7 @@ class Change:
     target: str
     stages: Stages | None = None
     stepping: type[Simulation] | None = None
+    number: bool = False
 
 
 class Watched(Simulation):
@@ -82,16 +84,16 @@ def density(e: ArrayEvaluator) -> Any:
 
 @contextmanager
 def _weighted(e: ArrayEvaluator, weight: Weight) -> Iterator[None]:
-    plain = type(e).total
+    plain = e.total  # another weight's, where two are combined
 
     def total(term_p: Any) -> Any:
-        return plain(e, term_p * weight(e, len(e.i)))
+        return plain(term_p * weight(e, len(e.i)))
 
     e.total = total  # type: ignore[method-assign]
     try:
         yield
     finally:
-        del e.total
+        e.total = plain  # type: ignore[method-assign]
 
 
 def _combined_terms(plain: PairTerms, changed: PairTerms, of: Components) -> PairTerms:
@@ -158,23 +160,39 @@ def scaled(method: str, weight: Weight) -> Stages:
     return Scaled
 
 
+def _before(e: ArrayEvaluator, name: str, fresh: Any) -> Any:
+    """Return what stood in the place of some values in the evaluation before; at first themselves."""
+    watched = getattr(e, "watched", None)
+    if watched is None:
+        return fresh
+    call = watched.calls[name] = watched.calls.get(name, 0) + 1
+    watched.memory.setdefault((name, call, watched.count), fresh)
+    before = watched.memory.get((name, call, watched.count - 1), fresh)
+    if isinstance(fresh, Rounded) and not isinstance(before, Rounded):
+        return Rounded(before, 16 * EPS * np.abs(before))
+    return before
+
+
 def stale(method: str) -> Stages:
-    """Return stages of which a method returns what it returned in the evaluation before; at first its own."""
+    """Return stages of which a method returns what it returned in the evaluation before."""
 
     def result(self: Any, *arguments: Any, **options: Any) -> Any:
-        fresh = getattr(super(Stale, self), method)(*arguments, **options)
-        watched = getattr(self, "watched", None)
-        if watched is None:
-            return fresh
-        call = watched.calls[method] = watched.calls.get(method, 0) + 1
-        watched.memory.setdefault((method, call, watched.count), fresh)
-        before = watched.memory.get((method, call, watched.count - 1), fresh)
-        if isinstance(fresh, Rounded) and not isinstance(before, Rounded):
-            return Rounded(before, 16 * EPS * np.abs(before))
-        return before
+        return _before(self, method, getattr(super(Stale, self), method)(*arguments, **options))
 
     Stale = type("Stale", (ArrayEvaluator,), {method: result})
     return Stale
+
+
+def stale_input(name: str) -> Stages:
+    """Return stages whose terms of pairs are given one input as it was in the evaluation before."""
+
+    class StaleInput(ArrayEvaluator):
+        def pair_terms(self, fields: PairInput) -> PairTerms:
+            fresh = getattr(fields, name)
+            before: Any = None if fresh is None else _before(self, f"{name} of pairs", fresh)
+            return super().pair_terms(fields._replace(**{name: before}))
+
+    return StaleInput
 
 
 class Met:
@@ -194,6 +212,12 @@ MEETINGS: dict[str, Callable[[Any, Any], tuple[Any, Any]]] = {
     "of the particle itself for that of its neighbour": lambda a, b: (a, a),
     "of the neighbour for that of the particle itself": lambda a, b: (b, b),
     "of either particle exchanged": lambda a, b: (b, a),
+    "of the neighbour with the other sign": lambda a, b: (a, -b),
+    "with the other sign": lambda a, b: (-a, -b),
+    "twice as large": lambda a, b: (2 * a, 2 * b),
+    "half as large": lambda a, b: (0.5 * a, 0.5 * b),
+    "of the particle alone, and nothing of its neighbour": lambda a, b: (a, 0 * b),
+    "of the neighbour alone, and nothing of the particle": lambda a, b: (0 * a, b),
 }
 
 

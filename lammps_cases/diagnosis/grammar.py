@@ -31,6 +31,7 @@ from lammps_cases.diagnosis.changes import (
     plain_gradient,
     scaled,
     stale,
+    stale_input,
     step_part,
     sum_of,
     with_model,
@@ -196,6 +197,15 @@ _INPUTS: dict[str, tuple[str, Any]] = {
     "the temperature": ("temperature_n", ("heat_n",)),
     "the equilibrium density": ("rho0_n", ("drho_n",)),
 }
+_INPUTS_KEPT = {
+    "the pressures": "pressure_n",
+    "the viscosities": "viscosity_n",
+    "the speeds of sound": "sound_n",
+    "the temperatures": "temperature_n",
+    "the densities": "rho_n",
+    "the velocities": "v_nc",
+    "the same-phase fractions": "chi_n",
+}
 
 
 def _sums() -> Iterator[tuple[str, Callable[[Weight], Stages]]]:
@@ -210,16 +220,18 @@ def _sums() -> Iterator[tuple[str, Callable[[Weight], Stages]]]:
 def _of_sums() -> Iterator[Change]:
     for target, make in _sums():
         for words, weight in (*numbers(), *of_particles(neighbours=True), *of_pairs()):
-            yield Change(f"{target} {words}", target, make(weight))
+            yield Change(f"{target} {words}", target, make(weight), number=words in _NUMBERS)
 
 
 def _of_values() -> Iterator[Change]:
     for target, method in _VALUES.items():
         for words, weight in (*numbers(), *of_particles(neighbours=False)):
-            yield Change(f"{target} of every particle {words}", f"{target} of every particle", scaled(method, weight))
+            stages = scaled(method, weight)
+            whose = f"{target} of every particle"
+            yield Change(f"{whose} {words}", whose, stages, number=words in _NUMBERS)
     for target, method in _OF_PAIRS.items():
         for words, weight in (*numbers(), *of_particles(neighbours=True), *of_pairs()):
-            yield Change(f"{target} {words}", target, scaled(method, weight))
+            yield Change(f"{target} {words}", target, scaled(method, weight), number=words in _NUMBERS)
     for target, method in _STALE.items():
         sentence = f"{target} of every particle were that of the evaluation before"
         yield Change(sentence, f"{target} of every particle, stale", stale(method))
@@ -229,6 +241,9 @@ def _of_meetings() -> Iterator[Change]:
     for what, (name, of) in _INPUTS.items():
         for meeting in MEETINGS:
             yield Change(f"pairs met {what} {meeting}", f"{what} that pairs meet", met(name, meeting, of))
+    for what, name in _INPUTS_KEPT.items():
+        sentence = f"the terms of pairs used {what} of the evaluation before"
+        yield Change(sentence, f"{what} of pairs, stale", stale_input(name))
     for terms, of in _TERMS.items():
         for meeting in MEETINGS:
             yield Change(f"{terms} used the mass {meeting}", f"masses in {terms}", met("mass_n", meeting, of))

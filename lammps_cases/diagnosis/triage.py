@@ -136,12 +136,13 @@ class _Diagnosis:
             own = min(ready, key=lambda pair: pair[0].size)[1]
             starts += 1
             part: list[CaseRecord] = []
-            for paired, begun in itertools.product((False, True), self._started(own)):
+            searches = [Search(begun, work) for begun in self._started(own)]
+            for paired, search in itertools.product((False, True), searches):
                 if part:
                     break
-                search = Search(begun, work)
+                before = search.tried
                 survivors = search.pairs() if paired else search.singles()
-                tried, spent = tried + search.tried, spent or search.spent
+                tried, spent = tried + search.tried - before, spent or search.spent
                 part, named = self._reproduced(survivors, own, rest, work)
                 if part:
                     yield _Part(_group(part, named, tried, spent), part)

@@ -6,11 +6,12 @@ import itertools
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import excess
@@ -24,7 +25,9 @@ from lammps_cases.verdict.model_fields import nearest_image, sides
 
 NEARER = 0.05  # what is left of the largest difference, for a change to be looked at closely
 PROBED = 10  # a target with this many changes is tried with two of them first
-PAIRED = 150  # changes that are tried in pairs, those of different effect
+PAIRED = 60  # pairs of changes whose effects add up that are tried
+SUMMED = 1e-5  # of the largest difference: how near a sum of effects has to be to it
+COMPONENTS = 200  # values of the first red field that sums of effects are held against
 LONGEST_STEP = 20  # compared steps beyond this one are too far for hundreds of trials
 
 
@@ -201,27 +204,40 @@ class Search:
     work: Work
     tried: int = 0
     spent: bool = False
+    effects: list[tuple[Change, FloatArray]] = field(default_factory=list)
 
     def singles(self) -> list[Tried]:
-        """Return the single changes that reproduce a case."""
-        return self._survivors((change,) for change in self._worth_trying())
-
-    def pairs(self) -> list[Tried]:
-        """Return the pairs of changes that reproduce a case, of those that have an effect on its red field."""
-        effects: dict[bytes, Change] = {}
+        """Return the single changes that reproduce a case; keep what all of them do to its first red field."""
+        survivors: list[Tried] = []
+        seen: set[bytes] = set()
         try:
             for change in self._worth_trying():
+                self.tried += 1
                 self.work.spend(self.case.problem)
                 values = self.case.values((change,))
-                if values is not None and self.case.changed(values):
-                    shown = np.asarray(values[-1][self.case.field], np.float32)
-                    effects.setdefault(shown.tobytes(), change)
+                if values is None or not self.case.changed(values):
+                    continue
+                if self.case.nearer(values) and self.case.reproduced((change,), self.work, strictly=True)[0]:
+                    survivors.append((change,))
+                shown = np.asarray(values[-1][self.case.field], float).ravel()
+                if np.isfinite(shown).all() and shown.tobytes() not in seen:
+                    seen.add(shown.tobytes())
+                    self.effects.append((change, shown))
         except Spent:
             self.spent = True
-            return []
-        return self._survivors(_likely(list(effects.values())[:PAIRED]))
+        return survivors
 
-    def _survivors(self, candidates: Iterator[Tried] | Any) -> list[Tried]:
+    def pairs(self) -> list[Tried]:
+        """Return the pairs of changes that reproduce a case, of those of which singles had an effect on it."""
+        if not self.effects:
+            return []
+        single = [change for change, _ in self.effects]
+        lammps_n, reference_n = (side.ravel() for side in self.case.first())
+        effects = np.array([shown for _, shown in self.effects]) - reference_n
+        added = [(single[a], single[b]) for a, b in _adding_up(effects, lammps_n - reference_n)]
+        return self._survivors(iter(added)) or self._survivors(_of_one_target(single))
+
+    def _survivors(self, candidates: Iterator[Tried]) -> list[Tried]:
         survivors: list[Tried] = []
         try:
             for tried in candidates:
@@ -247,11 +263,23 @@ class Search:
         return values is not None and self.case.changed(values)
 
 
-def _likely(single: Sequence[Change]) -> Iterator[Tried]:
-    """Yield pairs of changes, those of the same target first."""
-    pairs = list(itertools.combinations(single, 2))
-    yield from (pair for pair in pairs if pair[0].target == pair[1].target)
-    yield from (pair for pair in pairs if pair[0].target != pair[1].target)
+def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, int]]:
+    """Return the pairs of effects, (k, m), of which the sum is nearest to a difference, (m,), and near."""
+    largest = np.argsort(-np.abs(difference))[:COMPONENTS]
+    effects, difference = effects[:, largest], difference[largest]
+    size = np.abs(difference).max(initial=0.0)
+    found: list[tuple[float, int, int]] = []
+    for a, effect in enumerate(effects[:-1]):
+        left = np.abs(effects[a + 1 :] - (difference - effect)).max(axis=1)
+        found += [(float(left[b]), a, a + 1 + int(b)) for b in np.flatnonzero(left <= SUMMED * size)]
+    return [(a, b) for _, a, b in sorted(found)[:PAIRED]]
+
+
+def _of_one_target(single: Sequence[Change]) -> Iterator[Tried]:
+    """Yield pairs of changes of the same target, one of which is a number: such effects do not add up."""
+    for one, other in itertools.combinations(single, 2):
+        if one.target == other.target and (one.number or other.number):
+            yield one, other
 
 
 def red_case(
@@ -263,9 +291,9 @@ def red_case(
     for at, step in enumerate(problem.steps):
         if step > LONGEST_STEP:
             return None
-        for field in in_step_order(problem.fields):
-            if not np.all(excess(*sides(problem, field, snapshots[at], prediction, at))[1] <= 1):
+        for name_of in in_step_order(problem.fields):
+            if not np.all(excess(*sides(problem, name_of, snapshots[at], prediction, at))[1] <= 1):
                 until = replace(problem, steps=problem.steps[: at + 1])
                 known = Prediction(prediction.fields[: at + 1], prediction.bounds[: at + 1])
-                return RedCase(name, until, snapshots, field, base, known, seed)
+                return RedCase(name, until, snapshots, name_of, base, known, seed)
     return None

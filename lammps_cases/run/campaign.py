@@ -143,6 +143,15 @@ def run_cases(
     return run
 
 
+def cases_of(run: RunRecord, paths: Sequence[Path] = ()) -> list[Case]:
+    """Return the cases that there are now: those shipped, and those of files that a finished run names or of others."""
+    from lammps_cases.scene import casefile
+
+    named = [Path(source) for source in sorted({record.source for record in run.cases})]
+    own = paths or [path for path in named if path.is_absolute() and path.is_file()]
+    return [*casefile.load(), *(casefile.load(own) if own else [])]
+
+
 def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | None = None) -> Triage | None:
     """Return the triage of a run from its arrays in the folder of its report; a green run costs nothing."""
     if all(record.as_expected for record in run.cases):

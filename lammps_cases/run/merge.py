@@ -11,7 +11,7 @@ from lammps_cases import history
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.report.findings import carried_over
-from lammps_cases.run.campaign import command_line, write_run
+from lammps_cases.run.campaign import cases_of, command_line, triaged, write_run
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene.casefile import Case
 
@@ -46,6 +46,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         for source in directories:
             for file in sorted((source / "fields").glob("*.npz")):
                 write_atomically(folder / "fields" / file.name, file.read_bytes())
+        merged.triage = triaged(merged, cases_of(merged), folder)
         write_run(merged.counted(), folder, past=history.past(merged))
     history.collect(merged, directory)
     return merged

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,11 @@ from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from lammps_cases.diagnosis.features import in_common
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
-from lammps_cases.report.markdown import summary
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage, read_run
+from tests.support.outcome import Outcome
 from tests.support.planted import red_run
+
+Run = Callable[..., Outcome]
 
 
 class TwiceTheViscosity(ArrayEvaluator):
@@ -99,6 +102,22 @@ class NoFirstKick(Simulation):
         super().step(dt)
 
 
+class OldViscosity(Simulation):
+    def _forces(self) -> None:
+        now_n = self.fields["viscosity"]
+        self.fields["viscosity"] = getattr(self, "old_n", now_n)
+        super()._forces()
+        self.old_n = self.fields["viscosity"] = now_n
+
+
+class WrongTwice(ArrayEvaluator):
+    """Viscous forces doubled, and pressures of the other sign."""
+
+    def pair_terms(self, fields: Any) -> Any:
+        fields = fields._replace(pressure_n=-fields.pressure_n, viscosity_n=fields.viscosity_n + fields.viscosity_n)
+        return super().pair_terms(fields)
+
+
 class SquaredDistance(ArrayEvaluator):
     """A change that no factor, exchange or omission makes."""
 
@@ -134,6 +153,8 @@ PLANTED = [
     Planted(("shift.all.2d", "shift.exclude.2d"), "shifting velocity had the other sign", ShiftTheOtherWay),
     Planted(("forces.viscous.rk1.2d", "forces.viscous.rk2.2d"), "gradient of the plain kernel", PlainKernelInForces),
     Planted(("images.quintic.two", "images.quintic.four"), "first half of the kick", stepping=NoFirstKick),
+    Planted(("forces.power.quintic.2d", "forces.power.rk0.2d"), "viscosities of the eval", stepping=OldViscosity),
+    Planted(("images.quintic.two", "images.quintic.four"), "pairs met the pressure with the other sign", WrongTwice),
 ]
 
 
@@ -159,15 +180,21 @@ def test_a_green_run_has_no_triage(tmp_path: Path) -> None:
     assert list(wording.triage_lines(run)) == []
 
 
-def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path) -> None:
+def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path, eos_ref_command: Run) -> None:
     names = ("shift.all.2d", "images.shift.two", "images.shift.four", "images.quintic.two", "images.quintic.four")
-    run = red_run(tmp_path, names, ShiftTheOtherWay)
+    run = red_run(tmp_path / "fields", names, ShiftTheOtherWay)
     assert run.triage is not None
     (group,) = run.triage.groups
     assert group.cases == ["images.shift.four", "images.shift.two", "shift.all.2d"]
     assert (group.common, group.green_with, group.green) == (["`shift`"], 0, 2)
     assert wording.in_common(group) == "all 3 scenes with `shift`; none of 2 others"
-    assert "### Triage" in summary(run, ())
+    (tmp_path / "run.json").write_text(run.model_copy(update={"triage": None}).to_json())
+    told = eos_ref_command("diagnose", tmp_path)
+    assert told.code == 1
+    assert "hypothesis: as if the shifting velocity of every particle had the other sign" in told.out
+    assert read_run(tmp_path).triage == run.triage
+    assert "all 3 scenes with `shift`; none of 2 others" in (tmp_path / "report.html").read_text()
+    assert "### Triage" in (tmp_path / "summary.md").read_text()
 
 
 def test_several_features_are_named_where_none_is_enough() -> None:

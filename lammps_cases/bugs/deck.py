@@ -50,11 +50,21 @@ class Check:
     obtained : LAMMPS' word for the number in a formula
     expected : the number that the manual's formula gives, as a text that LAMMPS reads back as the same double
     bound : the largest difference that rounding makes
+    formulas : of the variables of which the last one is the number expected; none: it is a text
     """
 
     obtained: str
     expected: str
     bound: float
+    formulas: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def by_hand(self) -> tuple[str, ...]:
+        """Return the commands that calculate the number expected."""
+        if not self.formulas:
+            return ()
+        *parts, (_, last) = self.formulas
+        return (*(f"variable {name} string ({text})" for name, text in parts), f"variable expected equal {last}")
 
     @property
     def inside(self) -> str:
@@ -65,9 +75,10 @@ class Check:
     @property
     def printed(self) -> tuple[str, ...]:
         """Return the commands that print both numbers and the verdict."""
+        shown = f"$({self.expected}:%.15g)" if self.formulas else self.expected
         return (
             f'print "obtained $({self.obtained}:%.17g)"',
-            f'print "expected {self.expected} within {self.bound:.2g}"',
+            f'print "expected {shown} within {self.bound:.2g}"',
             'if "${inside} == 1" then "print PASS" else "print FAIL"',
         )
 
@@ -78,7 +89,7 @@ OUTPUT = "thermo_style custom step v_inside"  # output computes what a variable 
 def of_number(job: Job, step: int, check: Check) -> Deck:
     """Return the deck of a job that compares a number after some steps."""
     lines, data = _scene(job)
-    return Deck((*lines, check.inside, OUTPUT, f"run {step} post no", *check.printed), data)
+    return Deck((*lines, *check.by_hand, check.inside, OUTPUT, f"run {step} post no", *check.printed), data)
 
 
 def of_two(job: Job, other: Job, times: float, check: Check) -> Deck:

@@ -41,6 +41,7 @@ class Demonstration(OfManual, BaseModel):
     ----------
     scene : the keys of a scene
     number : what is looked at in it
+    hand : the same by hand: formulas of `lammps_cases.bugs.hand.symbols`, the last of them that of the number
     other : what a second scene changes, which must give the same number
     times : but for this factor
     smaller : what is changed of the case that the finding applies to
@@ -50,6 +51,7 @@ class Demonstration(OfManual, BaseModel):
 
     scene: dict[str, Any] = {}
     number: Number | None = None
+    hand: dict[str, str] = {}
     other: dict[str, Any] = {}
     times: float = 1.0
     smaller: dict[str, Any] = {}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Model, State
 from eos_ref.numbers.columns import joined
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
@@ -19,7 +22,10 @@ MOST_PAIRS = 12  # that are printed; the nearest ones
 
 @dataclass(frozen=True)
 class Particle:
-    """A particle as the reference has it at the step of the number."""
+    """A particle as the reference has it at the step of the number.
+
+    ``constants`` are those of its type (rhoeq, cs, and of one that carries energy kappa and cv) and its energy E.
+    """
 
     id: int
     type: int
@@ -29,6 +35,7 @@ class Particle:
     mass: float
     rho: float
     pressure: float
+    constants: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -72,6 +79,7 @@ def terms(problem: Problem, step: int, atom: int) -> Sum:
             float(evaluator.mass_n[n]),
             float(state.rho_n[n]),
             float(pressure_n[n]),
+            _constants(problem.model, int(state.type_n[n])) | _energy(state, n),
         )
 
     x_pc, gradient_pc = _array(joined(evaluator.x)), _array(joined(evaluator.g))
@@ -93,3 +101,62 @@ def terms(problem: Problem, step: int, atom: int) -> Sum:
 
 def _array(given: Array) -> FloatArray:
     return np.asarray(value(given), float)
+
+
+def _constants(model: Model, of_type: int) -> dict[str, float]:
+    law = model.eos.laws[of_type - 1]
+    constants = {"rhoeq": law.rho0, "cs": law.cs}
+    if model.thermal is not None:
+        thermal = model.thermal[of_type - 1]
+        constants |= {"kappa": thermal.conductivity, "cv": thermal.specific_heat}
+    return constants
+
+
+def _energy(state: State, n: int) -> dict[str, float]:
+    return {} if state.energy_n is None else {"E": float(state.energy_n[n])}
+
+
+# --- formulas
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the calculation: a name, its formula, the same with numbers for LAMMPS, the value."""
+
+    name: str
+    formula: str
+    numbers: str
+    value: float
+
+
+def symbols(given: Sum) -> dict[str, float]:
+    """Return what formulas may name, each with the id of its particle: m1, rho1, v1 by components, of pairs r2, W2.
+
+    ``gx2`` and ``gy2`` are the gradient of the kernel at the pair of the particle of the number with particle 2, ``x2``
+    and ``y2`` its distance vector.
+    """
+    found: dict[str, float] = {}
+    for one in (given.particle, *(pair.other for pair in given.pairs)):
+        values = {"m": one.mass, "rho": one.rho, "vx": one.v[0], "vy": one.v[1], **one.constants}
+        found |= {f"{name}{one.id}": number for name, number in values.items()}
+    for pair in given.pairs:
+        values = {"r": pair.r, "W": pair.w, "x": pair.x[0], "y": pair.x[1]}
+        values |= {"gx": pair.gradient[0], "gy": pair.gradient[1]}
+        found |= {f"{name}{pair.other.id}": number for name, number in values.items()}
+    return found
+
+
+def calculate(formulas: Mapping[str, str], given: Sum) -> tuple[Line, ...]:
+    """Evaluate formulas one after another, each of which may name those before it."""
+    known, lines = symbols(given), dict[str, Line]()
+    for name, formula in formulas.items():
+
+        def number(word: re.Match[str]) -> str:
+            if word[0] in lines:
+                return f"${{{word[0]}}}"
+            return repr(known[word[0]]) if known[word[0]] >= 0 else f"({known[word[0]]!r})"
+
+        scope = known | {line.name: line.value for line in lines.values()}
+        result = float(eval(formula.replace("^", "**"), {"__builtins__": {}}, scope))  # of this package's own data
+        lines[name] = Line(name, formula, re.sub(r"[A-Za-z]\w*", number, formula), result)
+    return tuple(lines.values())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 from collections.abc import Iterable, Sequence
 
 from lammps_cases.bugs.bare import Ending
@@ -73,6 +74,13 @@ def _expected(report: Report, ending: Ending) -> Iterable[str]:
     if report.sum:
         yield ""
         yield from _by_hand(report.sum)
+    if report.lines:
+        yield ""
+        yield "```"
+        for line in report.lines:
+            numbers = re.sub(r"\$\{(\w+)\}", r"\1", line.numbers)
+            yield f"{line.name} = {line.formula} = {numbers} = {_number(line.value)}"
+        yield "```"
 
 
 def _subject(report: Report) -> str:

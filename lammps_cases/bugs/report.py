@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.bugs import deck, hand
 from lammps_cases.bugs.deck import Check, Deck
 from lammps_cases.bugs.demonstration import Number, case_of, demonstrations, smaller
-from lammps_cases.bugs.hand import Sum
+from lammps_cases.bugs.hand import Line, Sum
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.installations import Engine
@@ -43,6 +45,7 @@ class Report:
     finding : what it shows, None for a case that no finding explains
     number : what is looked at; None: how LAMMPS ends
     sum : the terms that the reference summed for the number
+    lines : the number by hand from these, where that is short
     """
 
     name: str
@@ -52,6 +55,7 @@ class Report:
     record: CaseRecord | None = None
     number: Number | None = None
     sum: Sum | None = None
+    lines: tuple[Line, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -107,8 +111,9 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
         other = case_of(entry.id, entry.title, casefile.merge(shown.scene, shown.other)).by(manual)
         made = _of_two(case, other, shown.number, shown.times)
         return Report(entry.id, entry.title, made, entry, number=shown.number)
-    made, terms = _of_number(case, shown.number)
-    return Report(entry.id, entry.title, made, entry, number=shown.number, sum=terms)
+    made, terms = _of_number(case, shown.number, formulas=shown.hand)
+    lines = hand.calculate(shown.hand, terms)
+    return Report(entry.id, entry.title, made, entry, number=shown.number, sum=terms, lines=lines)
 
 
 def _of_input(entry: Finding) -> Deck:
@@ -134,7 +139,9 @@ def _of_two(case: Case, other: Case, number: Number, times: float) -> Deck:
     return deck.of_two(first, second, times, Check(obtained, "", bound))
 
 
-def _of_number(case: Case, number: Number, step: int | None = None) -> tuple[Deck, Sum]:
+def _of_number(
+    case: Case, number: Number, step: int | None = None, formulas: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Deck, Sum]:
     """Return the deck for a number after the last step of a scene or another, and the terms of the reference.
 
     Raises
@@ -150,7 +157,28 @@ def _of_number(case: Case, number: Number, step: int | None = None) -> tuple[Dec
         raise InputError("field", "cannot be read by LAMMPS' variables", number.field, case.name)
     terms = hand.terms(expected.problem, expected.step, number.atom)
     check = Check(obtained, repr(expected.value), expected.bound)
+    if formulas:
+        check = _by_hand(obtained, expected, hand.calculate(formulas, terms))
     return deck.of_number(told, expected.step, check), terms
+
+
+def _by_hand(obtained: str, expected: Expected, lines: Sequence[Line]) -> Check:
+    """Return the check against a number that LAMMPS calculates.
+
+    Its operations are those of the reference, which rounds them as well: the bound counts twice. In formulas LAMMPS
+    takes the value of another variable with 15 significant digits, which is half a unit of the last one more.
+
+    Raises
+    ------
+    InputError
+        The formulas do not give what the reference predicts.
+    """
+    bound = 2 * expected.bound
+    if not abs(lines[-1].value - expected.value) <= bound:
+        raise InputError("calculation by hand", f"must give {expected.value!r}", lines[-1].value)
+    if expected.value:
+        bound += 0.5 * 10.0 ** (math.floor(math.log10(abs(expected.value))) - 14)
+    return Check(obtained, "v_expected", bound, tuple((line.name, line.numbers) for line in lines))
 
 
 def predicted(case: Case, number: Number, step: int | None = None) -> Expected:

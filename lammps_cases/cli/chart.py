@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli.shared import json_option
+from lammps_cases.cli.shared import json_option, launcher_option
 from lammps_cases.records.progress import Bar
 
 SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
@@ -19,23 +19,33 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
 @click.option(
     "--out", type=click.Path(path_type=Path), default="reports/chart", show_default=True, help="Folder of the chart."
 )
+@click.option("--engine", "engines", multiple=True, help="env (default), pypi:VERSION or path:PLACE; may be repeated.")
+@launcher_option
 @click.option("--save-costs", is_flag=True, help='Keep the laws\' times as those by which method="auto" chooses.')
 @json_option
-def chart_command(sections: tuple[str, ...], quick: bool, out: Path, save_costs: bool, as_json: bool) -> int:
+def chart_command(
+    sections: tuple[str, ...], quick: bool, out: Path, engines: tuple[str, ...], save_costs: bool, as_json: bool
+) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
     SECTIONS: laws, sums, kernels, searches, timestep, flows; all by default. Writes report.html, chart.json,
-    points.csv, convergence.csv and figures/ as SVG and PNG.
+    points.csv, convergence.csv and figures/ as SVG and PNG. Of several engines the pictures lay the frontiers over each
+    other; each but the first has its own chart in a folder below.
 
     \b
     Example:  eos-ref chart --quick
               eos-ref chart laws flows --out reports/chart
+              eos-ref chart kernels --engine env --engine path:~/lammps/build
     """
     from lammps_cases.run.campaign import command_line
-    from lammps_cases.studies.chart import collect, record
+    from lammps_cases.studies.chart import collect, page, record
 
     with Bar(quiet=as_json) as bar:
-        chart = collect.collect(sections, quick, out, command_line(), bar)
+        first, *others = engines or ("env",)
+        chart = collect.collect(sections, quick, out, command_line(), bar, first)
+        charts = [collect.beside(engine, sections, quick, out, bar) for engine in others]
+        if charts:
+            page.write(chart, out, charts)
         if save_costs:
             from lammps_cases.studies.chart import costs
 

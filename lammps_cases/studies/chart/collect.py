@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart import page, record
@@ -34,18 +37,23 @@ SECTIONS = {
 }
 
 
-def collect(names: Sequence[str], quick: bool, out: Path, command: str, progress: Progress = SILENT) -> Chart:
+def collect(
+    names: Sequence[str], quick: bool, out: Path, command: str, progress: Progress = SILENT, engine: str = "env"
+) -> Chart:
     """Measure sections, and write chart and page after each of them.
 
     Raises
     ------
+    InputError
+        No such engine.
     EngineMissing
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # one core each, for every side
-    from lammps_cases.engine import session
+    from lammps_cases.engine import installations, session
 
-    lmp = session.open_lammps()
-    about, before = session.describe(lmp), machine()
+    site = installations.resolve(engine).site
+    lmp = session.open_lammps(site)  # and every further instance of this process is of the same library
+    about, before = session.describe(lmp, site), machine()
     chosen = [name for name in SECTIONS if not names or name in names]
     sections: list[Section] = []
     begin = time.perf_counter()
@@ -57,6 +65,26 @@ def collect(names: Sequence[str], quick: bool, out: Path, command: str, progress
     progress.advance(len(chosen), len(chosen), "report")
     page.write(chart, out)
     return chart
+
+
+def beside(engine: str, names: Sequence[str], quick: bool, out: Path, progress: Progress = SILENT) -> Chart:
+    """Measure the same sections on another engine, in a process of its own: two libraries do not fit into one.
+
+    Raises
+    ------
+    EngineMissing
+        The other process failed, with the last line that it left.
+    """
+    from lammps_cases.engine.session import EngineMissing
+
+    folder = out / wording.folder_name(engine)
+    options = [*names, *(["--quick"] if quick else []), "--engine", engine, "--out", str(folder)]
+    progress.advance(0, 1, f"the same on {engine}")
+    command = [sys.executable, "-m", "lammps_cases.cli.main", "chart", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise EngineMissing((done.stderr.strip().splitlines() or [f"{engine}: exit code {done.returncode}"])[-1])
+    return record.DOCUMENT.read(folder / "chart.json")
 
 
 def _section(name: str, quick: bool, lmp: Any) -> Section:

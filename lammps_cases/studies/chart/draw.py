@@ -17,22 +17,29 @@ from lammps_cases.studies.flows.converge import Convergence
 
 # Told apart by colour and by shape; LAMMPS' own are always red stars.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
+_OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # engines beside the first
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
 
 
-def panel_figure(panel: Panel) -> Figure:
-    """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow."""
+def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = ()) -> Figure:
+    """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
+
+    ``others`` are the same panel as measured with other engines, by their versions: of these LAMMPS' points and the
+    frontier.
+    """
     with matplotlib.rc_context(STYLE):
         regimes = panel.regimes
         columns = min(len(regimes), 3)
         rows = -(-len(regimes) // columns)
         marks = _marks(panel.points)
-        handles = _legend(panel, marks)
+        handles = [*_legend(panel, marks), *_legend_of_others(others)]
         legend_columns = 1 if len(handles) <= 16 * rows else 2
         figure = Figure(figsize=(3.5 * columns + 1.9 * legend_columns, 2.9 * rows + 0.5), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, regime in zip(axes, regimes, strict=False):
             _draw_regime(axis, panel, regime, marks)
+            for (_, other), colour in zip(others, _OTHERS, strict=False):
+                _draw_other(axis, other, regime, marks, colour)
         for axis in axes[len(regimes) :]:
             axis.set_visible(False)
         figure.supxlabel(f"ns per {panel.unit} (log)", fontsize=9)
@@ -73,6 +80,29 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
     plain_log_axis(axis.xaxis)
     axis.set_ylim(floor, top)
     axis.set_title(regime)
+
+
+def _draw_other(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[str, str]], colour: str) -> None:
+    """Draw LAMMPS' points and the frontier of another engine over those of the first."""
+    best = frontier(panel.of(regime))
+    if best:
+        x, y = [p.ns.median for p in best], [p.digits for p in best]
+        end, (floor, _) = axis.get_xlim()[1], axis.get_ylim()
+        axis.step([x[0], *x, end], [floor, *y, y[-1]], where="post", color=colour, lw=1.2, ls="--", alpha=0.8)
+    for p in panel.of(regime):
+        if p.engine == LAMMPS:
+            shape = marks.get(p.method, ("", "*"))[1]
+            size = 11 if shape == "*" else 6
+            axis.plot([p.ns.low, p.ns.high], [p.digits] * 2, color=colour, lw=1)
+            axis.plot([p.ns.median], [p.digits], shape, ms=size, mec=colour, mfc="none", mew=1.2, ls="none")
+
+
+def _legend_of_others(others: Sequence[tuple[str, Panel]]) -> list[Line2D]:
+    style: dict[str, Any] = {"ls": "--", "lw": 1.2, "marker": "*", "mfc": "none", "ms": 9}
+    return [
+        Line2D([], [], color=colour, label=f"LAMMPS {version}\nand its frontier", **style)
+        for (version, _), colour in zip(others, _OTHERS, strict=False)
+    ]
 
 
 def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:

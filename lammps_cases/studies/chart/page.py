@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,8 +44,8 @@ class FlowView:
         return seconds.get("lammps", math.nan) / seconds.get("reference", math.nan)
 
 
-def write(chart: Chart, folder: Path) -> None:
-    """Write ``report.html`` and ``figures/*.svg|png``."""
+def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
+    """Write ``report.html`` and ``figures/*.svg|png``, with the frontiers of other engines laid over the first's."""
     figures = folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     html = frame.page(
@@ -53,8 +53,8 @@ def write(chart: Chart, folder: Path) -> None:
         "chart",
         "good",
         chart=chart,
-        facts=_facts(chart),
-        pictures={panel.id: saved(draw.panel_figure(panel), figures, panel.id) for panel in chart.panels},
+        facts=_facts(chart, others),
+        pictures={p.id: saved(draw.panel_figure(p, _of_others(p, others)), figures, p.id) for p in chart.panels},
         maps={m.id: saved(draw.map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
         flows={section.name: list(_flows(section, figures)) for section in chart.sections},
         rows=rows,
@@ -64,10 +64,20 @@ def write(chart: Chart, folder: Path) -> None:
     write_atomically(folder / "report.html", html)
 
 
-def _facts(chart: Chart) -> list[tuple[str, str]]:
+def _label(chart: Chart) -> str:
+    return chart.engine.get("distribution") or chart.engine.get("version_string", "")
+
+
+def _of_others(panel: Panel, others: Sequence[Chart]) -> list[tuple[str, Panel]]:
+    """Return the same panel of other engines, by their versions."""
+    return [(_label(chart), theirs) for chart in others for theirs in chart.panels if theirs.id == panel.id]
+
+
+def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
     machine = chart.machine
+    beside = f", and beside it, measured afterwards: {', '.join(map(_label, others))}" if others else ""
     return [
-        ("LAMMPS", chart.engine.get("distribution") or chart.engine.get("version_string", "")),
+        ("LAMMPS", f"{_label(chart)}{beside}"),
         ("processor", f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start"),
         ("took", f"{chart.seconds:.0f} s" + (" (quick)" if chart.quick else "")),
     ]

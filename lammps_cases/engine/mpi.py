@@ -9,8 +9,6 @@ import shlex
 import shutil
 from pathlib import Path
 
-from eos_ref.errors import InputError
-
 VARIABLE = "EOS_REF_LAUNCHER"  # a command with {n} for the number of ranks, in place of the one found
 OPEN_MPI, MPICH = "Open MPI", "MPICH"
 _PROGRAMS = {OPEN_MPI: ("mpirun.openmpi", "orterun", "mpirun"), MPICH: ("mpiexec.hydra", "mpiexec.mpich", "mpiexec")}
@@ -73,6 +71,8 @@ def checked(template: str) -> str:
     InputError
         Without a place for the number of ranks, or not a command.
     """
+    from eos_ref.errors import InputError  # when asked: workers load a mutated reference after this module
+
     try:
         words = shlex.split(template.format(n=2))
     except (ValueError, IndexError, KeyError) as error:

@@ -109,7 +109,7 @@ def test_faults_of_lammps_that_an_ordinary_run_does_not_show_are_named() -> None
     assert [(a.case, a.finding) for a in found["ranks"].alarms] == [("cross-type.scale.2d", "cross-type-normal")]
     (walls,) = found["rebuilt"].alarms
     assert (walls.case, walls.finding) == ("walls-moving.free.rk1", "walls-after-rebuild")
-    assert "beyond" in walls.message  # the step at which more is wrong than the findings of the scene explain
+    assert "beside" in walls.message  # the step at which more is wrong than the findings of the scene explain
     assert found["ranks"].false == found["rebuilt"].false == 0
 
 

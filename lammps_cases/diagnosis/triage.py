@@ -136,7 +136,9 @@ class _Diagnosis:
             own = min(ready, key=lambda pair: pair[0].size)[1]
             starts += 1
             part: list[CaseRecord] = []
-            searches = [Search(begun, work) for begun in self._started(own)]
+            begun = self._started(own)
+            share = work.left / len(begun)  # that one of them has no pair takes nothing from the other
+            searches = [Search(case, Work(share)) for case in begun]
             for paired, search in itertools.product((False, True), searches):
                 if part:
                     break
@@ -146,6 +148,7 @@ class _Diagnosis:
                 part, named = self._reproduced(survivors, own, rest, work)
                 if part:
                     yield _Part(_group(part, named, tried, spent), part)
+            work.left -= sum(share - max(search.work.left, 0.0) for search in searches)
             rest = [record for record in rest if record not in part]
             if not part:
                 unexplained.append(own)

@@ -25,7 +25,8 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.jit import announce_first_use
 from eos_ref.model.parameters import Gradients, PairTerms, State
-from eos_ref.numbers.columns import Axes, axes, joined
+from eos_ref.numbers.columns import Axes, axes, joined, matrix, summed, symmetric
+from eos_ref.numbers.number import Array
 
 SKIN = 0.1  # of the cutoff
 LANES = (1.0,) * 8  # doubles in a register
@@ -224,7 +225,7 @@ class CompiledEvaluator(Evaluator):
         return np.asarray(self._out(r_n))
 
     def pair_terms(self, fields: PairInput) -> PairTerms:
-        v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n = fields
+        v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n, virial = fields
         model, pair, n, d = self.model, self.model.pair, self.n, self.model.dimension
         hot, damped = model.thermal is not None, pair.rho_damp and model.corrects_gradients
         solids = self.solid_n.any()
@@ -246,12 +247,20 @@ class CompiledEvaluator(Evaluator):
         )
         force_nf, drho_n, heat_n = np.zeros((n, 2 * d)), np.zeros(n), np.zeros(n)
         inputs = arrays, terms, self.like, self.like * d
-        self._each(forces.pair_terms, self.parts, inputs, (force_nf, drho_n, heat_n))
+        virial_nf = np.zeros((n, d * d))
+        self._each(forces.pair_terms, self.parts, inputs, (force_nf, drho_n, heat_n, *([virial_nf] if virial else [])))
         force_nf = self._out(force_nf)
         pressure, rest = axes(force_nf[:, :d]), axes(force_nf[:, d:])
         force_nc = joined([a + b for a, b in zip(pressure, rest, strict=True)])
         flow_n = self._out(heat_n) if hot else None
-        return PairTerms(force_nc, force_nf[:, :d], self._out(drho_n), flow_n)
+        virials = self._virials(virial_nf) if virial else ()
+        return PairTerms(force_nc, force_nf[:, :d], self._out(drho_n), flow_n, *virials)
+
+    def _virials(self, virial_nf: FloatArray) -> tuple[Array, Array]:
+        """Return the virials of every particle, and that of all; see `ArrayEvaluator.virials`."""
+        d = self.model.dimension
+        virial = symmetric(matrix(self._out(virial_nf).reshape(self.n, d, d)))
+        return joined(virial), joined([[summed(w_n) for w_n in row] for row in virial])
 
     # --- properties of a particle
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from eos_ref.compiled import loops
 from eos_ref.compiled.loops import Pairs, both_gradients, slip
-from eos_ref.compiled.vectors import add_to, dot, joined, matrix_times, row, zero
+from eos_ref.compiled.vectors import add_to, dot, joined, matrix_times, outer, row, zero
 from eos_ref.jit import cached, inline
 from eos_ref.model import interactions
 
@@ -115,9 +115,20 @@ def _given(array_n: Any) -> bool:
 
 @_jit
 def pair_terms(
-    pairs: Pairs, f: Fields, terms: Terms, like: Any, like_f: Any, force_nf: Any, drho_n: Any, heat_n: Any
+    pairs: Pairs,
+    f: Fields,
+    terms: Terms,
+    like: Any,
+    like_f: Any,
+    force_nf: Any,
+    drho_n: Any,
+    heat_n: Any,
+    virial_nf: Any = None,
 ) -> None:
-    """Add the force of pressure and artificial viscosity, followed by all other force; density diffusion; heat flow."""
+    """Add the force of pressure and artificial viscosity, followed by all other force; density diffusion; heat flow.
+
+    And the virials of these forces, unless they are None.
+    """
     walls, thermal, artificial = _given(f.chi_n), _given(f.temperature_n), _given(f.v_gradient_nf)
     for i in range(f.volume_n.size):
         a = _particle(f, i, like, like_f)
@@ -149,17 +160,25 @@ def pair_terms(
                 p_sum += _artificial(a, b, v, x, rr, sound, terms)
             if walls and meet:
                 v = (1 + slip(a.chi, b.chi, a.solid, terms.cut)) * v
-                repulsion = joined(zero(like), _repulsion(a, b, rr, sound, terms) * x)
-                force = force + repulsion
-                add_to(force_nf, j, -1.0 * repulsion)
+                repulsion = _repulsion(a, b, rr, sound, terms) * x
+                force = force + joined(zero(like), repulsion)
+                add_to(force_nf, j, -1.0 * joined(zero(like), repulsion))
+                if virial_nf is not None:
+                    add_to(virial_nf, i, 0.5 * outer(x, repulsion))
+                    add_to(virial_nf, j, 0.5 * outer(x, repulsion))
             if terms.xi != 0 and not meet:
                 psi = _density_difference(pairs.gi_pc, a, b, x)
                 drho += _diffusion_term(terms.xi, volume_b, psi, F_a)
                 drho_n[j] += _diffusion_term(terms.xi, volume_a, -psi, F_b)
             push = _pressure_term(volume_a, volume_b, p_sum)
             eta = _mean(a.viscosity, b.viscosity, terms.harmonic)
-            force = force + joined(push * g_a, _viscous_term(eta, volume_a, volume_b, F_a) * v)
-            add_to(force_nf, j, -1.0 * joined(push * g_b, _viscous_term(eta, volume_a, volume_b, F_b) * v))
+            drag_a = _viscous_term(eta, volume_a, volume_b, F_a) * v
+            drag_b = _viscous_term(eta, volume_a, volume_b, F_b) * v
+            force = force + joined(push * g_a, drag_a)
+            add_to(force_nf, j, -1.0 * joined(push * g_b, drag_b))
+            if virial_nf is not None:
+                add_to(virial_nf, i, 0.5 * outer(x, push * g_a + drag_a))
+                add_to(virial_nf, j, 0.5 * outer(x, push * g_b + drag_b))
         add_to(force_nf, i, force)
         drho_n[i] += drho
         heat_n[i] += heat

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.pairs import compacted
+from eos_ref.evaluation.pairs import compacted, search_unit
 from eos_ref.jit import cached, inline
 from eos_ref.model.parameters import Box, IntArray
 
@@ -103,11 +103,12 @@ class Neighbours:
 
         # Wrapping moves a position by a rounding error, which must not lose a pair.
         wide = self.reach * (1 + 1e-9) + 1e-14 * float(np.abs(extent).max())
-        finder = vesin.NeighborList(cutoff=wide, full_list=False, sorted=False, n_threads=1)
+        unit = search_unit(self.reach)
+        finder = vesin.NeighborList(cutoff=wide / unit, full_list=False, sorted=False, n_threads=1)
         periodic = [*self.box.periodic, *([False] * (3 - len(self.box.periodic)))]
         n, d = image_nc.shape
         self.j_p, self.image_pc = np.empty(0, np.uint32), np.empty((0, d), np.int16)  # freed before the new ones come
-        pair_p, shift_p = finder.compute(points, np.diag(extent), periodic, "PS", copy=False)
+        pair_p, shift_p = finder.compute(points / unit, np.diag(extent / unit), periodic, "PS", copy=False)
         self.start_n = np.empty(n + 1, np.int64)
         self.j_p, self.image_pc = np.empty(len(pair_p), np.uint32), np.empty((len(pair_p), d), np.int16)
         _sorted_rows(pair_p, shift_p, image_nc, self.start_n, self.j_p, self.image_pc)

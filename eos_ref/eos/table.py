@@ -32,7 +32,9 @@ class EOS:
         Speed of sound (velocity), > 0. Default 1. Not used by ideal/gas.
     parameter : float, optional
         :math:`A_3` of cubic (1/density\ :sup:`2`), exponent gamma of tait/general (not 0) or heat capacity
-        ratio gamma of ideal/gas (> 1).
+        ratio gamma of ideal/gas (> 1). The manual gives the first two no sign, and both laws have a meaning with
+        either: with :math:`A_3 < 0` the pressure grows with density between the spinodals, with gamma < 0 everywhere,
+        as :math:`dP/d\rho = c^2 (\rho/\rho_0)^{\gamma-1}` (Chaplygin's gas is gamma = -1).
     background : float
         Background pressure :math:`P_b` (pressure), added to the law's value. Default 0.
 

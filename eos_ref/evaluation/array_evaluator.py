@@ -19,7 +19,7 @@ from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
 from eos_ref.model.parameters import BoolArray, Gradients, PairTerms, State
-from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix
+from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix, summed, symmetric
 from eos_ref.numbers.elementary import N, sqrt, where
 from eos_ref.numbers.matrices import cholesky, solve_unit
 from eos_ref.numbers.number import Array, Number
@@ -37,7 +37,7 @@ class ArrayEvaluator(Evaluator):
             raise InputError("positions", "must be finite; the time step may be too long")
         self.i, self.j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut)
         x = axes(x_nc)
-        self.x = [x_n[self.i] - (x_n[self.j] + shift_pc[:, a]) for a, x_n in enumerate(x)]
+        self.x = [self._apart(x_n, shift_pc[:, a]) for a, x_n in enumerate(x)]
         self.rr = dot(self.x, self.x)
         self.r = sqrt(self.rr)
         sigma = self.constant(kernel.normalisation(model.dimension, cut))
@@ -48,6 +48,14 @@ class ArrayEvaluator(Evaluator):
         self.g = self.gradw
         self.coordination_n = np.bincount(self.i, minlength=self.n)
         self.corrected_n = np.zeros(self.n, bool)
+
+    def _apart(self, x_n: Array, shift_p: Array) -> Array:
+        """Return the distance along an axis from j, or its image, to i, (p,); of equal coordinates 0 without error."""
+        apart = x_n[self.i] - (x_n[self.j] + shift_p)
+        if not isinstance(apart, Rounded):
+            return apart
+        same = (value(apart) == 0) & (error(x_n)[self.i] == 0) & (error(x_n)[self.j] == 0) & (shift_p == 0)
+        return Rounded(apart.value, np.where(same, 0.0, apart.error))
 
     def constant(self, factor: N) -> N:
         """Return a parameter's value; its evaluation rounds at most nine times on either side (pi, h, powers)."""
@@ -84,7 +92,7 @@ class ArrayEvaluator(Evaluator):
             return
         h, m = self.moments(rho_n)
         factor, definite_n = cholesky(m)
-        used_n = definite_n & (self.coordination_n >= self.model.fix.zmin)
+        used_n = self.corrects(definite_n)
         self.corrected_n = used_n.answer & ~used_n.open if isinstance(used_n, Decision) else used_n
         used_p = used_n[self.i]
         self.g = []
@@ -94,6 +102,10 @@ class ArrayEvaluator(Evaluator):
             for h_b, c_b in zip(h[1:], c[1:], strict=True):
                 product = product + h_b * c_b[self.i]
             self.g.append(where(used_p, -(self.w * product) / self.model.cut, self.gradw[a]))
+
+    def corrects(self, definite_n: Any) -> Any:
+        """Return which particles have gradients of the reproducing kernel, (n,), of the matrices that have a factor."""
+        return definite_n & (self.coordination_n >= self.model.fix.zmin)
 
     def moments(self, rho_n: Array) -> tuple[list[Array], list[list[Array]]]:
         """Return the bases of pairs, functions of shape (p,), and the moment matrices; see `correct`.
@@ -220,37 +232,61 @@ class ArrayEvaluator(Evaluator):
     # --- pair terms
 
     def pair_terms(self, fields: PairInput) -> PairTerms:
-        v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n = fields
+        v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n, virial = fields
         model, i, j = self.model, self.i, self.j
         rho_i, rho_j = self.density_pair(rho_n)
         volume_i, volume_j = self.collecting_volume(rho_i), self.mass_n[j] / rho_j
         F = dot(self.x, self.g) / self.rr
         mechanical = ~(self.solid_n[i] & self.solid_n[j])
-        mean = interactions.harmonic_mean if model.pair.harmonic_means else interactions.arithmetic_mean
         sound = interactions.arithmetic_mean(sound_n[i], sound_n[j])
         p_sum = pressure_n[i] + pressure_n[j]
         if model.pair.artificial_viscosity:
             p_sum = p_sum + self.artificial(v_nc, rho_n, sound, grad)
         coefficient = where(mechanical, interactions.pressure_term(volume_i, volume_j, p_sum), 0.0)
-        pressure_force = [self.total(coefficient * g_a) for g_a in self.g]
-        eta = mean(viscosity_n[i], viscosity_n[j])
+        forces = [[coefficient * g_a for g_a in self.g]]
+        eta = self.mean(viscosity_n[i], viscosity_n[j])
         coefficient = where(mechanical, interactions.viscous_term(eta, volume_i, volume_j, F), 0.0)
-        force = [
-            f_a + self.total(coefficient * v_a)
-            for f_a, v_a in zip(pressure_force, self.velocity_difference(v_nc, chi_n), strict=True)
-        ]
+        forces.append([coefficient * v_a for v_a in self.velocity_difference(v_nc, chi_n)])
         if self.walls:
             assert chi_n is not None
             repulsion = self.repulsion(chi_n, sound) / self.r
-            force = [f_a + self.total(repulsion * x_a) for f_a, x_a in zip(force, self.x, strict=True)]
+            forces.append([repulsion * x_a for x_a in self.x])
+        pressure_force = [self.total(f_a) for f_a in forces[0]]
+        force = pressure_force
+        for term in forces[1:]:
+            force = [f_a + self.total(t_a) for f_a, t_a in zip(force, term, strict=True)]
         heat_n = None
         if temperature_n is not None:
             kappa_n = self.conduction()
-            kappa = mean(kappa_n[i], kappa_n[j])
+            kappa = self.mean(kappa_n[i], kappa_n[j])
             flow = interactions.heat_term(kappa, self.heated_volume(rho_i, rho_j), volume_j, F)
             heat_n = self.total(flow * (temperature_n[i] - temperature_n[j]))
         drho_n = self.diffusion(rho_n, volume_j, F, grad)
-        return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n)
+        virials = (
+            self.virials([sum(parts[1:], start=parts[0]) for parts in zip(*forces, strict=True)]) if virial else ()
+        )
+        return PairTerms(joined(force), joined(pressure_force), drho_n, heat_n, *virials)
+
+    def virials(self, force: Axes) -> tuple[Array, Array]:
+        r"""Return the virials of forces on the particles of pairs: of every particle, and that of all, (n, d, d).
+
+        :math:`W_{i,ab}=\frac12\sum_jx_{ij,a}f_{ij,b}` for :math:`a\le b`, the other half of the tensor the same.
+        """
+        virial = symmetric([[0.5 * self.total(x_a * f_b) for f_b in force] for x_a in self.x])
+        # The same sum as places times forces, as it is documented, rounds more; m - m is 0 with the errors of m.
+        ends = zip(self.box.low_c, self.box.high_c, strict=True)
+        reach = [max(abs(low), abs(high)) + self.model.cut for low, high in ends]
+        by_places = symmetric([[summed(self.total(x * f_b)) for f_b in force] for x in reach])
+        whole = [
+            [summed(w_n) + (m_n - m_n) for w_n, m_n in zip(*rows, strict=True)]
+            for rows in zip(virial, by_places, strict=True)
+        ]
+        return joined(virial), joined(whole)
+
+    def mean(self, of_i: Array, of_j: Array) -> Array:
+        """Return the mean of a viscosity or conductivity of both particles of every pair, (p,)."""
+        harmonic = self.model.pair.harmonic_means
+        return (interactions.harmonic_mean if harmonic else interactions.arithmetic_mean)(of_i, of_j)
 
     def collecting_volume(self, rho_i: Array) -> Array:
         """Return the volume of the particle that a pair's force acts on."""

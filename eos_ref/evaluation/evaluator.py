@@ -49,6 +49,7 @@ class PairInput(NamedTuple):
     chi_n : (n,) same-phase fractions, with interface/reconstruct
     gradient : of velocity for artificial viscosity, of density for rho/damp
     temperature_n : (n,) temperatures, with a thermal model
+    virial : whether virials are summed as well
     """
 
     v_nc: Array
@@ -59,6 +60,7 @@ class PairInput(NamedTuple):
     chi_n: Array | None
     gradient: Gradients
     temperature_n: Array | None = None
+    virial: bool = False
 
 
 @dataclass(eq=False, repr=False)

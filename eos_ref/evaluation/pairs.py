@@ -26,6 +26,11 @@ def compacted(x_n: FloatArray, reach: float) -> FloatArray:
     return compact_n
 
 
+def search_unit(reach: float) -> float:
+    """Return the unit of length for vesin, a power of two near the reach: in a box of 1e-3 its search does not end."""
+    return float(2.0 ** np.round(np.log2(reach)))
+
+
 def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
     """Return all ordered pairs and images with r < cut: indices i, j (p,) and displacements of j's image (p, d).
 
@@ -45,8 +50,9 @@ def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, In
     span = points[:, :d].max(axis=0, initial=0.0) + 4 * cut  # from 0 on along open axes
     extent[:d] = np.where(box.periodic, edge, span)
     periodic = [*box.periodic, *([False] * (3 - d))]
-    wide = vesin.NeighborList(cutoff=cut * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
-    i, j, s_pc = wide.compute(points, np.diag(extent), periodic, "ijS")
+    unit = search_unit(cut)
+    wide = vesin.NeighborList(cutoff=cut / unit * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
+    i, j, s_pc = wide.compute(points / unit, np.diag(extent / unit), periodic, "ijS")
     i, j = i.astype(np.int64), j.astype(np.int64)
     shift_pc = s_pc[:, :d] * edge + (wrap_nc[j] - wrap_nc[i])
     r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))

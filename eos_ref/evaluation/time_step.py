@@ -10,6 +10,7 @@ are LAMMPS' to define.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, Self
@@ -21,8 +22,10 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.model import per_atom, quantities
+from eos_ref.model.consistent import consistent_model, consistent_state
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state
-from eos_ref.numbers.columns import axes, dot, joined, matrix
+from eos_ref.model.units import UNITS, Units
+from eos_ref.numbers.columns import axes, dot, joined, matrix, summed
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Rounded, value
@@ -51,12 +54,17 @@ class Simulation:
         After `evaluate`, with summed and reconstructed densities.
     fields : dict
         Results of the last evaluation by LAMMPS' names: ``coordination``, ``grad/v`` (n, d, d), ``f`` (n, d), ...
+    system, units : Units
+        The system of the model, and the units of what is given and of `output`: all else is in products of its units
+        of length, mass and time.
 
     Raises
     ------
     InputError
         See `check_state`; a field that the model does not have.
     """
+
+    system = units = UNITS["lj"]
 
     def __init__(
         self,
@@ -69,7 +77,9 @@ class Simulation:
         check_state(model, box, state)
         if isinstance(fields, str):
             raise InputError("fields", "must be a list of names", fields)
-        own = state.copy()
+        self.system = UNITS[model.units]
+        self.units = self.conversion()
+        model, own = consistent_model(model, self.units), consistent_state(state.copy(), self.units)
         self._start(own, evaluator(model, box, own.type_n, own.solid_n), tuple(fields))
         self.mass_n = model.mass[own.type_n - 1]
 
@@ -94,9 +104,14 @@ class Simulation:
         self.gradient, self.surface = Gradients(), Surface()
         self.chi_n: Array | None = None
         self.pressure_force_nc: Array | None = None
+        self.virial_ncc: Any = None  # of all particles
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
         self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
+
+    def conversion(self) -> Units:
+        """Return the units that the numbers given and shown are converted by: those of the system."""
+        return self.system
 
     # --- force evaluation
 
@@ -160,8 +175,13 @@ class Simulation:
         sound_n = e.sound_speed(s.energy_n)
         T_n = fields.get("temperature")
         terms = e.pair_terms(
-            PairInput(s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, T_n)
+            PairInput(
+                *(s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, T_n),
+                virial="stress/atom" in self.plan,
+            )
         )
+        if terms.virial_ncc is not None:
+            fields["stress/atom"], self.virial_ncc = -terms.virial_ncc, terms.whole_ncc
         fields["drho"] = terms.drho_n
         if terms.heat_n is not None:
             fields["heatflow"] = terms.heat_n
@@ -190,18 +210,37 @@ class Simulation:
         """Evaluate before the first step, without a history of forces."""
         self.evaluate()
 
+    def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
+        """Evaluate the state reached as one that is given: a run begins so, whatever came before it.
+
+        ``new_n``, particles that are new to whoever keeps a history of forces, and ``read_back``, whether the state
+        was read from a file, make no difference here.
+        """
+        self.other_nc = self.kept_at_stop(new_n)
+        self.fresh = True
+        self.setup()
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the accelerations without pressure that a set-up begins with, (n, d): none are known before a step."""
+        return np.zeros(self.state.x_nc.shape)
+
     # --- time step
 
     def keep_forces(self) -> None:
         """Keep the accelerations that the extrapolation to walls needs.
 
-        Of fluid: force without the pairs' pressure and artificial viscosity, over mass. Of a solid whose force is set,
-        that force; of another solid as of fluid.
+        Force without the pairs' pressure and artificial viscosity, over mass; of a particle whose force is set, that
+        force, in which there is no pressure.
         """
         mass = self.mass_n[:, None]
         force_nc = self.fields["f"]
-        given = (self.set_n & self.state.solid_n)[:, None]
+        given = self.set_n[:, None]
         self.other_nc = np.where(given, force_nc, force_nc - self.pressure_force_nc) / mass
+
+    def acceleration(self) -> Array:
+        """Return the accelerations by the last forces, (n, d)."""
+        acceleration_nc: Array = self.fields["f"] / self.mass_n[:, None]
+        return acceleration_nc
 
     def step(self, dt: float) -> None:
         """Take one step of length dt (velocity Verlet with the half-step gradients at old positions)."""
@@ -211,7 +250,7 @@ class Simulation:
             self.setup()
         self.fresh = False
         fluid = ~s.solid_n
-        s.v_nc = s.v_nc + 0.5 * dt * (self.fields["f"] / self.mass_n[:, None])
+        s.v_nc = s.v_nc + 0.5 * dt * self.acceleration()
         before = self.fields  # the last evaluation's; the next one makes a dictionary of its own
         if model.fix.interface_reconstruct:
             self.keep_forces()
@@ -227,7 +266,7 @@ class Simulation:
             self._change_phase()
         del before, gradient  # a hundred bytes per particle that the next evaluation can use
         self.evaluate()
-        s.v_nc = s.v_nc + 0.5 * dt * (self.fields["f"] / self.mass_n[:, None])
+        s.v_nc = s.v_nc + 0.5 * dt * self.acceleration()
         if not model.fix.rho_sum:
             self._continuity(0.5 * dt, self.fields["drho"], self.gradient)
         if model.thermal is not None:
@@ -317,7 +356,7 @@ class Simulation:
     # --- outputs
 
     def output(self, field: str) -> Any:
-        """Return a field as LAMMPS reports it now: of the state, or of the last force evaluation.
+        """Return a field as LAMMPS reports it now, in the model's units: of the state, or of the last force evaluation.
 
         Raises
         ------
@@ -325,16 +364,30 @@ class Simulation:
             A field that there is not, that the model does not have, or that this simulation did not evaluate.
         """
         read = quantities.of_model(self.model, field).output
-        if read:
-            return read(self)
-        if field not in self.fields:
+        if not read and field not in self.fields:
             raise InputError("field", "was not evaluated: name it in fields", field)
-        return self.fields[field]
+        values = read(self) if read else self.fields[field]
+        unit = self.units.of(field)
+        return values if unit == 1 else values / unit
 
     def stress(self, total: bool) -> Array:
         """Return the viscous or total stresses, (n, d, d), of the last gradients and the present pressure."""
-        viscosity_n, p_n = self.fields["viscosity"], self.output("pressure") if total else None
+        s, viscosity_n = self.state, self.fields["viscosity"]
+        p_n = self.evaluator.pressure(s.rho_n, s.energy_n) if total else None
         return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))
+
+    def pressure_of_all(self) -> Array:
+        r"""Return the pressure tensor :math:`\sum_iW_i/V`, V being that of the box, for all alike, (n, d, d)."""
+        tensor: Array = self.virial_ncc / math.prod(self.box.edge_c)
+        return tensor
+
+    def press(self) -> Array:
+        r"""Return the pressure :math:`(\sum_im_iv_i^2+\mathrm{tr}\sum_iW_i)/(dV)` of the state, for all alike, (n,)."""
+        v, volume = axes(self.state.v_nc), math.prod(self.box.edge_c)
+        tensor = matrix(self.virial_ncc)
+        twice_kinetic = summed(self.mass_n * dot(v, v))
+        trace = sum((tensor[a][a] for a in range(1, len(v))), start=tensor[0][0])
+        return (twice_kinetic + trace) / (self.model.dimension * volume)
 
     def status(self) -> FloatArray:
         """Return the status words, (n,): 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""

@@ -27,7 +27,8 @@ def arithmetic_mean(a: N, b: N) -> N:
 def harmonic_mean(a: N, b: N) -> N:
     """Return the mean of a coefficient of two particles with keyword harmonic/means, 2ab/(a + b); 0 if both are 0."""
     total = a + b
-    return where(total == 0, 0.0, 2 * (a * b) / where(total == 0, 1.0, total))  # type: ignore[comparison-overlap]
+    # One over the sum first: the product of two large or small numbers leaves the range of doubles.
+    return where(total == 0, 0.0, 2 * (a / where(total == 0, 1.0, total) * b))  # type: ignore[comparison-overlap]
 
 
 def pressure_term(volume_i: N, volume_j: N, p_sum: N) -> N:

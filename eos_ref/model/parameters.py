@@ -1,8 +1,8 @@
 r"""The particle model that a deck defines: everything fixed before the first step, the box, and the state.
 
 One `Model` holds what fix rheo, pair_style rheo, fix rheo/viscosity, fix rheo/pressure, fix rheo/thermal and the
-external forces say; one `State` what a time step changes. Quantities are in any consistent units in which force over
-mass is an acceleration (lj, si, cgs, micro, nano).
+external forces say; one `State` what a time step changes. Quantities are in the units of the model's system, and turned
+into consistent ones before anything is computed (`eos_ref.model.consistent`).
 """
 
 from __future__ import annotations
@@ -20,11 +20,15 @@ from eos_ref.eos.table import EOSTable, FloatArray
 from eos_ref.errors import InputError
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.styles import KERNELS
+from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.fixes import FixRheo
 from eos_ref.syntax.ranges import type_range
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.integer[Any]]
+
+
+SMALLEST = float(np.finfo(float).tiny)  # the least number with all its digits
 
 
 def _check_positive(what: str, number: float) -> None:
@@ -64,6 +68,8 @@ class Viscosity:
 
     power: :math:`\eta` up to the strain rate :math:`\dot\gamma_0`, beyond it
     :math:`K\dot\gamma^{n-1} + \tau_0/\dot\gamma` with :math:`\tau_0 = \eta\dot\gamma_0 - K\dot\gamma_0^n`.
+
+    With a negative n the stress would fall as the strain rate grows, to 0 and below. n = 0 is a yield stress alone.
     """
 
     style: Literal["constant", "power"]
@@ -76,7 +82,7 @@ class Viscosity:
         for name in ("eta", "gd0", "K", "n"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError(f"{name} of rheo/viscosity", "must be a finite number", getattr(self, name))
-        for name in ("eta", "gd0", "K"):
+        for name in ("eta", "gd0", "K", "n"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} of rheo/viscosity", "must not be negative", getattr(self, name))
         if self.style not in ("constant", "power"):
@@ -159,6 +165,8 @@ class Model:
     viscosity : sequence of Viscosity, one per type
     thermal : sequence of Thermal or None
     forces : sequence of Force
+    units : {"lj", "si", "real", "metal", "cgs", "micro", "nano"}
+        The system that all numbers are measured in.
 
     Raises
     ------
@@ -174,10 +182,17 @@ class Model:
     viscosity: tuple[Viscosity, ...]
     thermal: tuple[Thermal, ...] | None = None
     forces: tuple[Force, ...] = ()
+    units: UnitStyle = "lj"
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise InputError("dimension", "must be 2 or 3", self.dimension)
+        if self.units not in UNITS:
+            raise InputError("units", f"must be one of {', '.join(UNITS)}", self.units)
+        if self.dimension == 2 and not UNITS[self.units].consistent:
+            raise InputError(
+                "units", "must not be real or metal in 2D: pressure and viscosity have no unit there", self.units
+            )
         for what, values in (("equation of state", self.eos), ("viscosity", self.viscosity), ("thermal", self.thermal)):
             self._check_count(what, values)
         for mass in self.mass_t:
@@ -188,6 +203,10 @@ class Model:
             self._check_count(what, values_t)
             for number in values_t or ():
                 _check_positive(what, number)
+        for t, (rho0, cs) in enumerate(zip(self.rho0.tolist(), self.cs.tolist(), strict=True), 1):
+            if not SMALLEST <= rho0 * cs * cs < math.inf:
+                rule = f"density times speed/sound squared must be a number with all its digits for type {t}"
+                raise InputError("scale of the pressure", rule, rho0 * cs * cs)
         for types in self.fix.shift.exclude_types if self.fix.shift else ():
             type_range(types, len(self.mass_t), "exclude/type")
         for force in self.forces:
@@ -203,6 +222,8 @@ class Model:
         if fix.kernel not in KERNELS:
             raise InputError("kernel", f"must be one of {', '.join(KERNELS)}", fix.kernel)
         _check_positive("cut", fix.cut)
+        if not 1e-100 <= fix.cut <= 1e100:
+            raise InputError("cut", "must lie within 1e-100 and 1e100, beyond which W(0) is 0 or infinite", fix.cut)
         if self.pair.cut != fix.cut:
             raise InputError("cutoff of pair_style rheo", f"must equal that of fix rheo ({fix.cut:g})", self.pair.cut)
         if fix.self_mass and not fix.rho_sum:
@@ -304,12 +325,17 @@ class State:
 
 @dataclass(frozen=True)
 class PairTerms:
-    """Sums over the pairs: force (n, d), its pressure and artificial part, density diffusion (n,), heat flow (n,)."""
+    """Sums over the pairs: force (n, d), its pressure and artificial part, density diffusion (n,), heat flow (n,).
+
+    And virials (n, d, d), where they are asked for: of each particle, and for every particle that of all.
+    """
 
     force_nc: Any
     pressure_force_nc: Any
     drho_n: Any
     heat_n: Any
+    virial_ncc: Any = None
+    whole_ncc: Any = None
 
 
 @dataclass(frozen=True)
@@ -334,11 +360,14 @@ class Gradients:
 def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     """Check a state against its model, once, at the edge.
 
+    With a negative energy the square of a gas' speed of sound is negative; with 0 the gas is at absolute zero. To
+    conduction, melting and freezing only differences of energies matter: those of other laws are counted from any zero.
+
     Raises
     ------
     InputError
         Arrays of the wrong shape, values that are not finite, particles outside the box or on the same spot, densities
-        that are not positive, energies missing for a thermal model.
+        that are not positive, energies missing for a thermal model or negative for a gas.
     """
     n, d = len(state.x_nc), model.dimension
     if n == 0:
@@ -364,6 +393,11 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
         raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", low if low < 1 else high, where)
     if model.thermal is not None and state.energy_n is None:
         raise InputError("energy", "must be given for every particle of a thermal model", where=where)
+    if state.energy_n is not None:
+        gas_n = np.array([law.needs_energy for law in model.eos])[state.type_n - 1]
+        if (bad_n := gas_n & (state.energy_n < 0)).any():
+            k = int(np.argmax(bad_n))
+            raise InputError("energy", f"of gas particle {k + 1} must not be negative", float(state.energy_n[k]), where)
     if not model.fix.rho_sum and not (state.rho_n > 0).all():
         k = int(np.argmin(state.rho_n > 0))
         raise InputError("density", f"must be positive, but is not for particle {k + 1}", float(state.rho_n[k]), where)

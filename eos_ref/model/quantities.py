@@ -15,6 +15,7 @@ import numpy as np
 
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Gradients, Model, State, Surface
+from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 
 Keyword = Literal["interface/reconstruct", "shift", "surface/detection", "thermal"]
@@ -53,6 +54,12 @@ class Evaluation(Protocol):
 
     def status(self) -> Array:
         """Return the status word of every particle."""
+
+    def pressure_of_all(self) -> Array:
+        """Return the pressure tensor of the virial of all particles."""
+
+    def press(self) -> Array:
+        """Return the pressure of all particles, with the kinetic part."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +162,13 @@ QUANTITIES: dict[str, Quantity] = {
         ),
         Quantity("correction", "matrices of reproducing kernels", inputs=("kernel", "coordination", "rho")),
         Quantity("chi", "same-phase fractions", inputs=("kernel", "rho"), keyword="interface/reconstruct"),
+        Quantity(
+            "rho_wall",
+            "densities of walls",
+            DENSITY,
+            part_of="chi",
+            output=lambda e: where(e.state.solid_n, e.state.rho_n, 0.0),
+        ),
         Quantity("grad/v", "velocity gradients", RATE, 2, _gradient, result=lambda e: e.gradient.v_ncc),
         Quantity(
             "grad/rho", "density gradients", Dimension(-1, 1, 0, -1), 1, _gradient, result=lambda e: e.gradient.rho_nc
@@ -199,6 +213,11 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("heatflow", "heat flows", POWER, inputs=_pair_terms, keyword="thermal"),
         Quantity("drho", "rates of density", Dimension(0, 1, -1, -1), inputs=_pair_terms),
         Quantity("f", "forces", FORCE, 1, lambda model: (*_pair_terms(model), "pressure", "viscosity")),
+        Quantity("stress/atom", "virial stresses", ENERGY, 2, ("f",)),
+        Quantity(
+            "virial", "virial pressures", PRESSURE, 2, part_of="stress/atom", output=lambda e: e.pressure_of_all()
+        ),
+        Quantity("press", "overall pressures", PRESSURE, part_of="stress/atom", output=lambda e: e.press()),
         Quantity("x", "positions", LENGTH, 1, integrated=True, output=lambda e: e.state.x_nc),
         Quantity("v", "velocities", VELOCITY, 1, integrated=True, output=lambda e: e.state.v_nc),
         Quantity("energy", "energies", ENERGY, keyword="thermal", integrated=True, output=lambda e: e.state.energy_n),

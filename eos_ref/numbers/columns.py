@@ -33,6 +33,21 @@ def joined(columns: Sequence[Array] | Sequence[Axes]) -> Array:
     return np.stack([value(p) for p in parts], axis)
 
 
+def symmetric(rows: Sequence[Axes]) -> list[Axes]:
+    """Return rows of components with those above the diagonal below it, too."""
+    d = range(len(rows))
+    return [[rows[min(a, b)][max(a, b)] for b in d] for a in d]
+
+
+def summed(array_n: Array) -> Array:
+    """Return the sum of all elements, in every element, (n,)."""
+    n = len(array_n)
+    if isinstance(array_n, Rounded):
+        total = array_n.sum_by(np.zeros(n, int), 1)
+        return Rounded(np.full(n, total.value[0]), total.error[0])
+    return np.full(n, value(array_n).sum())
+
+
 def dot(a: Axes, b: Axes) -> Array:
     """Return the scalar product of two vectors, shape (n,)."""
     total = a[0] * b[0]

@@ -8,13 +8,14 @@ import numpy as np
 
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.number import Array
-from eos_ref.numbers.rounded import value
+from eos_ref.numbers.rounded import Decision, Rounded, exact_zero, value
 
 
 def cholesky(m: list[list[Array]]) -> tuple[list[list[Any]], Any]:
     """Factorise many symmetric matrices at once, given by rows of their lower triangles, entries of shape (n,).
 
-    Returns their lower factors, likewise, and the flags (n,) of those that have one: the positive definite.
+    Returns their lower factors, likewise, and the flags (n,) of those that have one: the positive definite. Where
+    rounding decides whether a matrix has one, nothing is known of the factor.
     """
     size = len(m)
     factor: list[list[Any]] = [[0.0] * size for _ in range(size)]
@@ -25,11 +26,14 @@ def cholesky(m: list[list[Array]]) -> tuple[list[list[Any]], Any]:
             for k in range(b):
                 rest = rest - factor[a][k] * factor[b][k]
             if a == b:
-                positive = value(rest) > 0
-                definite_n = definite_n & (rest > 0)
-                factor[a][a] = sqrt(where(positive, rest, 1.0))
+                positive = rest > 0
+                definite_n = definite_n & positive
+                factor[a][a] = sqrt(where(value(rest) > 0, rest, 1.0))
+                if isinstance(positive, Decision):
+                    diagonal = factor[a][a]
+                    factor[a][a] = Rounded(diagonal.value, np.where(positive.open, np.inf, diagonal.error))
             else:
-                factor[a][b] = rest / factor[b][b]
+                factor[a][b] = where(exact_zero(rest), 0.0, rest / factor[b][b])  # whatever the diagonal is
     return factor, definite_n
 
 

@@ -4,8 +4,9 @@ A `Rounded` array holds values and, per element, the largest difference that rou
 evaluations of the formula it went through. Every operation passes the errors of its operands on and adds its own: two
 units of the last place, one for each side and each once more because the other side may need an extra operation (a
 reciprocal and a product for a quotient, say). A sum of k terms adds k roundings of the sum of the absolute terms, so
-that it may be taken in any order. This is running error analysis (Higham, Accuracy and Stability of Numerical
-Algorithms, section 3.3) with a rounding constant of four unit roundoffs.
+that it may be taken in any order. What is 0 without error stays so: its sums and products are 0 in any order. This is
+running error analysis (Higham, Accuracy and Stability of Numerical Algorithms, section 3.3) with a rounding constant of
+four unit roundoffs.
 
 A comparison gives a `Decision`: where the operands are closer than their errors either answer is right, and what
 depends on it has an error as large as the difference between the two outcomes.
@@ -32,6 +33,11 @@ def value(x: Any) -> Array:
 def error(x: Any) -> Array:
     """Return the errors of an array; 0 for plain numbers, which are exact."""
     return x.error if isinstance(x, Rounded) else np.zeros(np.shape(x))
+
+
+def exact_zero(x: Any) -> Array:
+    """Return where an array of any kind is 0 without error: in every correct evaluation."""
+    return np.asarray((value(x) == 0) & (error(x) == 0))
 
 
 def placed(part: Any, at: Array, rest: Any) -> Any:
@@ -101,8 +107,9 @@ class Rounded:
             bound = np.where(np.isnan(bound), np.inf, bound)
         self.error = np.broadcast_to(bound, self.value.shape)
 
-    def _rounded(self, value: Array, error: Array) -> Rounded:
-        return Rounded(value, error + ROUNDING * np.abs(value) + TINY)
+    def _rounded(self, value: Array, error: Array, underflow: float = TINY) -> Rounded:
+        """Add the rounding of one operation; sums and differences do not underflow."""
+        return Rounded(value, error + ROUNDING * np.abs(value) + underflow)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -122,20 +129,22 @@ class Rounded:
         return Rounded(np.abs(self.value), self.error)
 
     def __add__(self, other: Any) -> Rounded:
-        return self._rounded(self.value + value(other), self.error + error(other))
+        return self._rounded(self.value + value(other), self.error + error(other), 0.0)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Rounded:
-        return self._rounded(self.value - value(other), self.error + error(other))
+        return self._rounded(self.value - value(other), self.error + error(other), 0.0)
 
     def __rsub__(self, other: Any) -> Rounded:
-        return self._rounded(value(other) - self.value, self.error + error(other))
+        return self._rounded(value(other) - self.value, self.error + error(other), 0.0)
 
     def __mul__(self, other: Any) -> Rounded:
         a, b, da, db = self.value, value(other), self.error, error(other)
         with np.errstate(invalid="ignore"):  # an unbounded error times 0 stays unbounded: NaN is never inside a bound
-            return self._rounded(a * b, np.abs(a) * db + np.abs(b) * da + da * db)
+            product = self._rounded(a * b, np.abs(a) * db + np.abs(b) * da + da * db)
+        none = (exact_zero(self) & np.isfinite(db)) | (exact_zero(other) & np.isfinite(da))
+        return Rounded(product.value, np.where(none, 0.0, product.error))
 
     __rmul__ = __mul__
 
@@ -176,8 +185,9 @@ class Rounded:
 
     def _compare(self, other: Any, relation: Callable[[Any, Any], Any]) -> Decision:
         a, b = self.value, value(other)
+        errors = self.error + error(other)
         # Not "<=": an error that is no number leaves everything open.
-        return Decision(relation(a, b), ~(np.abs(a - b) > self.error + error(other)))
+        return Decision(relation(a, b), ~((np.abs(a - b) > errors) | ((a == b) & (errors == 0))))
 
     def __eq__(self, other: object) -> Any:
         """Return where the values are equal, as plain flags: a guard against dividing by an exact 0."""
@@ -201,7 +211,7 @@ class Rounded:
         """Return the sums (n,) of the elements with each row number, in any order."""
         count_n = np.bincount(row_p, minlength=n)
         absolute_n = np.bincount(row_p, np.abs(self.value), n)
-        error_n = np.bincount(row_p, self.error, n) + count_n * (ROUNDING * absolute_n + TINY)
+        error_n = np.bincount(row_p, self.error, n) + count_n * (ROUNDING * absolute_n)
         return Rounded(np.bincount(row_p, self.value, n), error_n)
 
 
@@ -210,4 +220,5 @@ def _quotient(a: Array, da: Array, b: Array, db: Array) -> Rounded:
         x = a / b
         room = np.abs(b) - db
         error = np.where(room > 0, (da + np.abs(x) * db) / room, np.inf)
-    return Rounded(x, error + ROUNDING * np.abs(x) + TINY)
+    none = (a == 0) & (da == 0) & (room > 0)
+    return Rounded(x, np.where(none, 0.0, error + ROUNDING * np.abs(x) + TINY))

@@ -7,17 +7,17 @@ is refused here with one line that says why.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NoReturn, cast, get_args
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast, get_args
 
 from eos_ref.eos.registry import PARAMETER, STYLES, Style
 from eos_ref.eos.table import EOS, EOSTable
-from eos_ref.errors import InputError, nearest
+from eos_ref.errors import InputError
 from eos_ref.kernels.styles import KernelStyle
 from eos_ref.syntax.manual import FIRST, Manual, weighs_distance
 from eos_ref.syntax.ranges import type_range
+from eos_ref.syntax.words import Words, fix
 
 SurfaceStyle = Literal["coordination", "divergence"]
 
@@ -43,11 +43,24 @@ class PressureEntry:
 
 @dataclass(frozen=True)
 class SurfaceDetection:
-    """Arguments of the surface/detection keyword."""
+    """Arguments of the surface/detection keyword.
+
+    Both limits are compared with what cannot be negative: a number of neighbours, or the divergence of positions
+    -sum_j V_j x_ij . grad W_ij, each term of which is positive as W falls with distance. A negative limit has no
+    meaning; 0 is the limit that nothing falls below. A number of neighbours is whole.
+    """
 
     style: SurfaceStyle
     limit: float
     splash: int
+
+    def __post_init__(self) -> None:
+        for what, limit in (("limit", self.limit), ("limit/splash", self.splash)):
+            if not (math.isfinite(limit) and limit >= 0):
+                raise InputError(f"{what} of surface/detection", "must not be negative", limit)
+        if self.style == "coordination" and self.limit != int(self.limit):
+            rule = "must be a whole number of neighbours for coordination"
+            raise InputError("limit of surface/detection", rule, self.limit)
 
 
 @dataclass(frozen=True)
@@ -56,11 +69,24 @@ class Shift:
 
     The support of a particle by its own type is sum_j W_ij in the manual of 22 Jul 2025, compared with wmin (1/volume),
     and sum_j r_ij W_ij in that of 4 Jul 2026, compared with rmin (length/volume): ``weighs_distance``.
+
+    shiftscale is the fraction of the shift that is left, by the manual 0 (none) to 1 (all). Color function and support
+    are sums of what is not negative, so that a threshold below 0 has no meaning.
     """
 
     exclude_types: tuple[str, ...] = ()
     scale_cross_type: tuple[float, float, float] | None = None
     weighs_distance: bool = False
+
+    def __post_init__(self) -> None:
+        if self.scale_cross_type is None:
+            return
+        scale, cmin, support = self.scale_cross_type
+        if not 0 <= scale <= 1:
+            raise InputError("shiftscale", "must be a fraction, 0 to 1", scale)
+        for what, threshold in (("cmin", cmin), ("rmin" if self.weighs_distance else "wmin", support)):
+            if not (math.isfinite(threshold) and threshold >= 0):
+                raise InputError(what, "must not be negative", threshold)
 
 
 @dataclass(frozen=True)
@@ -91,90 +117,6 @@ class FixRheo:
     cs: tuple[float, ...] | None = None
 
 
-@dataclass
-class _Words:
-    """The words of a command, read one after another; every complaint names the command."""
-
-    words: list[str]
-    command: str
-    position: int = field(default=0)
-
-    def fail(self, what: str, rule: str, found: object = None) -> NoReturn:
-        raise InputError(what, rule, found, self.command)
-
-    @property
-    def left(self) -> bool:
-        return self.position < len(self.words)
-
-    def peek(self) -> str:
-        return self.words[self.position] if self.left else ""
-
-    def word(self, what: str) -> str:
-        if not self.left:
-            self.fail(what, "is missing at the end of the command")
-        self.position += 1
-        return self.words[self.position - 1]
-
-    def number(self, what: str) -> float:
-        text = self.word(what)
-        value = _float(text)
-        if value is None or not math.isfinite(value):
-            self.fail(what, "must be a finite number", text)
-        return value
-
-    def integer(self, what: str) -> int:
-        text = self.word(what)
-        if not re.fullmatch("[+-]?[0-9]{1,18}", text):
-            self.fail(what, "must be a whole number of at most 18 digits", text)
-        return int(text)
-
-    def numbers(self, what: str, ntypes: int | None) -> tuple[float, ...]:
-        values: list[float] = []
-        while self.left and _float(self.peek()) is not None:
-            values.append(self.number(what))
-        if not values or (ntypes is not None and len(values) != ntypes):
-            found = " ".join(map(str, values)) or self.peek()
-            self.fail(what, f"needs one value per atom type ({'N' if ntypes is None else ntypes})", found)
-        for value in values:
-            if value <= 0:
-                self.fail(what, "must be positive", value)
-        return tuple(values)
-
-
-def _float(text: str) -> float | None:
-    if "_" in text or not text.isascii():  # Python's float takes 1_000 and the digits of every script
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def _words(text: str, style: str) -> _Words:
-    """Split a fix command and check ``fix ID all STYLE``."""
-    # As in LAMMPS, & is the last printable character of its line, and a comment ends at its (joined) line.
-    lines = [line.split("#", 1)[0] for line in re.sub(r"&[ \t\r]*\n", "", text).splitlines()]
-    lines = [" ".join(line.split()) for line in lines if line.strip()]
-    if len(lines) > 1:
-        raise InputError("command", "must be a single one (& at the end of a line continues it)", lines[1], lines[0])
-    command = lines[0] if lines else ""
-    words = _Words(command.split(), command)
-    if words.word("command") != "fix":
-        words.fail("command", "must begin with fix", words.words[0])
-    words.word("fix ID")
-    group = words.word("group-ID")
-    if group != "all":
-        words.fail(f"group of fix {style}", "must be all", group)
-    found = words.word("fix style")
-    if found != style:
-        words.fail("fix style", f"must be {style}", found)
-    return words
-
-
-def _one_of(word: str, choices: Sequence[str]) -> str:
-    return f"must be one of {', '.join(choices)}{nearest(word, choices)}"
-
-
 def parse_fix_rheo_pressure(text: str) -> tuple[PressureEntry, ...]:
     """Read ``fix ID all rheo/pressure type1 pstyle1 args1 ...``.
 
@@ -190,15 +132,13 @@ def parse_fix_rheo_pressure(text: str) -> tuple[PressureEntry, ...]:
 
     Source: manual, fix rheo/pressure, syntax.
     """
-    words = _words(text, "rheo/pressure")
+    words = fix(text, "rheo/pressure")
     entries: list[PressureEntry] = []
     styles = (*STYLES, "background")
     while words.left or not entries:
         types = words.word("types and pressure style")
         type_range(types, 10**18, words.command)  # its form; `resolve` knows the number of types
-        style = words.word("pressure style")
-        if style not in styles:
-            words.fail("pressure style", _one_of(style, styles), style)
+        style = words.choice("pressure style", styles)
         name = PARAMETER.get(style)
         entries.append(PressureEntry(types, style, words.number(f"{name} of {style}") if name else None))
     return tuple(entries)
@@ -267,16 +207,14 @@ def resolve(
 Settings = dict[str, Any]  # attributes of FixRheo that a keyword sets
 
 
-def _surface(words: _Words, ntypes: int | None) -> Settings:
-    style = words.word("style of surface/detection")
-    if style not in get_args(SurfaceStyle):
-        words.fail("style of surface/detection", _one_of(style, get_args(SurfaceStyle)), style)
-    limit = words.number("limit of surface/detection")
-    splash = words.integer("limit/splash of surface/detection")
-    return {"surface_detection": SurfaceDetection(cast(SurfaceStyle, style), limit, splash)}
+def _surface(words: Words, ntypes: int | None) -> Settings:
+    style = cast(SurfaceStyle, words.choice("style of surface/detection", get_args(SurfaceStyle)))
+    read = words.integer if style == "coordination" else words.number
+    limit = read("limit of surface/detection")
+    return {"surface_detection": SurfaceDetection(style, limit, words.integer("limit/splash of surface/detection"))}
 
 
-def _shift(words: _Words, ntypes: int | None) -> Settings:
+def _shift(words: Words, ntypes: int | None) -> Settings:
     exclude: list[str] = []
     scale = None
     while words.peek() in ("exclude/type", "scale/cross/type"):
@@ -287,38 +225,42 @@ def _shift(words: _Words, ntypes: int | None) -> Settings:
             for types in exclude:
                 type_range(types, 10**18 if ntypes is None else ntypes, words.command)
         else:
-            scale = (words.number("shiftscale"), words.number("cmin"), words.number("wmin"))
+            scale = (
+                words.number("shiftscale"),
+                words.number("cmin"),
+                words.number("wmin"),
+            )
     return {"shift": Shift(tuple(exclude), scale)}
 
 
-def _rho_sum(words: _Words, ntypes: int | None) -> Settings:
+def _rho_sum(words: Words, ntypes: int | None) -> Settings:
     if words.peek() != "self/mass":
         return {"rho_sum": True}
     words.word("self/mass")
     return {"rho_sum": True, "self_mass": True}
 
 
-def _thermal(words: _Words, ntypes: int | None) -> Settings:
+def _thermal(words: Words, ntypes: int | None) -> Settings:
     return {"thermal": True}
 
 
-def _interface(words: _Words, ntypes: int | None) -> Settings:
+def _interface(words: Words, ntypes: int | None) -> Settings:
     return {"interface_reconstruct": True}
 
 
-def _self_mass(words: _Words, ntypes: int | None) -> Settings:
+def _self_mass(words: Words, ntypes: int | None) -> Settings:
     words.fail("self/mass", "is an argument of rho/sum and must follow it")
 
 
-def _density(words: _Words, ntypes: int | None) -> Settings:
+def _density(words: Words, ntypes: int | None) -> Settings:
     return {"rho0": words.numbers("density", ntypes)}
 
 
-def _speed(words: _Words, ntypes: int | None) -> Settings:
+def _speed(words: Words, ntypes: int | None) -> Settings:
     return {"cs": words.numbers("speed/sound", ntypes)}
 
 
-_KEYWORDS: dict[str, Callable[[_Words, int | None], Settings]] = {
+_KEYWORDS: dict[str, Callable[[Words, int | None], Settings]] = {
     "thermal": _thermal,
     "interface/reconstruct": _interface,
     "surface/detection": _surface,
@@ -349,22 +291,19 @@ def parse_fix_rheo(text: str, ntypes: int | None = None, manual: Manual = FIRST)
 
     Source: manual, fix rheo, syntax.
     """
-    words = _words(text, "rheo")
+    words = fix(text, "rheo")
     cut = words.number("cut")
     if cut <= 0:
         words.fail("cut", "must be positive", cut)
-    kernel = words.word("kstyle")
-    if kernel not in get_args(KernelStyle):
-        words.fail("kstyle", _one_of(kernel, get_args(KernelStyle)), kernel)
+    kernel = words.choice("kstyle", get_args(KernelStyle))
     zmin = words.integer("zmin")
     if zmin < 0:
         words.fail("zmin", "must not be negative", zmin)
     settings: Settings = {}
     while words.left:
-        keyword = words.word("keyword")
-        if keyword not in _KEYWORDS:
-            words.fail("keyword of fix rheo", _one_of(keyword, tuple(_KEYWORDS)), keyword)
-        settings |= _KEYWORDS[keyword](words, ntypes)
+        keyword = words.choice("keyword of fix rheo", tuple(_KEYWORDS))
+        with words.complaints():
+            settings |= _KEYWORDS[keyword](words, ntypes)
     if "shift" in settings:
         settings["shift"] = replace(settings["shift"], weighs_distance=weighs_distance(manual))
     return FixRheo(cut, cast(KernelStyle, kernel), zmin, **settings)

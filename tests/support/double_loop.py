@@ -385,6 +385,7 @@ class DoubleLoop:
         f = [[L(0)] * self.d for _ in self.N]
         push = [[L(0)] * self.d for _ in self.N]
         drho, heat = [L(0)] * self.n, [L(0)] * self.n
+        stress = [[[L(0)] * self.d for _ in self.D] for _ in self.N]
 
         def mean(a: Any, b: Any) -> Any:
             if model.pair.harmonic_means:
@@ -404,6 +405,7 @@ class DoubleLoop:
                     heat[i] += 2 * kappa * V_i * V_j * (T[i] - T[j]) * dot(x, g) / r**2
                 if self.solid[i] and self.solid[j]:
                     continue
+                before = [a + b for a, b in zip(f[i], push[i], strict=True)]
                 bracket = self.P(i, self.seen_density(i)) + self.P(j, self.seen_density(j))
                 if zeta and not (mixed and walls):
                     v = [a - b for a, b in zip(self.v[i], self.v[j], strict=True)]
@@ -423,6 +425,10 @@ class DoubleLoop:
                     if self.chi[s] > L("0.9") and r < self.rc / 2:
                         size = (self.chi[s] - L("0.9")) * (self.rc / 2 - r) * self.rho0[s] * c**2 * self.rc
                         f[i] = [a + size * b / r for a, b in zip(f[i], x, strict=True)]
+                for a in self.D:
+                    for b in self.D:
+                        low, high = min(a, b), max(a, b)
+                        stress[i][a][b] -= x[low] * (f[i][high] + push[i][high] - before[high]) / 2
                 if xi and not mixed:
                     if model.order >= 1:
                         slope = [(a + b) / 2 for a, b in zip(self.grho[i], self.grho[j], strict=True)]
@@ -430,6 +436,7 @@ class DoubleLoop:
                     else:
                         excess = (self.rho[j] - self.rho0[j]) - (self.rho[i] - self.rho0[i])
                         drho[i] -= 2 * xi * V_j * excess * self.dW(r) / r
+        out["stress/atom"] = stress
         f = [[a + b for a, b in zip(u, v, strict=True)] for u, v in zip(f, push, strict=True)]
         self.given = [False] * self.n
         for force in model.forces:

@@ -45,6 +45,7 @@ OUTPUTS = (
     "heatflow",
     "drho",
     "f",
+    "stress/atom",
 )
 
 

@@ -37,7 +37,7 @@ def red_run(
         ready, steps = campaign.prepare(case), case.scene.snapshots
         problem = problem_of(case.scene, ready.atoms, case.where, steps)
         sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
-        visited = visit(sim, steps, problem.timestep)
+        visited = visit(sim, steps, problem.timestep, problem.stops)
         snapshots = [{name: np.array(sim.output(name), float) for name in problem.fields} for _ in visited]
         judged = particle_model.judge(problem, case.name, ready.atoms.id_n, snapshots, ENGINE, predictor)
         fields = [comparison.record for comparison in judged.comparisons]

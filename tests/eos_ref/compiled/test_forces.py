@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,16 @@ pytestmark = pytest.mark.slow
 
 X_C, SLOPE = (0.375, -0.5), -0.75  # displacement x_i - x_j, and W'/r
 LIKE = (0.0, 0.0)
+U = 2.0**-53  # unit roundoff
+ROUNDINGS = 16  # of a product of numbers given exactly: at most 8 operations on either side, each within U
 
 
-def two(terms: forces.Terms, **fields: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def assert_products(actual: Any, expected: Any) -> None:
+    """Check products of a few factors, which two orders of multiplication round by U each."""
+    assert (np.abs(actual - np.asarray(expected)) <= ROUNDINGS * U * np.abs(expected)).all()
+
+
+def two(terms: forces.Terms, *virials: np.ndarray, **fields: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return force (pressure, then the rest), density diffusion and heat flow of both particles."""
     pairs = Pairs(
         np.array([0, 1, 1], np.uint64),
@@ -38,7 +46,7 @@ def two(terms: forces.Terms, **fields: object) -> tuple[np.ndarray, np.ndarray, 
     }
     force_nf, drho_n, heat_n = np.zeros((2, 4)), np.zeros(2), np.zeros(2)
     given = forces.Fields(**(plain | fields))
-    forces.pair_terms(pairs, given, terms, LIKE, LIKE * 2, force_nf, drho_n, heat_n)
+    forces.pair_terms(pairs, given, terms, LIKE, LIKE * 2, force_nf, drho_n, heat_n, *virials)
     return force_nf, drho_n, heat_n
 
 
@@ -46,8 +54,8 @@ def test_pressure_and_viscosity() -> None:
     """-V_i V_j (P_i + P_j) grad W and 2 eta V_i V_j F v_ij, with F = W'/r; opposite on the partner."""
     force_nf, drho_n, heat_n = two(forces.Terms(0.0, 0.0, False, 0.5, 1.5))
     x_c, v_c = np.array(X_C), np.array([1.25, 0.25])
-    assert force_nf[0, :2] == pytest.approx(-(0.5 * 0.75) * 5.0 * SLOPE * x_c, rel=1e-15)
-    assert force_nf[0, 2:] == pytest.approx(2 * 0.5 * (0.5 * 0.75) * SLOPE * v_c, rel=1e-15)
+    assert_products(force_nf[0, :2], -(0.5 * 0.75) * 5.0 * SLOPE * x_c)
+    assert_products(force_nf[0, 2:], 2 * 0.5 * (0.5 * 0.75) * SLOPE * v_c)
     assert np.array_equal(force_nf[1], -force_nf[0])
     assert not drho_n.any()
     assert not heat_n.any()
@@ -56,7 +64,7 @@ def test_pressure_and_viscosity() -> None:
 def test_harmonic_means() -> None:
     arithmetic, harmonic = (two(forces.Terms(0.0, 0.0, mean, 0.5, 1.5))[0] for mean in (False, True))
     assert np.array_equal(harmonic[:, :2], arithmetic[:, :2])
-    assert harmonic[:, 2:] == pytest.approx(arithmetic[:, 2:] * (2 * 0.25 * 0.75 / (0.25 + 0.75)) / 0.5, rel=1e-15)
+    assert_products(harmonic[:, 2:], arithmetic[:, 2:] * (2 * 0.25 * 0.75 / (0.25 + 0.75)) / 0.5)
 
 
 def test_density_diffusion_is_of_fluid_alone() -> None:
@@ -64,7 +72,7 @@ def test_density_diffusion_is_of_fluid_alone() -> None:
     terms = forces.Terms(0.0, 0.125, False, 0.5, 1.5)
     drho_n = two(terms)[1]
     psi = (1.5 - 1.125) - (1.25 - 1.0)
-    assert drho_n == pytest.approx([-2 * 0.125 * 0.75 * psi * SLOPE, 2 * 0.125 * 0.5 * psi * SLOPE], rel=1e-15)
+    assert_products(drho_n, [-2 * 0.125 * 0.75 * psi * SLOPE, 2 * 0.125 * 0.5 * psi * SLOPE])
     assert not two(terms, solid_n=np.array([True, False]))[1].any()
 
 
@@ -73,7 +81,7 @@ def test_heat_flows_between_solids_too() -> None:
     given = {"conductivity_n": np.array([0.5, 1.5]), "temperature_n": np.array([2.0, 5.0])}
     force_nf, _, heat_n = two(forces.Terms(0.0, 0.0, False, 0.5, 1.5), solid_n=np.array([True, True]), **given)
     flow = 2 * 1.0 * (0.5 * 0.75) * SLOPE * (2.0 - 5.0)
-    assert heat_n == pytest.approx([flow, -flow], rel=1e-15)
+    assert_products(heat_n, [flow, -flow])
     assert not force_nf.any()
 
 
@@ -85,6 +93,23 @@ def test_a_wall_extrapolates_its_velocity_and_repels() -> None:
     ratio = (2 * cut * 0.45) / (2 * cut * 0.25)
     r = math.hypot(*X_C)
     repulsion = (0.95 - 0.9) * (cut / 2 - r) * 1.0 * 11.0**2 * cut / r
-    expected = 2 * 0.5 * (0.5 * 0.75) * SLOPE * (1 + ratio) * np.array([1.25, 0.25]) + repulsion * np.array(X_C)
-    assert force_nf[0, 2:] == pytest.approx(expected, rel=1e-13)
+    viscous_c = 2 * 0.5 * (0.5 * 0.75) * SLOPE * (1 + ratio) * np.array([1.25, 0.25])
+    repelled_c = repulsion * np.array(X_C)
+    # The differences chi - 0.9 and rc/2 - r enlarge the errors of what is subtracted.
+    lost = 1 + 0.9 / (0.95 - 0.9) + r / (cut / 2 - r)
+    bound_c = ROUNDINGS * U * (np.abs(viscous_c) + lost * np.abs(repelled_c))
+    assert (np.abs(force_nf[0, 2:] - (viscous_c + repelled_c)) <= bound_c).all()
     assert np.array_equal(force_nf[1], -force_nf[0])
+
+
+def test_virials_of_both_particles() -> None:
+    """Half of the distance times the force on either; without an array for them nothing else changes."""
+    terms = forces.Terms(0.0, 0.0, False, 0.5, 1.5)
+    virial_nf = np.zeros((2, 4))
+    force_nf = two(terms)[0]
+    assert np.array_equal(two(terms, virial_nf)[0], force_nf)
+    sizes_nc = np.abs(force_nf[:, :2]) + np.abs(force_nf[:, 2:])
+    for k, x_c in enumerate((np.array(X_C), -np.array(X_C))):
+        virial = 0.5 * np.outer(x_c, force_nf[k, :2] + force_nf[k, 2:]).ravel()
+        bound = ROUNDINGS * U * np.outer(np.abs(x_c), sizes_nc[k]).ravel()
+        assert virial.any() and (np.abs(virial_nf[k] - virial) <= bound).all()

@@ -14,6 +14,8 @@ from eos_ref.model.parameters import Box, Thermal, Viscosity
 from eos_ref.numbers.rounded import Decision, Rounded, value
 from tests.support.particle_scenes import CS, MASS, RHO0, Scene, scene
 
+U = 2.0**-53  # unit roundoff
+
 
 def stages(built: Scene) -> ArrayEvaluator:
     return ArrayEvaluator(built.model, built.box, built.state.type_n, built.state.solid_n)
@@ -61,7 +63,9 @@ def test_density_of_a_wall_has_a_lower_limit() -> None:
     evaluator.move(built.state.x_nc)
     p = np.array([0.25 + CS[0] ** 2 * 0.5, -1e3])
     density = value(evaluator.wall_density(np.array([0, 1]), p, None))
-    assert density == pytest.approx([RHO0[0] + 0.5, RHO0[0] / 10], rel=1e-15)
+    expected = np.array([RHO0[0] + 0.5, RHO0[0] / 10])
+    # At most 8 operations round; P - P_b enlarges the rounding of P.
+    assert (np.abs(density - expected) <= 8 * U * (1 + 0.25 / CS[0] ** 2) * expected).all()
 
 
 def test_same_phase_fraction_of_a_particle_without_neighbours_is_0() -> None:
@@ -82,7 +86,7 @@ def test_viscosity_of_each_style() -> None:
     G_ncc = np.zeros((evaluator.n, 2, 2))
     G_ncc[:, 0, 1] = 2.0
     expected_n = np.where(evaluator.type_n == 1, 0.25 * 2 + 0.25 / 2, 0.7)
-    assert value(evaluator.viscosity(G_ncc)) == pytest.approx(expected_n, rel=1e-15)
+    assert (np.abs(value(evaluator.viscosity(G_ncc)) - expected_n) <= 16 * U * expected_n).all()
 
 
 def test_temperature_stays_at_freezing_until_the_latent_heat_is_there() -> None:

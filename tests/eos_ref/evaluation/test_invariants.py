@@ -14,6 +14,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import Box, Force
+from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.columns import joined
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.fixes import Shift
@@ -289,8 +290,13 @@ def test_quarter_turn_and_mirror(turn: str, name: str, dimension: int) -> None:
     def tensor_map(a: Any) -> Any:
         return np.einsum("ac,ncd,bd->nab", R, a, R)
 
-    names = ("f", "shift/v", "surface/n", "grad/rho", "grad/energy")
-    expected = changed(bounded(built), **{"grad/v": tensor_map}, **dict.fromkeys(names, vector_map))
+    before = bounded(built)
+    by_rank = {1: vector_map, 2: tensor_map}
+    expected = changed(before, **{q: by_rank[rank] for q in before if (rank := QUANTITIES[q].rank)})
+    if turn == "quarter turn":  # W_xy is the sum of x f_y and pair forces are not central: turned it is that of y f_x
+        kept = np.ones((dimension, dimension))
+        kept[0, 1] = kept[1, 0] = 0.0
+        found, expected = (changed(fields, **{"stress/atom": lambda a: kept * a}) for fields in (found, expected))
     assert_same(found, {name: (a, np.abs(b)) for name, (a, b) in expected.items()})
 
 
@@ -321,24 +327,23 @@ def rescaled(built: Scene, size: float) -> Scene:
     return replace(made.with_state(x_nc=size * s.x_nc, energy_n=energy_n), box=box)
 
 
-# Powers of length that each output has; 0 for those not named.
-LENGTHS = {"surface/r": 1, "grad/v": -1, "grad/rho": -1, "viscosity": 1, "drho": -1}
 # Left out: scale_cross_type (wmin has the dimension of W, rmin that of r W), the repulsion of walls in 2D (its formula
 # is one of 3D), surfaces (1e-10 in the normal is absolute).
 NOT_SCALING = ("cross", "cross, by distance", "droplet", "coordination", "divergence")
 SCALING = [name for name in RECIPES if name not in NOT_SCALING]
 
 
-def powers(dimension: int) -> dict[str, int]:
-    return LENGTHS | {"f": dimension - 1, "heatflow": dimension - 1, "grad/energy": dimension - 1}
+def power_of(name: str, dimension: int) -> int:
+    """The power of ``size`` that `rescaled` brings an output: lengths and times take one, masses and volumes d."""
+    length, mass, time, volume = QUANTITIES[name].dimension
+    return length + time + dimension * (mass + volume)
 
 
 @pytest.mark.parametrize(("name", "dimension"), [*itertools.product(SCALING, (2, 3)), ("droplet", 3)])
 def test_rescaling(name: str, dimension: int) -> None:
     """Lengths times 3: rounding apart the same physics (the power law's exponents included, gd0 being a rate)."""
     built, size = recipe(name, dimension), 3.0
-    power = powers(dimension)
-    scale = {name: size ** power.get(name, 0) for name in bounded(built)}
+    scale = {name: size ** power_of(name, dimension) for name in bounded(built)}
     expected = {name: (scale[name] * a, scale[name] * b * (1 + 1e-9)) for name, (a, b) in bounded(built).items()}
     # parameters that do not scale exactly (size**n K, gd0/size) bring a few roundings of their own: one more bound
     assert_same(bounded(rescaled(built, size)), expected, slack=2.0)
@@ -356,7 +361,7 @@ def test_rescaling_over_steps(name: str, dimension: int) -> None:
         pair.append(simulation)
     a, b = pair
     allowed = bounded(built)
-    scale = size ** powers(dimension)["f"]
+    scale = size ** power_of("f", dimension)
     assert (np.abs(scale * a.fields["f"] - b.fields["f"]) <= scale * 4 * allowed["f"][1].max()).all()
     for x, y, largest in (
         (size * a.state.x_nc, b.state.x_nc, 3),

@@ -42,6 +42,17 @@ def test_pairs_and_images_are_those_of_counting(periodic: tuple[bool, bool], cut
     assert any(i == j for i, j in zip(*found[:2], strict=True)) == (periodic[0] and cut > 2)
 
 
+@pytest.mark.parametrize("size", [2.0**-40, 2.0**-10, 2.0**30])
+def test_pairs_are_the_same_at_every_size(size: float) -> None:
+    """A search in units of 1 does not end in a box of 1e-3."""
+    box = Box((0.0, 0.0), (5.0 * size, 4.0 * size), (False, True))
+    x_nc = np.random.default_rng(8).uniform(0.0, [5.0, 4.0], (20, 2))
+    i, j, shift_pc = directed_pairs(x_nc * size, box, 2.5 * size)
+    own = directed_pairs(x_nc, Box((0.0, 0.0), (5.0, 4.0), (False, True)), 2.5)
+    assert i.tolist() == own[0].tolist() and j.tolist() == own[1].tolist()
+    assert (shift_pc == own[2] * size).all()
+
+
 def test_three_axes_and_particles_outside_the_box() -> None:
     box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False))
     x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3))

@@ -156,7 +156,8 @@ def test_the_search_finds_a_fault_between_the_samples() -> None:
 
     samples = np.array([wrong + 1.1e-9, wrong + 1e-3])
     found = worst_case(evaluate, law, samples, lambda rho: regime.holds(law, rho))
-    assert found.error == pytest.approx(1e-6, rel=1e-6)
+    # What the law itself rounds, some U over the excess of 0.15 (rho0), comes on top of the fault.
+    assert abs(found.error - 1e-6) < 64 * 2.0**-53 / 0.15
 
 
 def test_a_number_that_is_none_is_infinitely_wrong() -> None:

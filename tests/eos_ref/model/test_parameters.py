@@ -56,6 +56,7 @@ def test_boxes(arguments: Any, message: str) -> None:
         (lambda: Viscosity("power", 1.0, -2.5, 1.0, 0.5), "gd0 of rheo/viscosity: must not be negative, found -2.5"),
         (lambda: Viscosity("power", 1.0, 1.0, -2.5, 0.5), "K of rheo/viscosity: must not be negative, found -2.5"),
         (lambda: Viscosity("power", 1.0, 1.0, 1.0, INF), "n of rheo/viscosity: must be a finite number, found inf"),
+        (lambda: Viscosity("power", 1.0, 1.0, 1.0, -0.5), "n of rheo/viscosity: must not be negative, found -0.5"),
         (lambda: Viscosity("bingham", 1.0), "style of rheo/viscosity: must be constant or power, found 'bingham'"),
         (lambda: Thermal(-0.5, 1.0), "conductivity: must be finite and not negative, found -0.5"),
         (lambda: Thermal(NAN, 1.0), "conductivity: .* found nan"),
@@ -189,6 +190,38 @@ def test_energies_of_a_thermal_model() -> None:
     built = scene(thermal=HOT)
     with pytest.raises(InputError, match="energy: must be given for every particle of a thermal model") as caught:
         check_state(built.model, built.box, replace(built.state, energy_n=None))
+    one_line(caught)
+
+
+def test_a_gas_has_no_negative_energy() -> None:
+    """Its speed of sound would be imaginary; to conduction alone the zero of energies is arbitrary."""
+    built = scene(thermal=HOT)
+    energy_n = np.where(np.arange(30) == 4, -0.5, 1.0)
+    state = replace(built.state, energy_n=energy_n)
+    check_state(built.model, built.box, state)
+    gas = replace(built.model, eos=EOSTable((EOS("ideal/gas", parameter=1.4),) * 2))
+    with pytest.raises(InputError, match="energy: of gas particle 5 must not be negative") as caught:
+        check_state(gas, built.box, state)
+    one_line(caught)
+    check_state(gas, built.box, replace(state, energy_n=np.maximum(energy_n, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cut": 1e-310}, "cut: must lie within 1e-100 and 1e100, .* found 1e-310"),
+        ({"cut": 1e200}, r"cut: must lie within .* found 1e\+200"),
+        (
+            {"rho0": (1.0, 1e308), "cs": (1.0, 2.0)},
+            "scale of the pressure: density times speed/sound squared .* type 2",
+        ),
+        ({"rho0": (1e-308, 1.0), "cs": (1e-3, 2.0)}, "scale of the pressure: .* for type 1, found 1e-314"),
+    ],
+)
+def test_scales_that_numbers_cannot_hold(change: Any, message: str) -> None:
+    model = scene().model
+    with pytest.raises(InputError, match=message) as caught:
+        replace(model, fix=replace(model.fix, **change), pair=PairRheo(change.get("cut", model.cut)))
     one_line(caught)
 
 

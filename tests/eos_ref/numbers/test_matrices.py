@@ -82,3 +82,19 @@ def test_whether_a_matrix_is_definite_is_open_where_rounding_decides() -> None:
     one, almost = Rounded(np.ones(2), np.zeros(2)), Rounded(np.array([1.0, 2.0]), np.full(2, 1e-15))
     _, definite_n = cholesky([[one], [one, almost]])
     assert definite_n.open.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_neighbours_in_a_row_along_an_axis_have_no_factor(along: int) -> None:
+    """That is certain; of neighbours in a row across the axes rounding decides, and nothing is known of the factor."""
+    u = [Rounded(np.zeros(3)), Rounded(np.zeros(3))]
+    u[along] = Rounded([0.3, -0.4, 0.7], [1e-16] * 3)
+
+    def moments(u_x: Rounded, u_y: Rounded) -> list[list[Rounded]]:
+        h = [Rounded(np.ones(3)), u_x, u_y]
+        return [[(h[a] * h[b]).sum_by(np.zeros(3, int), 1) for b in range(a + 1)] for a in range(3)]
+
+    factor, definite_n = cholesky(moments(*u))
+    assert not definite_n.answer.any() and not definite_n.open.any()
+    factor, definite_n = cholesky(moments(u[along], u[along] * 0.7))
+    assert definite_n.open.all() and np.isinf(error(factor[2][2])).all()

@@ -18,7 +18,7 @@ from eos_ref.evaluation.evaluator import is_class
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions
 from eos_ref.numbers.elementary import maximum, minimum, sqrt, where
-from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, placed, value
+from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, exact_zero, placed, value
 from eos_ref.syntax.fixes import SurfaceDetection
 from tests.support.particle_scenes import RECIPES, Scene, bounded, recipe, results, scene
 
@@ -234,6 +234,18 @@ def test_unbounded_errors_stay_unbounded() -> None:
     with np.errstate(invalid="ignore"):
         for found in (lost * 0.0, lost + 1.0, sqrt(lost), lost * 2.0):
             assert not (found.error[0] <= 1e300)
+
+
+def test_zero_without_error_stays_so() -> None:
+    """In sums, products and quotients of known divisor; not where the other operand may be anything."""
+    none, some, lost = Rounded([0.0]), Rounded([2.0], [1e-9]), Rounded([2.0], [np.inf])
+    for found in (none * some, some * none, none / some, none + none, none - none, none.sum_by(np.array([0]), 1)):
+        assert found.value.tolist() == [0.0] and exact_zero(found).all()
+    for open_ in (none * lost, none / Rounded([1e-10], [1e-9]), Rounded([0.0], [1e-300]) * some, some - some):
+        assert not exact_zero(open_).any()
+    certain = none > 0
+    assert isinstance(certain, Decision) and not certain.answer.any() and not certain.open.any()
+    assert (Rounded([0.0], [1e-300]) > 0).open.all()
 
 
 def test_indexing_and_shapes() -> None:

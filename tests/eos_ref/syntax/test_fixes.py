@@ -256,6 +256,13 @@ def test_defaults_are_left_to_the_law() -> None:
         (RHEO + "surface/detection divergense 1 2", r"did you mean 'divergence'\?"),
         (RHEO + "surface/detection divergence x 2", "limit of surface/detection: must be a finite number"),
         (RHEO + "surface/detection divergence 1.5 2.5", "limit/splash .*must be a whole number"),
+        (RHEO + "surface/detection divergence -1 2", r"limit of surface/detection: must not be negative, .*\(fix 1"),
+        (RHEO + "surface/detection divergence 1.5 -1", "limit/splash of surface/detection: must not be negative"),
+        (RHEO + "surface/detection coordination 20.5 4", "limit of surface/detection: must be a whole number"),
+        (RHEO + "shift scale/cross/type 1.5 0 0", "shiftscale: must be a fraction, 0 to 1, found 1.5"),
+        (RHEO + "shift scale/cross/type -0.5 0 0", "shiftscale: must be a fraction"),
+        (RHEO + "shift scale/cross/type 0.5 -1 0", "cmin: must not be negative, found -1.0"),
+        (RHEO + "shift scale/cross/type 0.5 0 -1", "wmin: must not be negative, found -1.0"),
         (RHEO + "shift exclude/type", "types of exclude/type: is missing"),
         (RHEO + "shift exclude/type thermal", "type range: must be .*found 'thermal'"),
         (RHEO + "shift exclude/type 3", "type range: must lie within the atom types 1 to 2, found '3'"),
@@ -308,6 +315,7 @@ entries = st.one_of(
 )
 gaps = st.sampled_from([" ", "  ", "\t", " &\n ", " & \n\t"])
 per_type = st.none() | st.tuples(*[positive] * NTYPES)
+counts, thresholds = st.integers(0, 10**6), st.floats(0, allow_infinity=False)
 settings_of_rheo = st.builds(
     lambda **values: FixRheo(**values, self_mass=values["rho_sum"] and values["cut"] > 1),
     cut=positive,
@@ -316,11 +324,14 @@ settings_of_rheo = st.builds(
     thermal=st.booleans(),
     interface_reconstruct=st.booleans(),
     surface_detection=st.none()
-    | st.builds(
-        SurfaceDetection, st.sampled_from(["coordination", "divergence"]), numbers, st.integers(-(10**6), 10**6)
-    ),
+    | st.builds(SurfaceDetection, st.just("coordination"), counts, counts)
+    | st.builds(SurfaceDetection, st.just("divergence"), thresholds, counts),
     shift=st.none()
-    | st.builds(Shift, st.lists(ranges, max_size=3).map(tuple), st.none() | st.tuples(numbers, numbers, numbers)),
+    | st.builds(
+        Shift,
+        st.lists(ranges, max_size=3).map(tuple),
+        st.none() | st.tuples(st.floats(0, 1), thresholds, thresholds),
+    ),
     rho_sum=st.booleans(),
     rho0=per_type,
     cs=per_type,

@@ -57,7 +57,7 @@ class Predictor:
         def compute() -> Arrays:
             stages, stepping = made
             sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
-            visited = visit(sim, problem.steps, problem.timestep)
+            visited = visit(sim, problem.steps, problem.timestep, problem.stops)
             return _rows("value", [{f: np.array(sim.output(f)) for f in problem.fields} for _ in visited])
 
         return _columns("value", problem, self._recall(("values", self._name(problem), made), compute))
@@ -78,6 +78,16 @@ class Predictor:
 
         names: list[str] = self._recall((what, self._name(problem), seed), made)["names"].tolist()
         return names
+
+    def counts(self, what: str, problem: Problem, compute: Callable[[], dict[str, int]]) -> dict[str, int]:
+        """Return counts by name that follow from a scene, such as those of the rules it exercises."""
+
+        def made() -> Arrays:
+            counts = compute()
+            return {"names": np.array(list(counts), dtype=str), "counts": np.array(list(counts.values()), dtype=int)}
+
+        arrays = self._recall((what, self._name(problem)), made)
+        return dict(zip(arrays["names"].tolist(), arrays["counts"].tolist(), strict=True))
 
     def _name(self, problem: Problem) -> str:
         """Return the fingerprint of a scene, taken once."""

@@ -2,7 +2,8 @@
 
 The bound of a single evaluation follows from its own formulas (`eos_ref.numbers.rounded`). Over steps rounding grows:
 the bound is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
-state by one unit of the last place, with random signs.
+state by one unit of the last place, with random signs. Where units round the input itself, runs from input moved so
+add their spread (`lammps_cases.comparison.rounded_input`).
 """
 
 from __future__ import annotations
@@ -19,15 +20,37 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Gradients, Model, PairTerms, State
+from eos_ref.model.parameters import BoolArray, Box, Gradients, Model, PairTerms, State
 from eos_ref.model.quantities import QUANTITIES, needed_to_step
 from eos_ref.numbers.rounded import Rounded, error
+from lammps_cases.comparison.rounded_input import moved_input
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
 COMPILED_ABOVE = int(0.456 / 7.92e-6)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A step at which a run ends and another begins.
+
+    Attributes
+    ----------
+    timestep : from here on; None: as before
+    by_nc : displacement of every particle, (n, d); None: none
+    read_back : whether the state is read from a file
+    digits : significant digits that the state goes through a text file with; None: all
+    new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined anew
+    """
+
+    step: int
+    new_n: BoolArray
+    timestep: float | None = None
+    by_nc: FloatArray | None = None
+    read_back: bool = False
+    digits: int | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +63,7 @@ class Problem:
     timestep: float
     fields: tuple[str, ...]
     steps: tuple[int, ...]
+    stops: tuple[Stop, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -51,18 +75,28 @@ class Prediction:
 
 
 def wanted(problem: Problem) -> tuple[str, ...]:
-    """Return the fields compared, and what steps need if there are any."""
-    return tuple(dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.steps[-1] else ()))))
+    """Return the fields compared, and what steps need if there are any: a run that ends leaves forces to the next."""
+    return tuple(
+        dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.steps[-1] or problem.stops else ())))
+    )
 
 
-def visit(sim: Simulation, steps: Sequence[int], dt: float) -> Iterator[int]:
-    """Run a simulation, halting at each of the steps (0 is the first evaluation)."""
+def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[Stop] = ()) -> Iterator[int]:
+    """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop after it has begun again."""
     sim.setup()
-    done = 0
-    for step in steps:
+    done, stop_at = 0, {stop.step: stop for stop in stops if stop.step <= steps[-1]}
+    for step in sorted({*steps, *stop_at}):
         sim.run(step - done, dt)
         done = step
-        yield step
+        if stop := stop_at.get(step):
+            if stop.by_nc is not None:
+                sim.state.x_nc = sim.state.x_nc + stop.by_nc
+            if isinstance(sim, Shaken):
+                sim.shake(0.5 * 10.0 ** (1 - stop.digits) if stop.digits else 0.0)
+            sim.begin_again(stop.new_n, stop.read_back)
+            dt = stop.timestep or dt
+        if step in steps:
+            yield step
 
 
 def predict(
@@ -85,13 +119,16 @@ def predict(
     stages = evaluator or own_stages(problem)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     values, own, sizes = [], [], Sizes()
-    for step in visit(sim, steps, problem.timestep):
+    for step in visit(sim, steps, problem.timestep, problem.stops):
         values.append({field: sim.output(field).copy() for field in fields})
         errors = sim.rounded(at_cutoff(evaluator or ArrayEvaluator))
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-    runs = _moved_runs(problem, stages, stepping, sizes, seed) if last else []
+    runs = _moved_runs(problem, stages, stepping, sizes, seed) if last or problem.stops else []
     spreads = _spread(runs, problem, values)
+    if not sim.units.consistent:  # the factors round the input
+        for spread, more in zip(spreads, input_spread(problem, stages, stepping, values, seed), strict=True):
+            spread.update({f: spread[f] + more[f] for f in fields})
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
     return Prediction(tuple(values), bounds)
 
@@ -126,6 +163,7 @@ class Sizes(dict[str, FloatArray]):
     def add(self, twin: Simulation) -> None:
         """Take in one evaluation."""
         quantities = twin.fields | {"pressure force": twin.pressure_force_nc, "rho": twin.state.rho_n}
+        quantities["virial"] = twin.virial_ncc
         for name, quantity in quantities.items():
             if isinstance(quantity, Rounded):
                 self[name] = np.maximum(self.get(name, 0.0), np.where(np.isnan(quantity.error), np.inf, quantity.error))
@@ -161,7 +199,7 @@ def moved(evaluator: type[Evaluator], sizes: Sizes, random: np.random.Generator)
 
         def pair_terms(self, *arguments: Any, **options: Any) -> PairTerms:
             terms = super().pair_terms(*arguments, **options)
-            names = ("f", "pressure force", "drho", "heatflow")
+            names = ("f", "pressure force", "drho", "heatflow", "stress/atom", "virial")
             return PairTerms(*(move(term, name) for term, name in zip(vars(terms).values(), names, strict=True)))
 
     return Moved
@@ -173,24 +211,42 @@ def precise_setup(problem: Problem) -> Fields:
     return {field: twin.output(field) for field in problem.fields}
 
 
+class Shaken(Simulation):
+    """Steps in which the state moves by one unit of the last place whenever it was updated; `shaken` makes one.
+
+    A step updates it twice: before its evaluation, and after it.
+    """
+
+    random: np.random.Generator
+
+    def evaluate(self) -> Fields:
+        """Evaluate a state that moves once more, unless it is the one given."""
+        if not self.fresh:
+            self.shake()
+        return super().evaluate()
+
+    def step(self, dt: float) -> None:
+        """Take a step, and move the state."""
+        super().step(dt)
+        self.shake()
+
+    def shake(self, relative: float = 0.0) -> None:
+        """Move the state by one unit of the last place and by a fraction of every value, with random signs."""
+        s = self.state
+        reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a coordinate that wraps rounds so
+        s.x_nc = s.x_nc + self._signs(s.x_nc) * (EPS * reach_c + relative * np.abs(s.x_nc))
+        s.v_nc = s.v_nc * (1 + (EPS + relative) * self._signs(s.v_nc))
+        s.rho_n = s.rho_n * (1 + (EPS + relative) * self._signs(s.rho_n))
+        if s.energy_n is not None:
+            s.energy_n = s.energy_n * (1 + (EPS + relative) * self._signs(s.energy_n))
+
+    def _signs(self, like: FloatArray) -> FloatArray:
+        return self.random.choice((-1.0, 1.0), like.shape)
+
+
 def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
-    """Return a stepping after each step of which the state moves by one unit of the last place."""
-
-    def signs(like: FloatArray) -> FloatArray:
-        return EPS * random.choice((-1.0, 1.0), like.shape)
-
-    class Shaken(stepping):  # type: ignore[misc, valid-type]
-        def step(self, dt: float) -> None:
-            super().step(dt)
-            s = self.state
-            reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a coordinate that wraps rounds so
-            s.x_nc = s.x_nc + signs(s.x_nc) * reach_c
-            s.v_nc = s.v_nc * (1 + signs(s.v_nc))
-            s.rho_n = s.rho_n * (1 + signs(s.rho_n))
-            if s.energy_n is not None:
-                s.energy_n = s.energy_n * (1 + signs(s.energy_n))
-
-    return Shaken
+    """Return a stepping in which the state moves by one unit of the last place whenever a step has updated it."""
+    return type("ShakenSteps", (Shaken, stepping), {"random": random})
 
 
 def _moved_runs(
@@ -205,15 +261,34 @@ def _moved_runs(
     return runs
 
 
+def input_spread(
+    problem: Problem, stages: type[Evaluator], stepping: type[Simulation], values: Sequence[Fields], seed: int
+) -> list[Fields]:
+    """Return the largest distance from a run's fields of runs whose input is moved, per field and step."""
+    largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
+    for k in range(MOVED_RUNS):
+        other = moved_input(problem, np.random.default_rng((seed, k, 1)))
+        run = stepping(other.model, other.box, other.state, wanted(other), stages)
+        for at, _ in enumerate(visit(run, problem.steps, other.timestep, problem.stops)):
+            _widen(largest[at], run, values[at])
+    return largest
+
+
 def _spread(runs: Sequence[Simulation], problem: Problem, values: Sequence[Fields]) -> list[Fields]:
-    """Return the largest distance of the moved runs from the reference, per field and step; 0 at step 0."""
+    """Return the largest distance of moved runs from the reference, per field and step; at step 0 at stops alone."""
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for run in runs:
-        for at, step in enumerate(visit(run, problem.steps, problem.timestep)):
-            for field in problem.fields if step else ():
-                distance = np.abs(run.output(field) - values[at][field])
-                distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
-                # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.
-                far = distance if QUANTITIES[field].discrete else distance.max(initial=0.0)
-                largest[at][field] = np.maximum(largest[at][field], far)
+        for at, step in enumerate(visit(run, problem.steps, problem.timestep, problem.stops)):
+            if step or problem.stops:
+                _widen(largest[at], run, values[at])
     return largest
+
+
+def _widen(largest: Fields, run: Simulation, values: Fields) -> None:
+    """Widen a spread, per field, to where a run has come."""
+    for field in largest:
+        distance = np.abs(run.output(field) - values[field])
+        distance = np.where(np.isfinite(distance), distance, np.inf)  # a run that is lost bounds nothing
+        # Counts and classes change by whole numbers, and only where rounding decides: particle by particle.
+        far = distance if QUANTITIES[field].discrete else distance.max(initial=0.0)
+        largest[field] = np.maximum(largest[field], far)

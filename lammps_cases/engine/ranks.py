@@ -18,6 +18,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -25,8 +26,10 @@ from typing import Any, Self
 import numpy as np
 
 from lammps_cases.engine import mpi
+from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import (
     Answer,
+    Array,
     EngineCrashed,
     EngineLacks,
     EngineMissing,
@@ -197,13 +200,29 @@ def _crash_message(file: Path, code: int) -> str:
 
 def _joined(answers: list[Answer]) -> Answer:
     """Join the atoms of all ranks, sorted by id."""
-    snapshots = []
-    for parts in zip(*(answer.snapshots for answer in answers), strict=True):
-        order_n = np.argsort(np.concatenate([part["id"] for part in parts]), kind="stable")
-        snapshots.append({name: np.concatenate([part[name] for part in parts])[order_n] for name in parts[0]})
+    snapshots = [_atoms_of(parts) for parts in zip(*(answer.snapshots for answer in answers), strict=True)]
+    carried = tuple(
+        Carried(_atoms_of([part.before for part in parts]), _atoms_of([part.after for part in parts]))
+        for parts in zip(*(answer.carried for answer in answers), strict=True)
+    )
     seconds = max(answer.seconds for answer in answers)
     slowest = tuple(max(parts) for parts in zip(*(answer.run_seconds for answer in answers), strict=True))
-    return Answer(snapshots[-1], seconds, tuple(snapshots), answers[0].steps, slowest)
+    lists = tuple(_joined_list(parts) for parts in zip(*(answer.lists for answer in answers), strict=True))
+    return Answer(snapshots[-1], seconds, tuple(snapshots), answers[0].steps, slowest, lists, carried)
+
+
+def _joined_list(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
+    """Join the lists of neighbours of all ranks, whose atoms count on from those of the rank before."""
+    first_s = np.cumsum([0, *(len(part["id_s"]) for part in parts[:-1])])
+    pairs = [part["pair_ps"] + first for part, first in zip(parts, first_s, strict=True)]
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in ("id_s", "x_sc")}
+    return {**joined, "pair_ps": np.concatenate(pairs), "newton": parts[0]["newton"]}
+
+
+def _atoms_of(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
+    """Join the arrays of all ranks, sorted by id."""
+    order_n = np.argsort(np.concatenate([part["id"] for part in parts]), kind="stable")
+    return {name: np.concatenate([part[name] for part in parts])[order_n] for name in parts[0]}
 
 
 # --- inside a rank ---
@@ -221,7 +240,7 @@ def _rank(folder: Path, site: str | None) -> None:
                 size = lmp.extract_setting("world_size")
                 if size != job.ranks:
                     raise EngineMissing(f"mpiexec and LAMMPS' MPI do not fit: {size} rank instead of {job.ranks}")
-                outcome = run(lmp, job)
+                outcome = run(lmp, job, str(folder))
         except Exception as error:
             outcome = error
         written = folder / f"part.{os.getpid()}"

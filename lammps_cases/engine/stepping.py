@@ -76,7 +76,7 @@ class Stepping:
     def read(self) -> dict[str, Array]:
         """Return the job's arrays now, by id; of fewer atoms than were created if some are lost."""
         with translated():
-            return session.read(self.lmp, self.job.outputs, self.job.atom_arrays)
+            return session.read(self.lmp, self.job.outputs, self.job.atom_arrays, self.job.computes)
 
     def lost(self, id_n: Array) -> Array:
         """Return the ids that are among those read or those created, not among both."""

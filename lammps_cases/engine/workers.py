@@ -147,6 +147,10 @@ class Workers:
         text = file.read_text(errors="replace") if file.exists() else ""
         return f"LAMMPS' process {how}{ranks.last_lines(text)}"
 
+    def stop(self) -> None:
+        """End all processes at once; what was queued is lost."""
+        self._pool.stop()
+
     def __enter__(self) -> Self:
         return self
 

@@ -16,7 +16,18 @@ from eos_ref.errors import InputError
 from lammps_cases.records.files import write_atomically
 
 Kind = Literal[
-    "run", "history", "baseline", "compare", "bisect", "chart", "stability", "stability-limits", "power", "adopt"
+    "run",
+    "history",
+    "baseline",
+    "compare",
+    "bisect",
+    "chart",
+    "stability",
+    "stability-limits",
+    "inputs",
+    "power",
+    "adopt",
+    "fuzz",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -27,8 +38,10 @@ _VERSIONS: Mapping[Kind, int] = {
     "chart": 1,
     "stability": 1,
     "stability-limits": 1,
+    "inputs": 1,
     "power": 1,
     "adopt": 1,
+    "fuzz": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

@@ -169,10 +169,10 @@ class Mismatch(_Record):
     """What is wrong with the answer to a probe.
 
     ``counts`` and ``values``: of numbers that differ, how many of how many, and the two that are furthest apart; of
-    arrays that cannot be compared, their lengths.
+    arrays that cannot be compared, their lengths; of a number that is measured, itself, that expected, and the bound.
     """
 
-    kind: Literal["not finite", "logged", "other numbers", "other atoms", "blind"]
+    kind: Literal["not finite", "logged", "other numbers", "other atoms", "measured", "blind"]
     fields: list[str] = []
     text: str = Field("", description="what the log holds; of a blind probe, how its control ended")
     counts: list[int] = []
@@ -219,6 +219,9 @@ class CaseRecord(_Record):
     reproduce: str = Field("", description="command that runs this case alone")
     unseen: list[str] = Field([], description="ledger entries that this case would show if they were still there")
     lint: list[str] = Field([], description="formulas that this scene cannot tell apart")
+    exercises: dict[str, int] = Field(
+        {}, description="rules of the reference that the case is for: number of particles or pairs that take each"
+    )
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
     stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
@@ -228,6 +231,16 @@ class CaseRecord(_Record):
     def as_expected(self) -> bool:
         """Whether this case leaves a run green (`explained` included)."""
         return as_expected(self.verdict, self.expects)
+
+    @property
+    def headline(self) -> Blame | None:
+        """Return what leaves its bound first and is new: beyond the findings that the case shows, if there are any."""
+        return self.beyond.blame if self.beyond else self.blame
+
+    @property
+    def unexercised(self) -> list[str]:
+        """The rules that the case says it is for, and that nothing in its scene takes."""
+        return [rule for rule, count in self.exercises.items() if not count]
 
 
 class EngineRecord(_Record):
@@ -348,7 +361,9 @@ class RunRecord(_Record):
 
     @property
     def exit_code(self) -> int:
-        """Exit code: 0 all as expected, 1 something differs (or is explained, if strict), 3 the engine failed."""
+        """Exit code: 0 all as expected, 1 something differs (or is explained, if strict), 2 a bad case, 3 a failure."""
+        if any(case.unexercised for case in self.cases):
+            return 2
         verdicts = {case.verdict for case in self.cases if not case.as_expected}
         if verdicts & {"refused", "crashed", "timeout", "error"}:
             return 3

@@ -275,20 +275,27 @@ def message(case: CaseRecord, findings: bool = True) -> str:
     """
     if case.verdict in INSIDE:
         return ""
-    parts = [blame(case, findings), end(case)]
+    parts = [unexercised(case), blame(case, findings), end(case)]
     return "; ".join(part for part in parts if part) or case.message
+
+
+def unexercised(case: CaseRecord) -> str:
+    """Say which rules a case is for although its scene takes none of them; empty if there is none."""
+    if not case.unexercised:
+        return ""
+    return f"the case says it exercises {', '.join(case.unexercised)}, but nothing in its {case.dimension}D scene does"
 
 
 def blame(case: CaseRecord, findings: bool = True) -> str:
     """Say which numbers leave the bound first; empty where none do."""
-    if case.blame is None:
+    first = case.headline
+    if first is None:
         return ""
-    first = case.blame
     if first.run is not None:
         return _blame_of_audit(first)
     text = blame_of(first, case.twin)
-    if case.beyond is not None:  # what is new is the headline, not what stands beside it
-        text = f"{blame_of(case.beyond.blame)}, beside {listed(case.beyond.findings)}"
+    if case.beyond is not None:
+        text += f", beside {listed(case.beyond.findings)}"
     if case.twin:
         text = f"LAMMPS against itself (twin: {case.twin}): {text}"
     if case.not_same_problem:
@@ -383,6 +390,9 @@ def _mismatch(wrong: Mismatch) -> str:
             return f"the log holds {wrong.text!r}"
         case "blind":
             return f"the probe is blind: its control passes ({wrong.text})"
+        case "measured":
+            number, expected, bound = wrong.values
+            return f"{names} is measured as {number:.6g}, where {expected:.6g} within {bound:.2g} is expected"
         case "other atoms":
             return f"{names} differs: {wrong.counts[0]} and {wrong.counts[1]} atoms"
         case "other numbers":

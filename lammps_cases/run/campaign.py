@@ -185,23 +185,31 @@ def judge(
     """Judge a case; a fault of the harness costs its case alone, as one of LAMMPS does."""
     from lammps_cases.comparison.prediction_keys import current
     from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.verdict.exercise import exercised
     from lammps_cases.verdict.outcome import blank_record
 
     predictor = Predictor(store if store and current(store) else None)
+    exercises: dict[str, int] = {}
     try:
+        exercises = exercised(ready.case, ready.atoms, predictor)
         record, arrays = _evaluated(ready, outcomes, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
-    differs = record.verdict == "differs" and bool(arrays) and ready.case.scene.whole_model
+    compared = bool(arrays) and ready.case.scene.whole_model
     with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
-        if differs and (looked := _with_lists(site, ready, outcomes)):
+        asks = compared and (record.verdict == "differs" or _explained_blindly(record))
+        if asks and (looked := _with_lists(site, ready, outcomes)):
             record, arrays = _evaluated(ready, looked, engine, predictor)
     with contextlib.suppress(Exception):
-        searched = differs and record.verdict == "differs" and ready.twin is None
+        searched = compared and record.verdict == "differs" and ready.twin is None
         if searched and (reason := first_step_outside(site, ready, engine.distribution, predictor)):
             record.blame, record.beyond = reason.first, reason.beyond
             record.message = wording.message(record)
+    record.exercises = exercises
+    if record.unexercised:
+        record.verdict = "error"
+        record.message = wording.message(record)
     return record, arrays
 
 
@@ -216,6 +224,14 @@ def _evaluated(
     return evaluate(ready.case, ready.eos, ready.atoms, outcomes[0], engine, predictor)
 
 
+def _explained_blindly(record: CaseRecord) -> bool:
+    """Return whether a finding explains a case that would predict more if LAMMPS' lists of neighbours were read."""
+    from lammps_cases.findings import LEDGER
+
+    variants = (entry.model_variant for entry in LEDGER if entry.id in wording.explained_by(record))
+    return any(variant is not None and variant.lists for variant in variants)
+
+
 def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes) -> Outcomes:
     """Run LAMMPS again for its neighbour lists, read at every step; nothing if no finding follows them."""
     from lammps_cases.verdict.model_cases import asks_for_lists
@@ -224,10 +240,10 @@ def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes) -> Ou
         return []
     with_lists: Outcomes = []
     for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
-        if isinstance(outcome, Failure) or scene.engine.ranks > 1:
+        if isinstance(outcome, Failure):
             return []
         again = solve(site, job(scene, atoms, plan(scene), every_step=True, lists=True))
-        compared = zip(outcome.steps, outcome.snapshots, strict=True)
+        compared = zip(scene.snapshots, outcome.snapshots, strict=True)
         if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
             return []  # another run than the one judged: its lists say nothing
         with_lists.append(replace(outcome, lists=again.lists))
@@ -235,13 +251,14 @@ def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes) -> Ou
 
 
 def _same(arrays: Arrays, others: Arrays) -> bool:
-    return all(arrays[name].tobytes() == others[name].tobytes() for name in arrays)
+    """Return whether two runs have their particles, of which lists follow, in the same places."""
+    return all(arrays[name].tobytes() == others[name].tobytes() for name in ("id", "x"))
 
 
 def first_step_outside(site: str | None, ready: PreparedCase, engine: str, predictor: Predictor) -> Reason | None:
     """Run a case that differs once more and read every step, to blame the first one."""
     scene = ready.case.scene
-    if scene.snapshots[-1] <= 1 or scene.engine.ranks > 1:
+    if scene.snapshots[-1] <= 1:
         return None
     from lammps_cases.verdict.model_cases import asks_for_lists, first_step
 

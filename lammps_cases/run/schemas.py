@@ -29,10 +29,12 @@ def scene_schema() -> dict[str, Any]:
     file["properties"]["scene"] = {"$ref": "#/$defs/Scene"}
     axis = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Patch"}}
     file["properties"]["matrix"]["additionalProperties"] = axis
-    # A patch gives parts of what a scene needs: none of its objects is complete. But for a list of particles:
-    # without x, a spacing is that of a lattice.
+    # A patch gives parts of what a scene needs: none of its objects is complete. But a list of particles has x or
+    # types: without them, a spacing is that of a lattice.
     for definition in ("Lattice", "FromFile", "LawSettings", "AtomType", "Evolve", "SurfaceDetectionSettings"):
         definitions[definition].pop("required", None)
+    definitions["Listed"].pop("required")
+    definitions["Listed"]["anyOf"] = [{"required": ["x"]}, {"required": ["types"]}]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "eos-ref case file", **file}
 
 

@@ -5,7 +5,7 @@ are in the scene's LAMMPS units; energies are per unit mass.
 """
 
 from lammps_cases.scene.case import Scene, check_name
-from lammps_cases.scene.materials import AtomType, PowerLaw
+from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import FromFile, Lattice, Listed, Values
 from lammps_cases.scene.runs import TwinSettings
 from lammps_cases.scene.settings import ForceSettings, RheoSettings
@@ -16,6 +16,7 @@ __all__ = [
     "ForceSettings",
     "FromFile",
     "Lattice",
+    "LawSettings",
     "Listed",
     "PowerLaw",
     "RheoSettings",

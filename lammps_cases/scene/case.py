@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.model.quantities import keyword_of
+from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.manual import FIRST, Manual
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.fields import FieldName
@@ -20,10 +21,10 @@ from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
+from lammps_cases.scene.stops import FOR_EACH_ATOM
 from lammps_cases.scene.values import SceneModel
 from lammps_cases.scene.violations import Violation
 
-Units = Literal["lj", "si", "real", "metal", "cgs", "micro", "nano"]
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
 MAX_ATOMS = 10_000_000
 
@@ -32,7 +33,7 @@ class Scene(SceneModel):
     """One case. See `lammps_cases/cases` for examples."""
 
     manual: Manual = Field(FIRST, description="version of the manual that the reference follows, set by the engine")
-    units: Units = "lj"
+    units: UnitStyle = "lj"
     dimension: Literal[2, 3]
     types: tuple[AtomType, ...] = Field(min_length=1)
     positions: Positions
@@ -92,6 +93,7 @@ class Scene(SceneModel):
         self._check_types()
         self._check_vectors()
         self._check_compare()
+        self._check_stops()
         if self.twin:
             self._check_twin(self.twin)
         if self.example:
@@ -124,11 +126,26 @@ class Scene(SceneModel):
             raise ValueError("twin.split needs two time steps or more")
         if twin.kind in ("newton", "skin", "ranks") and getattr(twin, twin.kind) == getattr(self.engine, twin.kind):
             raise ValueError(f"twin.{twin.kind} must differ from engine.{twin.kind}")
+        if twin.units is not None:
+            if twin.units == self.units:
+                raise ValueError("twin.units must differ from units")
+            self._check_units(twin.units)
         if twin.rescale is not None:
             octaves = int(math.log2(twin.rescale))
             for law in (t.viscosity for t in self.types if isinstance(t.viscosity, PowerLaw)):
                 if (Fraction(law.n) * octaves).denominator != 1:
                     raise ValueError(f"twin.rescale must be exact: rescale to the power of n ({law.n!r}) is not")
+
+    def _check_units(self, units: UnitStyle) -> None:
+        if UNITS[units].consistent:
+            return
+        if self.dimension == 2:
+            raise ValueError(f"units {units} need dimension 3: in a plane their pressures have no unit")
+        if not self.whole_model:
+            raise ValueError(
+                f"units {units} need more in compare than pressure: an equation of state alone is judged in numbers "
+                "that are consistent, as those of lj, si, cgs, micro and nano"
+            )
 
     def _check_types(self) -> None:
         n = len(self.types)
@@ -156,12 +173,24 @@ class Scene(SceneModel):
                 if vector is not None and len(vector) != self.dimension:
                     raise ValueError(f"{what} needs {self.dimension} components, found {len(vector)}")
 
+    def _check_stops(self) -> None:
+        stops = self.evolve.stops if self.evolve else ()
+        if stops and (not self.whole_model or self.expect):
+            raise ValueError("stops compares fields of the whole model: it needs more in compare than pressure")
+        if stops and self.twin:
+            raise ValueError("stops go with no twin, whose runs are held against each other")
+        for stop in stops:
+            if stop.by in FOR_EACH_ATOM and self.engine.ranks > 1:
+                raise ValueError(f"stops: {stop.by} needs all atoms on one rank, found {self.engine.ranks} ranks")
+            if stop.displace:
+                type_range(stop.displace.types or "*", len(self.types))
+                if stop.displace.z and self.dimension == 2:
+                    raise ValueError(f"displace.z must be 0 in 2D, found {stop.displace.z!r}")
+
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):
             raise ValueError("compare must name each field once")
-        if self.whole_model and self.units in ("real", "metal"):
-            fit = "only in lj, si, cgs, micro and nano is force over mass an acceleration"
-            raise ValueError(f"units {self.units} serve to compare the pressure alone: {fit}")
+        self._check_units(self.units)
         given = {
             "interface/reconstruct": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),
             "shift": ("rheo.shift", self.rheo.shift),
@@ -212,6 +241,11 @@ class Scene(SceneModel):
         if self.evolve is None:
             return (0,)
         return self.evolve.snapshots if self.whole_model else (self.evolve.steps,)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Return LAMMPS' own count at the steps at which fields are compared; `reset_timestep` may set it."""
+        return self.evolve.counted(self.snapshots) if self.evolve else self.snapshots
 
     def eos(self, where: str = "") -> EOSTable:
         """Return the reference's laws of all types.

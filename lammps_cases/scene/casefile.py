@@ -2,6 +2,7 @@
 
 A file holds ``name``, ``about``, ``tags``, a ``scene`` and, optionally, a ``matrix``: axes of named patches that are
 merged into the scene (``key+`` appends to a list, null removes), every combination one case ``name.label1.label2``.
+``exercises`` says which rules of the reference (`lammps_cases.rules`) its cases are for, by patterns of their labels.
 """
 
 from __future__ import annotations
@@ -13,23 +14,25 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from eos_ref import InputError
 from eos_ref.errors import nearest, unknown
 from eos_ref.syntax.manual import Manual
 from lammps_cases.records.yaml_files import read_yaml
+from lammps_cases.rules import RULES
 from lammps_cases.scene import Scene, check_name, models
 
 MAX_CASES = 10_000  # of one file
 SHIPPED = Path(__file__).parents[1] / "cases"
+RuleName = Annotated[str, WithJsonSchema({"enum": list(RULES)})]  # for editors; checked by its own complaint
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case: a scene with a name, where it comes from, and its seed (the name itself)."""
+    """One case: a scene with a name, where it comes from, its seed (the name itself), and the rules it is for."""
 
     name: str
     about: str
@@ -37,6 +40,7 @@ class Case:
     scene: Scene
     source: Path
     shipped: bool = field(default=True, compare=False)
+    exercises: tuple[str, ...] = ()
 
     @property
     def where(self) -> str:
@@ -64,6 +68,9 @@ class CaseFile(BaseModel):
     name: str
     about: str = Field(description="what the case is for, in a sentence or two")
     tags: list[str] = []
+    exercises: dict[str, list[RuleName]] = Field(
+        {}, description="pattern of labels (*, rk1.*): rules of the reference that these cases are for"
+    )
     matrix: dict[str, dict[str, dict[str, Any]]] = Field({}, description="axis: {label: patch of the scene}")
     scene: dict[str, Any]
 
@@ -129,7 +136,7 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
     cases = []
     for combination in itertools.product(*(axis.items() for axis in file.matrix.values())):
         name = ".".join([file.name, *(check_name(label, str(path)) for label, _ in combination)])
-        content = file.scene
+        content: Any = file.scene
         for _, patch in combination:
             try:
                 content = merge(content, patch)
@@ -139,8 +146,36 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
         if isinstance(content.get("tags"), list):  # a patch may add tags
             content = dict(content)
             tags += content.pop("tags")
-        cases.append(_case(name, file.about, tags, content, path, shipped))
+        case = _case(name, file.about, tags, content, path, shipped)
+        cases.append(replace(case, exercises=_exercises(file, name)))
+    _check_exercises(file, [case.name for case in cases], str(path))
     return sorted(cases, key=lambda case: case.name)
+
+
+def _labels(name: str) -> str:
+    """Return the labels of a case, without the name of its file."""
+    return name.partition(".")[2]
+
+
+def _exercises(file: CaseFile, name: str) -> tuple[str, ...]:
+    """Return the rules that a file names for one of its cases, each once."""
+    chosen = [rules for pattern, rules in file.exercises.items() if fnmatch.fnmatchcase(_labels(name), pattern)]
+    return tuple(dict.fromkeys(itertools.chain.from_iterable(chosen)))
+
+
+def _check_exercises(file: CaseFile, names: Sequence[str], where: str) -> None:
+    """Check that a file's patterns are of its cases, and its rules of the reference.
+
+    Raises
+    ------
+    InputError
+    """
+    for pattern, rules in file.exercises.items():
+        for rule in rules:
+            if rule not in RULES:
+                raise unknown("rule", rule, RULES).at(f"{where}, exercises")
+        if not fnmatch.filter(map(_labels, names), pattern):
+            raise InputError("exercises", "a pattern must be of labels of the file's cases", pattern, where)
 
 
 def _case(name: str, about: str, tags: Sequence[str], content: Any, path: Path, shipped: bool) -> Case:

@@ -24,10 +24,12 @@ Stage = Literal[
     "eos",
     "thermal",
     "pair",
+    "virial",
     "stress",
     "density",
 ]
 STATE = "it is the state that a look starts from"
+VIRIAL = "LAMMPS sums virials only in steps for which they were asked beforehand"
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,10 @@ class Field:
     stage : of a time step, which is blamed for a difference
     column : of compute rheo/property/atom; empty if there is none
     array : of the atom style, or of its properties; empty if there is none
+    compute : another compute that shows it, by its style and arguments; empty if there is none
+    overall : whether that compute has one number or tensor for all atoms, which each of them gets
     unaudited : why no audit can check it; None if the audit has the same array under another name
+    of_solids : whether it is a number of solids alone, 0 for fluid; LAMMPS' phases are read beside it
     """
 
     name: str
@@ -48,6 +53,9 @@ class Field:
     column: str = ""
     array: str = ""
     unaudited: str | None = ""
+    of_solids: bool = False
+    compute: str = ""
+    overall: bool = False
 
     @property
     def quantity(self) -> Quantity:
@@ -57,24 +65,37 @@ class Field:
     @property
     def key(self) -> str:
         """Return the name of its array among those read after a job: of the compute ``q`` where that has it."""
-        return f"q.{self.name}" if self.column else self.array
+        return f"q.{self.name}" if self.column else self.array or self.compute_id
+
+    @property
+    def compute_id(self) -> str:
+        """Return the id of its own compute, by which its array is named, too."""
+        return f"own_{self.name.replace('/', '_')}"
 
     def words(self) -> str:
         """Return its words in the compute's command; ``NAME/*`` expands to components, those in the plane in 2D."""
-        return self.column + "/*" * (self.quantity.rank > 0)
+        return self.column + "/*" * (self.quantity.rank > 0) + " phase" * self.of_solids
+
+    def shape(self, dimension: int) -> tuple[int, ...]:
+        """Return the shape of its columns for one atom."""
+        return (2,) if self.of_solids else (dimension,) * self.quantity.rank
 
     def of(self, arrays: Mapping[str, Any], dimension: int) -> Any:
         """Return its values among the arrays of a job, vectors with as many axes as dimensions."""
-        return self.planar(arrays[self.key], dimension)
+        array = arrays[self.key]
+        return array[:, 0] * array[:, 1] if self.of_solids else self.planar(array, dimension)
 
     def planar(self, array: Any, dimension: int) -> Any:
         """Return an array with as many axes as dimensions; LAMMPS' vectors of atoms have three."""
-        return array[:, :dimension] if self.quantity.rank == 1 else array
+        return array[(slice(None), *(slice(dimension),) * self.quantity.rank)]
 
     def placed(self, values: Any, array: Any) -> Any:
-        """Return the values in the shape of LAMMPS' array: the inverse of `planar`."""
+        """Return the values in the shape of LAMMPS' array: the inverse of `of`."""
+        if self.of_solids:
+            solid_n = values != 0
+            return np.stack([np.where(solid_n, values, array[:, 0]), solid_n], axis=1)
         full = np.zeros(array.shape)
-        full[..., : values.shape[-1]] = values
+        full[tuple(map(slice, values.shape))] = values
         return full
 
 
@@ -83,13 +104,15 @@ def _column(name: str, stage: Stage, array: str = "", unaudited: str = "") -> Fi
 
 
 # In the order in which a step computes them, and a difference is blamed; after the first step the state comes out at
-# the end.
+# the end, but for positions and phases, which an evaluation begins with, and densities of walls, which it makes.
 FIELDS: dict[str, Field] = {
     field.name: field
     for field in (
         Field("x", "integration", array="x", unaudited=STATE),
+        _column("phase", "integration", unaudited=f"{STATE}; melting and freezing have a history"),
         _column("coordination", "neighbours"),
         _column("chi", "walls"),
+        Field("rho_wall", "walls", "rho", unaudited="accelerations of the step before are not shown", of_solids=True),
         _column("grad/v", "gradients"),
         _column("surface", "surfaces"),
         _column("surface/divr", "surfaces"),
@@ -105,12 +128,14 @@ FIELDS: dict[str, Field] = {
         _column("heatflow", "pair", "heatflow"),
         Field("drho", "pair", array="drho"),
         Field("f", "pair", array="f"),
+        Field("stress/atom", "virial", unaudited=VIRIAL, compute="stress/atom NULL virial"),
+        Field("virial", "virial", unaudited=VIRIAL, compute="pressure NULL virial", overall=True),
+        Field("press", "virial", unaudited=VIRIAL, compute="pressure thermo_temp", overall=True),
         _column("stress/v", "stress"),
         _column("stress/t", "stress"),
         Field("v", "integration", array="v", unaudited=STATE),
         _column("rho", "density", "rho"),
         _column("energy", "integration", "esph", STATE),
-        _column("phase", "integration", unaudited=f"{STATE}; melting and freezing have a history"),
         _column("status", "surfaces", unaudited="its bits are not documented; see surface and phase"),
     )
 }

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from eos_ref.model.units import UnitStyle
 from lammps_cases.scene.values import Finite, Positive, SceneModel, Vector
 
 
@@ -28,9 +29,33 @@ class EngineSettings(Rebuild):
     """Settings of LAMMPS that do not change what is documented to come out."""
 
     newton: bool = True
+    newton_bond: bool | None = Field(None, description="newton of bonds; default: that of pairs")
     skin: Positive = Field(0.3, description="of neighbour lists, in spacings")
     ranks: Literal[1, 2] = 1
+    processors: tuple[int, int, int] | None = Field(None, description="how processes share the box; default: LAMMPS'")
+    communication: Literal["brick", "tiled"] = "brick"
+    balance: Annotated[int, Field(ge=1, strict=True)] | None = Field(
+        None, description="steps after which particles are dealt out anew to processes, which is done before the first"
+    )
+    sort: Annotated[int, Field(ge=0, strict=True)] | None = Field(
+        None, description="steps after which particles are sorted in memory; 0: never"
+    )
+    search: Literal["bin", "nsq", "multi"] = Field("bin", description="how lists of neighbours are built")
+    boundary: Literal["f", "s", "m"] = Field("f", description="of faces that are not periodic")
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
+
+    @model_validator(mode="after")
+    def _shared(self) -> EngineSettings:
+        if self.processors is not None and math.prod(self.processors) != self.ranks:
+            raise ValueError(f"processors must be as many as ranks ({self.ranks}), found {self.processors}")
+        if self.balance is not None and self.communication != "tiled":  # the style shift rounds positions
+            raise ValueError(f"balance (style rcb) needs communication tiled, found {self.communication}")
+        return self
+
+    @property
+    def newton_flags(self) -> tuple[bool, bool]:
+        """Return newton of pairs and of bonds."""
+        return self.newton, self.newton if self.newton_bond is None else self.newton_bond
 
 
 class TwinSettings(SceneModel):
@@ -40,6 +65,7 @@ class TwinSettings(SceneModel):
     boost: Vector | None = Field(None, description="velocity added to all particles, walls included")
     relabel: Literal[True] | None = Field(None, description="ids dealt out anew (seeded)")
     rescale: Positive | None = Field(None, description="lengths times a power of two; densities and velocities stay")
+    units: UnitStyle | None = Field(None, description="everything measured in another system of units")
     newton: Annotated[bool, Field(strict=True)] | None = Field(None, description="the other setting")
     skin: Positive | None = Field(None, description="another skin, in spacings")
     rebuild: Rebuild | None = Field(None, description="neighbour lists built at other steps")

@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema,
 
 from eos_ref.kernels.styles import KernelStyle
 from eos_ref.syntax.fixes import SurfaceStyle
+from lammps_cases.scene.stops import Stop, counted
 from lammps_cases.scene.values import RANGE_SCHEMA, Finite, NonNegative, Positive, SceneModel, TypeRange
 
 SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding
@@ -103,8 +104,12 @@ class Evolve(SceneModel):
     steps: int = Field(ge=1, le=100_000, strict=True)
     timestep: Positive
     compare_at: tuple[Annotated[int, Field(ge=0, strict=True)], ...] | None = Field(
-        None, min_length=1, description="steps compared; default: those of 0, 1, 10, 100 that there are, and the last"
+        None,
+        min_length=1,
+        description="steps compared; default: those of 0, 1, 10, 100 that there are, every stop, and the last",
     )
+    stops: tuple[Stop, ...] = Field((), description="where a run ends and another begins, in order")
+    every: int | None = Field(None, ge=1, strict=True, description="run N every M: LAMMPS halts in between")
 
     @model_validator(mode="after")
     def _ordered(self) -> Evolve:
@@ -112,9 +117,26 @@ class Evolve(SceneModel):
             list(self.compare_at) == sorted(set(self.compare_at)) and self.compare_at[-1] == self.steps
         ):
             raise ValueError(f"compare_at must increase and end with steps ({self.steps}), found {self.compare_at}")
+        at = [stop.at for stop in self.stops]
+        if at != sorted(set(at)) or (at and at[-1] > self.steps):
+            raise ValueError(f"stops must increase and lie within 0 to steps ({self.steps}), found {at}")
+        between = sorted({*self.snapshots} - {0, *at, self.steps})
+        if self.every is not None and between:
+            raise ValueError(f"every: such a run begins with a set-up, so name stops to compare steps, found {between}")
         return self
 
     @property
     def snapshots(self) -> tuple[int, ...]:
         """Return the steps compared."""
-        return self.compare_at or (*(step for step in SNAPSHOTS if step < self.steps), self.steps)
+        if self.compare_at:
+            return self.compare_at
+        return tuple(sorted({*(step for step in SNAPSHOTS if step < self.steps), *self.halts, self.steps}))
+
+    @property
+    def halts(self) -> tuple[int, ...]:
+        """Return the steps at which a run ends and another begins."""
+        return tuple(stop.at for stop in self.stops)
+
+    def counted(self, steps: tuple[int, ...]) -> tuple[int, ...]:
+        """Return LAMMPS' own count at some steps."""
+        return counted(steps, self.stops)

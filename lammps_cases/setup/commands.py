@@ -6,16 +6,19 @@ Numbers are written as the shortest text that reads back as the same double (`re
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from eos_ref.syntax.ranges import type_range
-from lammps_cases.engine.session import Job, RunCommand
+from lammps_cases.engine.interlude import Interlude
+from lammps_cases.engine.session import Compute, Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
 from lammps_cases.scene.settings import ShiftSettings, SurfaceDetectionSettings
+from lammps_cases.scene.stops import Stop
 from lammps_cases.scene.violations import broken
 from lammps_cases.setup.plan import Plan
+from lammps_cases.setup.stops import Lines, interlude
 
 ALWAYS_READ = ("type", "x", "rho", "pressure")  # arrays of atoms
 ARRAYS_OF = {"atomic": (), "rheo": ("rho",), "rheo/thermal": ("rho", "esph")}  # that are given, by atom style
@@ -42,14 +45,15 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
     return Job(
         setup=setup,
         commands=broken(_physics(scene, atoms, plan), scene.violate),
-        runs=tuple(_runs(scene, every_step)),
+        runs=tuple(_runs(scene, every_step, lambda stop: _interlude(stop, scene, atoms, plan))),
         id_n=atoms.id_n,
         type_n=atoms.type_n,
         x_nc=atoms.x_nc,
         v_nc=atoms.v_nc,
         per_atom=per_atom,
-        outputs={field.name: (scene.dimension,) * field.quantity.rank for field in _columns(scene)},
+        outputs={field.name: field.shape(scene.dimension) for field in _columns(scene)},
         atom_arrays=(*ALWAYS_READ, *_more_arrays(scene), *(["esph"] if "esph" in per_atom else [])),
+        computes=tuple(Compute(f.compute_id, f.quantity.rank == 2, f.overall) for f in _computed(scene)),
         ranks=scene.engine.ranks,
         lists=lists,
     )
@@ -63,10 +67,15 @@ def _columns(scene: Scene) -> list[Field]:
 def _more_arrays(scene: Scene) -> Iterable[str]:
     """Return the arrays of atoms that are compared, without those always read."""
     fields = (FIELDS[name] for name in scene.compare)
-    return (field.array for field in fields if not field.column and field.array not in ALWAYS_READ)
+    return (field.array for field in fields if field.array and not field.column and field.array not in ALWAYS_READ)
 
 
-def _runs(scene: Scene, every_step: bool) -> Iterable[RunCommand]:
+def _computed(scene: Scene) -> list[Field]:
+    """Return the fields compared that have computes of their own."""
+    return [FIELDS[name] for name in scene.compare if FIELDS[name].compute]
+
+
+def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) -> Iterable[RunCommand | Interlude]:
     if not scene.whole_model:
         steps = scene.evolve.steps if scene.evolve else 0
         if steps:
@@ -74,34 +83,59 @@ def _runs(scene: Scene, every_step: bool) -> Iterable[RunCommand]:
         # After time steps, run 0 evaluates once more: the pressure that forces use then belongs to the final density.
         yield RunCommand("run 0 post no")
         return
-    done = None
-    for step in range(scene.snapshots[-1] + 1) if every_step else scene.snapshots:
+    stops = {stop.at: stop for stop in scene.evolve.stops} if scene.evolve else {}
+    every = f" every {scene.evolve.every} NULL" if scene.evolve and scene.evolve.every and not every_step else ""
+    done, read = None, range(scene.snapshots[-1] + 1) if every_step else scene.snapshots
+    for step in sorted({*read, *stops}):
         # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
         again = "" if done is None else "pre no "
-        yield RunCommand(f"run {step - (done or 0)} {again}post no")
+        yield RunCommand(f"run {step - (done or 0)} {again}post no{every}", step in read and step not in stops)
+        if step in stops:
+            yield between(stops[step])
+            yield RunCommand("run 0 post no", step in read)
         done = step
 
 
+def _interlude(stop: Stop, scene: Scene, atoms: Atoms, plan: Plan) -> Interlude:
+    model = tuple(_model(scene, atoms, plan))
+    lines = Lines(tuple(_style(scene, atoms)), tuple(_neighbours(scene, atoms, plan)), model)
+    return interlude(stop, scene, lines, len(atoms))
+
+
 def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
+    yield from _style(scene, atoms)
+    yield from _neighbours(scene, atoms, plan)
+    edges = zip(atoms.low_c, atoms.high_c, strict=True)
+    yield "region box block " + " ".join(_numbers(pair) for pair in edges)
+    yield f"create_box {len(scene.types)} box"
+    if scene.engine.communication == "tiled":
+        yield "comm_style tiled"
+
+
+def _style(scene: Scene, atoms: Atoms) -> Iterable[str]:
     yield f"units {scene.units}"
     yield f"dimension {scene.dimension}"
     yield f"atom_style {'rheo/thermal' if scene.thermal else 'rheo'}"
-    if not scene.engine.newton:
-        yield "newton off"
-    yield "boundary " + " ".join("p" if periodic else "f" for periodic in atoms.periodic)
+    if not all(scene.engine.newton_flags):
+        yield "newton " + " ".join("on" if flag else "off" for flag in scene.engine.newton_flags)
+    yield "boundary " + " ".join("p" if periodic else scene.engine.boundary for periodic in atoms.periodic)
+    if scene.engine.processors:
+        yield f"processors {' '.join(map(str, scene.engine.processors))}"
+    if scene.engine.sort is not None:
+        yield f"atom_modify sort {scene.engine.sort} 0.0"
+
+
+def _neighbours(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     if plan.needs("pair rheo"):
         yield "comm_modify vel yes"
     # The default skin suits neither every unit system nor every spacing; without a pair style LAMMPS has no cutoff
     # to size its bins by and stops at a box of some 100 spacings, unless it is told.
-    yield f"neighbor {scene.engine.skin * atoms.spacing!r} bin"
+    yield f"neighbor {scene.engine.skin * atoms.spacing!r} {scene.engine.search}"
     if (scene.engine.every, scene.engine.delay, scene.engine.check) != (1, 0, True):
         check = "yes" if scene.engine.check else "no"
         yield f"neigh_modify every {scene.engine.every} delay {scene.engine.delay} check {check}"
     if not plan.needs("pair rheo"):
         yield f"neigh_modify binsize {3.0 * atoms.spacing!r}"
-    edges = zip(atoms.low_c, atoms.high_c, strict=True)
-    yield "region box block " + " ".join(_numbers(pair) for pair in edges)
-    yield f"create_box {len(scene.types)} box"
 
 
 def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
@@ -110,6 +144,10 @@ def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     solid = [t for t, atom_type in enumerate(scene.types, 1) if atom_type.phase == "solid"]
     for t in solid:
         yield f"set type {t} rheo/status 1"
+    yield from _model(scene, atoms, plan)
+
+
+def _model(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     cut = kernel_cut(scene, atoms.spacing)
     if plan.needs("pair rheo"):
         yield f"pair_style rheo {cut!r}{_pair_arguments(scene)}"
@@ -119,6 +157,30 @@ def _physics(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     yield from _fixes(scene, cut, plan)
     if columns := _columns(scene):
         yield f"compute q all rheo/property/atom {' '.join(field.words() for field in columns)}"
+    yield from _virials(_computed(scene))
+    yield from _balance(scene)
+
+
+def _balance(scene: Scene) -> Iterable[str]:
+    """Yield the commands that deal particles out to processes, before the first step and after every few."""
+    if scene.engine.balance is None:
+        return
+    yield "balance 1.0 rcb"
+    yield f"fix balance all balance {scene.engine.balance} 1.0 rcb"
+
+
+def _virials(fields: Sequence[Field]) -> Iterable[str]:
+    """Yield the computes of virials, and a thermo output of them: LAMMPS sums virials only in steps that have one."""
+    words = []
+    for field in fields:
+        yield f"compute {field.compute_id} all {field.compute}"
+        shown = f"c_{field.compute_id}" + "[1]" * (field.quantity.rank > 0)
+        if not field.overall:
+            yield f"compute {field.compute_id}_sum all reduce sum {shown}"
+            shown = f"c_{field.compute_id}_sum"
+        words.append(shown)
+    if words:
+        yield f"thermo_style custom step {' '.join(words)}"
 
 
 def _pair_arguments(scene: Scene) -> str:

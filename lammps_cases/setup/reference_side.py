@@ -12,6 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from eos_ref import InputError
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
@@ -19,6 +20,7 @@ from eos_ref.syntax.manual import weighs_distance
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene import AtomType, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
+from lammps_cases.scene.stops import Stop
 
 
 def model(scene: Scene, atoms: Atoms, where: str) -> Model:
@@ -54,6 +56,7 @@ def with_cut(scene: Scene, cut: float, where: str = "") -> Model:
                 Force(f.style, f.vector, None if f.types is None else tuple(type_range(f.types, len(scene.types))))
                 for f in scene.forces
             ),
+            units=scene.units,
         )
     except InputError as error:
         raise error.at(where) from None
@@ -106,12 +109,25 @@ def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
     InputError
         See `eos_ref.model.parameters.check_state`; or particles outside the plane of a 2D scene.
     """
+    given = unchecked_state(scene, atoms, where)
+    check_state(model(scene, atoms, where), box(scene, atoms), given, where)
+    return given
+
+
+def unchecked_state(scene: Scene, atoms: Atoms, where: str = "") -> State:
+    """Return what `state` returns, also for states that have a pressure but no neighbourhood: of negative density.
+
+    Raises
+    ------
+    InputError
+        Particles outside the plane of a 2D scene.
+    """
     d, n = scene.dimension, len(atoms)
     if d == 2 and atoms.x_nc[:, 2].any():
         raise InputError("position", "must have z = 0 in 2D", float(np.abs(atoms.x_nc[:, 2]).max()), where)
     solid_t = np.array([t.phase == "solid" for t in scene.types])
     rho0_t = np.array(scene.rho0 or (1.0,) * len(scene.types))
-    made = State(
+    return State(
         x_nc=np.array(atoms.x_nc[:, :d]),
         v_nc=np.zeros((n, d)) if atoms.v_nc is None else np.array(atoms.v_nc[:, :d]),
         rho_n=(rho0_t[atoms.type_n - 1] if atoms.rho_n is None else np.array(atoms.rho_n)),
@@ -119,8 +135,14 @@ def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
         solid_n=solid_t[atoms.type_n - 1],
         energy_n=np.array(atoms.energy_n) if scene.thermal else None,
     )
-    check_state(model(scene, atoms, where), box(scene, atoms), made, where)
-    return made
+
+
+def displacement(stop: Stop, scene: Scene, atoms: Atoms) -> FloatArray | None:
+    """Return the displacement of every particle at a stop, (n, d); None: none."""
+    if stop.displace is None:
+        return None
+    moved_n = np.isin(atoms.type_n, list(type_range(stop.displace.types or "*", len(scene.types))))
+    return np.asarray(np.where(moved_n[:, None], np.array(stop.displace.vector[: scene.dimension]), 0.0))
 
 
 def simulation(

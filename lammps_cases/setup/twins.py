@@ -3,7 +3,7 @@ r"""Twins: a second run of LAMMPS that must give what the first gives, whatever 
 `make` turns a scene and its particles into those of the twin, and says how the twin's fields look in the frame of the
 original. Nothing here evaluates physics. Positions, velocities and displacements are first rounded to a common grid,
 and a scale is a power of two, so that the twin poses the same problem to the last bit: what differs in the answers is
-rounding, for which there are bounds, or a fault.
+rounding, for which there are bounds, or a fault. Only other units round the input as well; see `Twin.rounds_input`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,18 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.quantities import QUANTITIES, Dimension
+from eos_ref.model.units import UNITS, Units
 from eos_ref.syntax.manual import Manual, weighs_distance
-from lammps_cases.scene import AtomType, ForceSettings, Lattice, PowerLaw, RheoSettings, Scene, TwinSettings
+from lammps_cases.scene import (
+    AtomType,
+    ForceSettings,
+    Lattice,
+    LawSettings,
+    PowerLaw,
+    RheoSettings,
+    Scene,
+    TwinSettings,
+)
 from lammps_cases.scene.atoms import Atoms, IntArray, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
 
@@ -32,6 +42,7 @@ WHY = {
     "relabel": "ids, and the order in which particles are created, are names",
     "rescale": "every quantity has a dimension: a scene of another size with the same densities and velocities behaves "
     "the same",
+    "units": "the manual has it that every simulation can be duplicated in every system of units",
     "newton": "who computes a pair, and who is told, is bookkeeping",
     "skin": "how far neighbour lists reach beyond the cutoff is bookkeeping",
     "rebuild": "when neighbour lists are built anew is bookkeeping, as long as no neighbour is missed",
@@ -46,6 +57,8 @@ INPUTS = {
     "time": Dimension(time=1),
     "acceleration": Dimension(1, 0, -2),
     "diffusivity": Dimension(2, 0, -1),
+    "A3": Dimension(0, -2, 0, 2),
+    "latent heat": Dimension(2, 0, -2),
 }
 
 
@@ -56,15 +69,30 @@ def dimension(name: str) -> Dimension:
 
 @dataclass(frozen=True)
 class Scale:
-    """Lengths times ``factor`` at the same densities and velocities: masses times factor^d, times times factor."""
+    """Factors between the numbers of two scenes in d dimensions: of length, mass, time, and of units of their own."""
 
-    factor: float
     d: int
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+    of_unit: Units = UNITS["lj"]
+    in_unit: Units = UNITS["lj"]
+
+    @classmethod
+    def of_size(cls, factor: float, d: int) -> Scale:
+        """Return that of another size with the same densities and velocities."""
+        return cls(d, factor, factor**d, factor)
+
+    @classmethod
+    def of_units(cls, one: Units, other: Units, d: int) -> Scale:
+        """Return that of another system of units."""
+        return cls(d, one.length / other.length, one.mass / other.mass, one.time / other.time, one, other)
 
     def of(self, quantity: str) -> float:
         """Return the factor of a quantity."""
         length, mass, time, volume = dimension(quantity)
-        return float(self.factor ** (length + self.d * (mass + volume) + time))
+        made = self.length ** (length + self.d * volume) * self.mass**mass * self.time**time
+        return float(made * (self.of_unit.of(quantity) / self.in_unit.of(quantity)))
 
 
 @dataclass(frozen=True)
@@ -95,6 +123,11 @@ class Twin:
     def same_problem(self) -> bool:
         """Return whether the reference cannot tell the two apart: only settings of LAMMPS differ."""
         return self.kind in ("newton", "skin", "rebuild", "split", "ranks")
+
+    @property
+    def rounds_input(self) -> bool:
+        """Return whether the twin's numbers are rounded, as no factor is a power of two."""
+        return self.kind == "units"
 
     def back(self, snapshot: Fields, step: int) -> Fields:
         """Return the fields of the twin as the original should have them."""
@@ -140,7 +173,7 @@ def make(case: Case, atoms: Atoms) -> Twin:
     assert settings is not None
     n, d, kind = len(atoms), scene.dimension, settings.kind
     nowhere_c = np.zeros(d)
-    unscaled = Scale(1.0, d)
+    unscaled = Scale(d)
     same = Twin(kind, scene, atoms, scene, atoms, scene.snapshots, np.arange(n), unscaled, nowhere_c, nowhere_c)
     if settings.translate is not None:
         return _translated(same, settings.translate, case.where)
@@ -149,9 +182,9 @@ def make(case: Case, atoms: Atoms) -> Twin:
     if settings.relabel is not None:
         return _relabelled(same, case.name)
     if settings.rescale is not None:
-        scale = Scale(settings.rescale, d)
-        other = rescaled(scene, scale, kernel_cut(scene, atoms.spacing))
-        return replace(same, other_scene=other, other_atoms=rescaled_atoms(atoms, scale), scale=scale)
+        return _rescaled(same, Scale.of_size(settings.rescale, d))
+    if settings.units is not None:
+        return _rescaled(same, Scale.of_units(UNITS[scene.units], UNITS[settings.units], d), units=settings.units)
     if settings.split is not None:
         return _split(same)
     return replace(same, other_scene=_with_other_settings(scene, settings))
@@ -236,15 +269,19 @@ def _with_other_settings(scene: Scene, settings: TwinSettings) -> Scene:
     return scene.model_copy(update={"engine": scene.engine.model_copy(update=update)})
 
 
-# --- another size
+# --- another size, other units
+
+
+def _rescaled(same: Twin, scale: Scale, **update: Any) -> Twin:
+    other = rescaled(same.scene, scale, kernel_cut(same.scene, same.atoms.spacing)).model_copy(update=update)
+    return replace(same, other_scene=other, other_atoms=rescaled_atoms(same.atoms, scale), scale=scale)
 
 
 def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
-    """Return a scene at another size: every parameter but those of density and velocity times its own factor.
+    """Return a scene in other numbers: every parameter times its own factor; temperatures stay.
 
-    So pressures, energies per mass, temperatures, specific heats and the parameters of all equations of state stay as
-    they are. The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D
-    only, and the normal of a surface a constant that does not scale (1e-10; NUMERICS.md, section 4).
+    The extra repulsion of reconstructed walls (NUMERICS.md, section 5) has the dimension of a force in 3D only, and the
+    normal of a surface a constant that does not scale (1e-10; NUMERICS.md, section 4).
     """
     positions = scene.positions
     if isinstance(positions, Lattice):
@@ -252,6 +289,7 @@ def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
     update: dict[str, Any] = {
         "types": tuple(_rescaled_type(t, scale, scene.thermal) for t in scene.types),
         "positions": positions,
+        "pressure": tuple(_rescaled_law(law, scale) for law in scene.pressure),
         "rheo": _rescaled_rheo(scene.rheo, scene.manual, scale, cut),
         "pair": scene.pair.model_copy(update={"rho_damp": scene.pair.rho_damp * scale.of("diffusivity")}),
         "forces": tuple(_rescaled_force(force, scale) for force in scene.forces),
@@ -272,9 +310,25 @@ def _rescaled_type(t: AtomType, scale: Scale, thermal: bool) -> AtomType:
     else:
         law = law * eta
     update: dict[str, Any] = {"mass": t.mass * scale.of("mass"), "viscosity": law}
+    if scale.of("rho") != 1 or t.rho0 is not None:
+        update["rho0"] = (1.0 if t.rho0 is None else t.rho0) * scale.of("rho")
+    if scale.of("v") != 1 or t.cs is not None:
+        update["cs"] = (1.0 if t.cs is None else t.cs) * scale.of("v")
     if thermal:  # a type with a thermal property makes particles carry energy
-        update["conductivity"] = t.conductivity * scale.of("conductivity")
+        update |= {
+            "conductivity": t.conductivity * scale.of("conductivity"),
+            "specific_heat": t.specific_heat * scale.of("cv"),
+            "latent_heat": None if t.latent_heat is None else t.latent_heat * scale.of("latent heat"),
+        }
     return t.model_copy(update=update)
+
+
+def _rescaled_law(law: LawSettings, scale: Scale) -> LawSettings:
+    update = {
+        "A3": None if law.A3 is None else law.A3 * scale.of("A3"),
+        "P_b": None if law.P_b is None else law.P_b * scale.of("pressure"),
+    }
+    return law.model_copy(update=update)
 
 
 def _rescaled_rheo(rheo: RheoSettings, manual: Manual, scale: Scale, cut: float) -> RheoSettings:
@@ -293,7 +347,7 @@ def _rescaled_force(force: ForceSettings, scale: Scale) -> ForceSettings:
 
 
 def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:
-    """Return the particles at another size, with their densities and velocities."""
+    """Return the particles in other numbers."""
     length = scale.of("x")
     return replace(
         atoms,
@@ -302,5 +356,7 @@ def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:
         high_c=atoms.high_c * length,
         spacing=atoms.spacing * length,
         mass_n=atoms.mass_n * scale.of("mass"),
+        v_nc=None if atoms.v_nc is None else atoms.v_nc * scale.of("v"),
+        rho_n=None if atoms.rho_n is None else atoms.rho_n * scale.of("rho"),
         energy_n=None if atoms.energy_n is None else atoms.energy_n * scale.of("energy"),
     )

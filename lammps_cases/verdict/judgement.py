@@ -46,15 +46,15 @@ def evaluate(
     record = blank_record(case, eos, atoms, engine)
     arrays: Arrays = {}
     if isinstance(outcome, Failure):
-        judge_failure(record, outcome)
+        judge_failure(record, outcome, case.scene)
     elif eos is None:
         record.verdict, record.ended = "differs", "accepted"
         explain_ending(record)
     elif not np.array_equal(outcome.arrays["id"], atoms.id_n):
         judge_lost_atoms(record, atoms, outcome)
-    elif case.scene.whole_model and outcome.steps != case.scene.snapshots:
+    elif case.scene.whole_model and outcome.steps != case.scene.counts:
         record.verdict, record.ended = "differs", "unusable"
-        record.unusable = OtherSteps(counted=list(outcome.steps), asked=list(case.scene.snapshots))
+        record.unusable = OtherSteps(counted=list(outcome.steps), asked=list(case.scene.counts))
     elif case.scene.whole_model:
         arrays = judge_model(record, case, atoms, outcome, engine.distribution, predictor)
     else:

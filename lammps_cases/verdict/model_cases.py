@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.trajectory import Problem, Stop
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import applicable
 from lammps_cases.findings.neighbour_lists import Listed
@@ -18,14 +20,18 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS
+from lammps_cases.scene.stops import AS_TEXT, FROM_FILE
 from lammps_cases.setup import reference_side
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.outcome import (
     Arrays,
+    compare_carried,
     compare_inputs,
     field_arrays,
 )
 from lammps_cases.verdict.particle_model import Reason
+
+TEXT_DIGITS = 16  # significant digits of a number in a file of write_data
 
 
 def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Problem:
@@ -37,6 +43,22 @@ def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -
         scene.evolve.timestep if scene.evolve else 0.0,
         scene.compare,
         steps,
+        _stops(scene, atoms),
+    )
+
+
+def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
+    """Return where a scene's runs end and others begin, as the reference takes them."""
+    return tuple(
+        Stop(
+            stop.at,
+            np.arange(len(atoms)) >= len(atoms) - stop.renews(len(atoms)),
+            stop.timestep,
+            reference_side.displacement(stop, scene, atoms),
+            stop.by in FROM_FILE,
+            TEXT_DIGITS if stop.by in AS_TEXT else None,
+        )
+        for stop in (scene.evolve.stops if scene.evolve else ())
     )
 
 
@@ -50,14 +72,16 @@ def read_snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> l
     at = [scene.snapshots.index(step) for step in steps] or range(len(answer.snapshots))
     snapshots = [snapshot(scene, answer.snapshots[k]) for k in at]
     if answer.lists:
-        snapshots[0]["lists"] = tuple(Listed(**arrays) for arrays in answer.lists)
+        snapshots[0]["lists"] = tuple(Listed.read(answer.arrays["id"], **arrays) for arrays in answer.lists)
     return snapshots
 
 
 def asks_for_lists(case: Case, scene: Scene, atoms: Atoms) -> bool:
     """Return whether a scene shows findings whose variants need LAMMPS' neighbour lists."""
-    problem = problem_of(scene, atoms, case.where, scene.snapshots)
-    return applicable(problem, lists=True) != applicable(problem)
+    variants = (
+        entry.model_variant for entry in applicable(problem_of(scene, atoms, case.where, scene.snapshots), True)
+    )
+    return any(variant is not None and variant.lists for variant in variants)
 
 
 def judge_model(
@@ -66,9 +90,9 @@ def judge_model(
     """Judge the fields of the whole model, and the input that LAMMPS has not changed since."""
     scene = case.scene
     first = answer.snapshots[0]
-    comparisons = compare_inputs(
-        case, atoms, first, unchanged=scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct
-    )
+    through_text = any(stop.step == 0 and stop.digits for stop in _stops(scene, atoms))
+    unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
+    comparisons = compare_inputs(case, atoms, first, unchanged)
     judged = particle_model.judge(
         problem_of(scene, atoms, case.where, scene.snapshots),
         case.name,
@@ -77,6 +101,7 @@ def judge_model(
         engine,
         predictor,
     )
+    comparisons += compare_carried(case, atoms, answer, TEXT_DIGITS)
     comparisons += judged.comparisons
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])

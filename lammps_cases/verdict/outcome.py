@@ -22,8 +22,10 @@ from lammps_cases.records.run_record import (
     Predictions,
     Seconds,
 )
+from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
 
 Arrays = dict[str, Any]
 
@@ -59,14 +61,14 @@ def finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor
     record.predictions = Predictions(computed=predictor.computed, stored=predictor.stored)
 
 
-def judge_failure(record: CaseRecord, failure: Failure) -> None:
+def judge_failure(record: CaseRecord, failure: Failure, scene: Scene | None = None) -> None:
     """Judge a run that LAMMPS refused or did not finish, by what the case expects and by the findings."""
     record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
     record.ended = failure.verdict
     if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
         record.verdict = "differs"
     if failure.verdict != "skipped" and (record.verdict != "refused" or not record.expects):
-        explain_ending(record)
+        explain_ending(record, scene)
 
 
 def judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
@@ -78,9 +80,9 @@ def judge_lost_atoms(record: CaseRecord, atoms: Atoms, answer: Answer) -> None:
     record.unusable = LostAtoms(returned=len(got), given=len(atoms), first_id=int(first))
 
 
-def explain_ending(record: CaseRecord) -> None:
+def explain_ending(record: CaseRecord, scene: Scene | None = None) -> None:
     """Attribute how a case ended to the finding that predicts it, if there is one."""
-    entry = explain_outcome(record)
+    entry = explain_outcome(record, scene)
     if entry is not None:
         record.verdict, record.explained_by = "explained", [entry.id]
 
@@ -105,6 +107,33 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
         )
         for name, values_n in given.items()
     ]
+
+
+def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> list[Comparison]:
+    """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits."""
+    comparisons = []
+    stops = case.scene.evolve.stops if case.scene.evolve else ()
+    for stop, carried in zip(stops, answer.carried, strict=False):
+        text = stop.by in AS_TEXT
+        half = 0.5 * 10.0 ** (1 - digits) if text else 0.0
+        for name, before_n in carried.before.items():
+            if name == "id" or (name == "x" and stop.displace):
+                continue
+            after_n = carried.after[name]
+            if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone
+                before_n, after_n = before_n & 1, after_n & 1
+            comparisons.append(
+                compare_field(
+                    f"{name} ({stop.by} at {stop.at})",
+                    "input",
+                    atoms.id_n,
+                    after_n.astype(float),
+                    before_n.astype(float),
+                    half * np.abs(before_n),
+                    derivation=f"half a unit of the {digits}th digit of the text" if text else "the same doubles",
+                )
+            )
+    return comparisons
 
 
 def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:

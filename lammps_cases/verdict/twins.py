@@ -12,7 +12,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, input_spread
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding
@@ -58,7 +58,7 @@ def evaluate_twin(
     failures = [outcome for outcome in outcomes if isinstance(outcome, Failure)]
     lost = [answer for answer in answers if not np.array_equal(answer.arrays["id"], twin.atoms.id_n)]
     if failures:
-        judge_failure(record, failures[0])
+        judge_failure(record, failures[0], case.scene)
         alone = not isinstance(outcomes[1], Answer) and len(failures) == 1
         record.only_twin = alone and record.verdict != "skipped"
     elif lost:
@@ -77,6 +77,7 @@ class _Side:
     prediction: Prediction
     snapshots: list[Snapshot]
     random: int
+    spread: tuple[Fields, ...] = ()  # by input that was rounded, per step
 
 
 def _judge_twin(
@@ -109,7 +110,10 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
             sides.append(replace(sides[0], snapshots=snapshots))
             continue
         problem, random = problem_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
-        sides.append(_Side(problem, predictor.predict(problem, seed=random), snapshots, random))
+        prediction = predictor.predict(problem, seed=random)
+        rounds = twin.rounds_input and not sides
+        spread = input_spread(problem, ArrayEvaluator, Simulation, prediction.fields, random) if rounds else ()
+        sides.append(_Side(problem, prediction, snapshots, random, tuple(spread)))
     return sides[0], sides[1]
 
 
@@ -118,14 +122,18 @@ def _against(
 ) -> dict[str, list[Comparison]]:
     """Compare the fields of two runs in the frame of the original.
 
-    Either run lies within its own bound of the exact result, so they differ by no more than the sum.
+    Either run lies within its own bound of the exact result, so they differ by no more than the sum, and by what
+    rounded input makes of it.
     """
     returned, bounds = [], []
     for at, step in enumerate(twin.steps):
         returned.append(twin.back({field: theirs[at][field] for field in one.problem.fields}, step))
         rounding, their_bounds = twin.rounding(returned[at], step), twin.in_place(other.prediction.bounds[at])
         our_bounds = one.prediction.bounds[at]
-        bounds.append({f: our_bounds[f] + their_bounds[f] + rounding.get(f, 0.0) for f in our_bounds})
+        spread = one.spread[at] if one.spread else {}
+        bounds.append(
+            {f: our_bounds[f] + their_bounds[f] + rounding.get(f, 0.0) + spread.get(f, 0.0) for f in our_bounds}
+        )
     return compare_all(one.problem, twin.atoms.id_n, ours, Prediction(tuple(returned), tuple(bounds)))
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from lammps_cases.engine import ranks
-from lammps_cases.engine.session import EngineCrashed, EngineRefused, Job, RunCommand
+from lammps_cases.engine.session import Array, EngineCrashed, EngineRefused, Job, RunCommand
+from lammps_cases.engine.workers import solve
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 
@@ -66,3 +67,27 @@ def test_death_is_a_crash_and_costs_no_later_job(job: Job) -> None:
     with pytest.raises(EngineCrashed):
         ranks.solve(None, job)
     ranks.solve(None, job)
+
+
+def test_lists_of_all_ranks_are_joined(job: Job) -> None:
+    """Every pair stands once, or for both of its particles where newton is off, wherever the processes share it."""
+    for newton, times in ((True, 1), (False, 2)):
+        off = () if newton else ("newton off",)
+        asked = replace(job, setup=(*job.setup[:3], *off, *job.setup[3:]), lists=True)
+        one, two = (solve(None, replace(asked, ranks=count)) for count in (1, 2))
+        for alone, both in zip(one.lists, two.lists, strict=True):
+            assert len(both["x_sc"]) == len(both["id_s"]) > len(job.id_n)
+            counts = [dict(zip(*_pairs(listed), strict=True)) for listed in (alone, both)]
+            assert counts[0].keys() == counts[1].keys()
+            assert set(counts[1].values()) <= {1, times}
+
+
+def _pairs(listed: dict[str, Array]) -> tuple[list[tuple[float, ...]], Array]:
+    """Pairs of a list within the cutoff by ids and distance vectors, smaller id first, and how often each stands."""
+    one, other = listed["pair_ps"].T
+    x_pc = listed["x_sc"][one] - listed["x_sc"][other]
+    turn = np.where(listed["id_s"][one] < listed["id_s"][other], 1, -1)[:, None]
+    ids = np.sort(np.stack([listed["id_s"][one], listed["id_s"][other]], axis=1), axis=1)
+    near = np.sqrt((x_pc**2).sum(axis=1)) < 2.5
+    rows, counts = np.unique(np.column_stack([ids, np.round(turn * x_pc, 9)])[near], axis=0, return_counts=True)
+    return list(map(tuple, rows.tolist())), counts

@@ -53,7 +53,8 @@ def test_every_shipped_case_is_as_expected(everything: tuple[Path, subprocess.Co
     for case in laws:
         if not case.expects:
             assert [field.field for field in case.fields][-1] == "pressure"
-            assert case.verdict == "exact", "LAMMPS' order of operations is known for every law"
+            # LAMMPS' order of operations is known for every law; in real and metal a finding stands before it.
+            assert case.verdict == ("explained" if case.units in ("real", "metal") else "exact"), case.case
     assert run.carried is None, "every finding that is listed for this engine is still there"
     assert f"report: {out / 'report.html'}" in done.stdout
 
@@ -64,9 +65,21 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
     """What scenes are blind to: means where all viscosities are equal, walls never thinner than rho0, unit values."""
     run = read_run(everything[0])
     means, floor = "arithmetic for harmonic mean, or the reverse", "no lower limit to the density of walls"
+    at_rest = {"V_i for V_j", "no volume in the force", "speed of sound ignored in artificial viscosity"}
+    lone = "no-slip extrapolation ignored"  # a wall without fluid about it, or whose velocity is not compared
     blind = {case.case: set(case.lint) - {means} for case in run.cases if "model" in case.tags}
     assert {name: lint for name, lint in blind.items() if lint} == {
         "claims-walls.pressed": {floor},
+        "degenerate-steps.heated.rk1": {"one conductivity for all types"},
+        "degenerate-steps.heated.rk2": {"one conductivity for all types"},
+        "degenerate-steps.reconstructed.rk1": {lone},
+        "degenerate-steps.reconstructed.rk2": {lone},
+        "exercise-walls-3d.law": {floor},
+        "exercise-walls-3d.lone": {lone},
+        "exercise-walls-3d.lone-rk1": {lone},
+        "exercise-walls.law": {floor},
+        "exercise-walls.lone": {lone, floor},
+        "exercise-walls.lone-rk1": {lone},
         "fluids.defaults": {"speed of sound ignored in artificial viscosity"},
         "fluids.unit": {
             "masses ignored",
@@ -75,7 +88,13 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
             "no volume in the force",
             "speed of sound ignored in artificial viscosity",
         },
+        "harmonic.one": {"heat divided by the density"},
         "power-walls.background": {floor},
+        "runs-walls.heat.ranks": {floor},
+        "virials.rest.newton": at_rest,
+        "virials.rest.no-newton": at_rest,
+        "virials.rest.two-ranks": at_rest,
+        "virials.walls.two-ranks": {floor},
         "walls-summed.quintic": {floor},
         "walls-summed.shift": {floor},
     }

@@ -87,15 +87,16 @@ def test_every_field_is_known_everywhere(make: Make) -> None:
     case = make()
     model, atoms = model_of(case), campaign.prepare(case).atoms
     job = commands.job(case.scene, atoms, plan(case.scene))
-    written = next(line for line in job.commands if line.startswith("compute q ")).split()
+    written = next(line for line in job.commands if line.startswith("compute q "))
     setting = audit.Setting(Deck(), "lj")
     for name, field in FIELDS.items():
         quantity = QUANTITIES[name]
         assert (field.name, field.quantity) == (name, quantity)
         assert set(evaluated_for(model, name)) <= set(QUANTITIES) and set(required(model, [name])) <= set(order())
-        assert field.column or field.array
-        assert (field.words() in written) == bool(field.column)
-        assert name in job.outputs if field.column else field.array in job.atom_arrays
+        assert field.column or field.array or field.compute
+        assert (f" {field.words()} " in f"{written} ") == bool(field.column)
+        assert name in job.outputs if field.column else field.array in job.atom_arrays or field.compute
+        assert bool(field.compute) == (field.compute_id in {compute.id for compute in job.computes})
         assert field.key in output_faults.REAL | output_faults.WHOLE | output_faults.PER_TYPE
         assert twins.dimension(name) == quantity.dimension
         assert (name in audit.offered()) == (field.unaudited is not None)
@@ -187,7 +188,7 @@ def test_a_new_field_needs_records_a_formula_and_a_line(
     assert (found[NEW].verdict, found[NEW].stage) == (verdict, "eos")
     assert record.message.startswith(f"{NEW} (stage eos) leaves its bound at step 0 at ") == (verdict == "differs")
 
-    scale = twins.Scale(4.0, 2)
+    scale = twins.Scale.of_size(4.0, 2)
     assert scale.of(NEW) == scale.of("pressure")
     assert NEW in audit.checked() and audit.chosen([NEW]) == (NEW,)
     assert audit.why_not(NEW, model_of(case), audit.Setting(Deck(), "lj")) == ""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref import InputError
 from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.run import campaign
 from lammps_cases.run.campaign import PreparedCase
@@ -98,7 +99,7 @@ def test_every_setting_is_a_line_or_a_word(case_file: Write) -> None:
         "units lj",
         "dimension 2",
         "atom_style rheo",
-        "newton off",
+        "newton off off",
         "boundary p p p",
         "comm_modify vel yes",
         "neighbor 0.4 bin",
@@ -228,3 +229,25 @@ def test_a_quantity_is_planned_for_what_depends_on_it(case_file: Write) -> None:
 
 def test_what_is_in_no_plan_is_not_needed(case_file: Write) -> None:
     assert not plan_of(case_file()).needs("no such item")
+
+
+def test_settings_of_the_decomposition_are_lines(case_file: Write) -> None:
+    engine = {"ranks": 2, "processors": [1, 2, 1], "communication": "tiled", "balance": 3, "sort": 0, "boundary": "m"}
+    open_box = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "periodic": [True, False]}
+    given = job_of(case_file(**EVERYTHING | {"engine": engine | {"search": "nsq"}, "positions": open_box}))
+    for line in ("boundary p m p", "processors 1 2 1", "atom_modify sort 0 0.0", "comm_style tiled"):
+        assert given.setup.count(line) == 1, line
+    assert any(line.startswith("neighbor ") and line.endswith(" nsq") for line in given.setup)
+    assert given.commands[-2:] == ("balance 1.0 rcb", "fix balance all balance 3 1.0 rcb")
+
+
+@pytest.mark.parametrize(
+    ("engine", "rule"),
+    [
+        ({"processors": [2, 1, 1]}, r"processors must be as many as ranks \(1\), found \(2, 1, 1\)"),
+        ({"balance": 2}, r"balance \(style rcb\) needs communication tiled, found brick"),
+    ],
+)
+def test_settings_of_the_decomposition_fit_each_other(case_file: Write, engine: dict[str, object], rule: str) -> None:
+    with pytest.raises(InputError, match=rule):
+        casefile.load_file(case_file(engine=engine))

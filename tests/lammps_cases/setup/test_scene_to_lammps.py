@@ -65,6 +65,7 @@ def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
     # types: a range that the reference's parser accepts, or a scene that expects refusal (digits, stars, hyphens);
     # extxyz, csv, column: files read by the harness; refused: compared with LAMMPS' answer.
     assert sorted(free_text) == [
+        "Displacement.types",
         "Expect.refused",
         "ForceSettings.types",
         "FromFile.extxyz",
@@ -78,6 +79,7 @@ def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
         places: dict[str, dict[str, Any]] = {
             "types": {"pressure": [{"types": evil, "style": "linear"}]},
             "types ": {"forces": [{"style": "gravity", "vector": [0, -1], "types": evil}]},
+            "types  ": {"evolve": {"steps": 1, "timestep": 0.1, "stops": [{"at": 1, "displace": {"types": evil}}]}},
             "exclude": {"rheo": {"shift": {"exclude": [evil]}}},
         }
         for place, changes in places.items():

@@ -65,6 +65,7 @@ KINDS: dict[str, Any] = {
     "boost": [0.8, -0.45],
     "relabel": True,
     "rescale": 4.0,
+    "units": "micro",
     "newton": False,
     "skin": 0.7,
     "rebuild": {"every": 1, "check": False},
@@ -114,7 +115,7 @@ def judged(workers: Workers, case: Case) -> CaseRecord:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind(kind: str, make: Make, workers: Workers) -> None:
     record = judged(workers, make(kind))
-    expected = {"rescale": ("explained",), "split": ("exact",)}.get(kind, ("exact", "pass"))
+    expected = {"rescale": ("explained",), "units": ("explained",), "split": ("exact",)}.get(kind, ("exact", "pass"))
     assert record.verdict in expected, record.message
     assert record.twin == kind
     assert {field.stage for field in record.fields} == {"twin"}

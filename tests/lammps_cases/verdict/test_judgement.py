@@ -14,10 +14,12 @@ from lammps_cases.comparison import compare
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
+from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms, OtherSteps
 from lammps_cases.run import campaign
 from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import casefile
+from lammps_cases.verdict import outcome
 from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.model_cases import problem_of
 
@@ -180,3 +182,33 @@ def test_an_answer_where_a_refusal_is_expected_differs(case_file: Write, law: Pr
     ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
     record = judged(ready, answer_of(law))
     assert (record.verdict, record.ended, record.expects) == ("differs", "accepted", "Invalid range")
+
+
+@pytest.mark.parametrize(
+    ("ended", "words", "expects", "verdict"),
+    [
+        ("crashed", "SIGSEGV", "", "explained"),
+        ("refused", "any", "", "explained"),
+        ("refused", "other words", "Invalid range", "explained"),
+        ("refused", "Invalid range string", "Invalid range", "refused"),
+        ("crashed", "Invalid range string", "Invalid range", "explained"),
+        ("skipped", "not in this build", "", "skipped"),
+        ("skipped", "not in this build", "Invalid range", "skipped"),
+    ],
+)
+def test_an_end_other_than_the_one_expected_may_be_explained(
+    monkeypatch: pytest.MonkeyPatch, ended: Any, words: str, expects: str, verdict: str
+) -> None:
+    """Where a finding predicts it; what could not run has no end."""
+    monkeypatch.setattr(outcome, "explain_outcome", lambda record, *scene: LEDGER[0])
+    record = CaseRecord(case="a.case", verdict="skipped", ended="skipped", expects=expects)
+    outcome.judge_failure(record, Failure(ended, words))
+    explained_by = [LEDGER[0].id] if verdict == "explained" else []
+    assert (record.verdict, record.ended, record.explained_by) == (verdict, ended, explained_by)
+
+
+def test_an_end_that_no_finding_predicts_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outcome, "explain_outcome", lambda record, *scene: None)
+    record = CaseRecord(case="a.case", verdict="skipped", ended="skipped")
+    outcome.judge_failure(record, Failure("crashed", "SIGSEGV"))
+    assert (record.verdict, record.explained_by) == ("crashed", [])

@@ -179,6 +179,24 @@ def test_blame_names_the_first_step_stage_and_atom(judge: Judge, monkeypatch: py
     assert record.message.startswith("v (stage integration) leaves its bound at step 4 at 1 of 80 atoms, first atom 8:")
 
 
+@pytest.mark.parametrize(
+    ("where", "name", "wrong"),
+    [
+        (array_evaluator.ArrayEvaluator, "wall_density", _times(array_evaluator.ArrayEvaluator.wall_density, 1 + 1e-9)),
+        (time_step.Simulation, "keep_forces", lambda self: None),
+    ],
+)
+def test_densities_of_walls_are_blamed_on_walls(
+    where: Any, name: str, wrong: Any, judge: Judge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not on the gradients and forces that follow from them, nor on what a known finding changes."""
+    monkeypatch.setattr(where, name, wrong)
+    record = judge("walls.reconstructed.gravity")
+    assert record.headline
+    assert (record.headline.field, record.headline.stage) == ("rho_wall", "walls")
+    assert record.message.startswith("rho_wall (stage walls) leaves its bound at step ")
+
+
 @pytest.mark.parametrize("field", ["q.coordination", "q.grad/v", "q.viscosity", "pressure", "f", "drho", "x", "v"])
 def test_one_wrong_number_of_lammps_is_seen(
     field: str,

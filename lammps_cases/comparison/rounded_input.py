@@ -1,0 +1,44 @@
+"""A problem whose input is moved by as much as a change of its units rounds it.
+
+The factor of a quantity is a product of powers of three base units and the ratio of two units of its own. Its roundings
+are at most 2 in each of 3 powers, 1 in each of up to 5 factors of these, 2 products, 2 in the ratio, and 1 each in the
+product with the ratio and with the number: 17.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from lammps_cases.comparison.trajectory import Problem
+
+ROUNDING = 17 * 2.0**-53
+# The cutoff stands twice in a model, and must be one number; positions move against it. The others are pure numbers, of
+# which some are compared with counts.
+EXACT = ("cut", "surface_detection", "dimension", "zmin")
+
+
+def moved_input(problem: Problem, random: np.random.Generator) -> Problem:
+    """Return a problem of which every number of the model and the state is moved by `ROUNDING`, up or down."""
+
+    def sign(shape: tuple[int, ...] = ()) -> Any:
+        return 1 + ROUNDING * random.choice((-1.0, 1.0), shape)
+
+    def moved(part: Any) -> Any:
+        if isinstance(part, float):
+            return float(part * sign())
+        if isinstance(part, tuple):
+            return tuple(moved(each) for each in part)
+        if not is_dataclass(part) or isinstance(part, type):
+            return part
+        names = (field.name for field in fields(part) if field.init and field.name not in EXACT)
+        return replace(part, **{name: moved(getattr(part, name)) for name in names})
+
+    s = problem.state
+    x_nc, v_nc, rho_n = (array * sign(array.shape) for array in (s.x_nc, s.v_nc, s.rho_n))
+    energy_n = None if s.energy_n is None else s.energy_n * sign(s.energy_n.shape)
+    state = replace(s, x_nc=x_nc, v_nc=v_nc, rho_n=rho_n, energy_n=energy_n)
+    return replace(problem, model=moved(problem.model), state=state, timestep=float(problem.timestep * sign()))

@@ -1,0 +1,77 @@
+"""Stops of a run: where one run of LAMMPS ends, what is done to its state, and the next run begins."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from pydantic import Field
+
+from lammps_cases.scene.values import Finite, Positive, SceneModel, TypeRange
+
+Route = Literal[
+    "run",
+    "restart",
+    "data",
+    "data nofix",
+    "redefined",
+    "other scene",
+    "refused command",
+    "minimize",
+    "replicated",
+    "set",
+    "recreated",
+]
+ROUTES: tuple[Route, ...] = get_args(Route)
+# What the state goes through at a stop, and why it must come out as it was.
+ABOUT: dict[Route, str] = {
+    "run": "the next run begins with a set-up of its own",
+    "restart": "write_restart, clear, read_restart: a binary file holds every attribute of an atom",
+    "data": "write_data, clear, read_data: a text file holds them to the digits that it has",
+    "data nofix": "the same without what fixes add to the file",
+    "redefined": "fixes, compute and pair style taken away and defined anew: they hold no part of the state",
+    "other scene": "write_restart, another scene in the same process, read_restart: clear leaves nothing behind",
+    "refused command": "commands that LAMMPS refuses, one of them a run: a refusal changes nothing",
+    "minimize": "a minimisation without iterations: it moves no atom and does not invoke the fixes",
+    "replicated": "the box replicated once in each direction, which is the box",
+    "set": "every attribute set to the value that it has",
+    "recreated": "the last quarter of the atoms deleted, created anew and set",
+}
+AS_TEXT: tuple[Route, ...] = ("data", "data nofix")
+FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene")
+DEFINED_ANEW: tuple[Route, ...] = (*AS_TEXT, "redefined")
+QUARTER = 4  # of all atoms, those recreated are one part in so many
+FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated")  # commands that hold LAMMPS' own values of every atom
+
+
+class Displacement(SceneModel):
+    """A move of some atoms by displace_atoms."""
+
+    x: Finite = 0.0
+    y: Finite = 0.0
+    z: Finite = 0.0
+    types: TypeRange | None = Field(None, description="default: all")
+
+    @property
+    def vector(self) -> tuple[float, float, float]:
+        """Return what is added to the positions."""
+        return self.x, self.y, self.z
+
+
+class Stop(SceneModel):
+    """A step at which a run ends and another begins, with a set-up of its own."""
+
+    at: int = Field(ge=0, strict=True, description="step")
+    by: Route = Field("run", description="what the state goes through")
+    timestep: Positive | None = Field(None, description="from here on")
+    count: int | None = Field(None, ge=0, strict=True, description="LAMMPS counts on from here (reset_timestep)")
+    displace: Displacement | None = None
+
+    def renews(self, natoms: int) -> int:
+        """Return how many atoms, those of the highest ids, are created anew, or all if the fixes are defined anew."""
+        return natoms if self.by in DEFINED_ANEW else max(1, natoms // QUARTER) if self.by == "recreated" else 0
+
+
+def counted(steps: tuple[int, ...], stops: tuple[Stop, ...]) -> tuple[int, ...]:
+    """Return LAMMPS' own count at some steps, which a stop may set."""
+    ahead = {stop.at: stop.count - stop.at for stop in stops if stop.count is not None}
+    return tuple(step + next((ahead[at] for at in sorted(ahead, reverse=True) if at <= step), 0) for step in steps)

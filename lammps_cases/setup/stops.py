@@ -1,0 +1,140 @@
+"""What LAMMPS is given between two runs: the commands of every route that `lammps_cases.scene.stops` names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from eos_ref.syntax.ranges import type_range
+from lammps_cases.engine.interlude import FOLDER, Action, Interlude
+from lammps_cases.scene import Scene
+from lammps_cases.scene.stops import Displacement, Stop
+
+# Another scene: another dimension, atom style, number of types and cutoff, with all keywords of fix rheo. Its kernel is
+# the quintic one: beside walls, reproducing kernels with few neighbours give what the memory of the process decides.
+OTHER_SCENE = """
+units lj
+dimension 3
+atom_style rheo/thermal
+newton off
+boundary f p p
+comm_modify vel yes
+region box block 0 8 0 8 0 8
+create_box 3 box
+create_atoms 1 single 3.0 4.0 4.0 units box
+create_atoms 2 single 4.1 4.2 4.0 units box
+create_atoms 3 single 4.0 5.1 4.3 units box
+mass * 2.5
+set group all rheo/rho 1.9 sph/e 3.0
+set type 3 rheo/status 1
+pair_style rheo 2.5 artificial/visc 0.7 rho/damp 0.3 harmonic/means
+pair_coeff * *
+timestep 0.001
+fix rheo all rheo 2.5 quintic 0 thermal interface/reconstruct surface/detection coordination 5 1 shift &
+  density 1.5 1.4 1.3 speed/sound 3.0 4.0 5.0
+fix viscosity all rheo/viscosity * power 0.3 0.2 0.1 0.5
+fix pressure all rheo/pressure * tait/general 3.5 * background 0.4
+fix thermal all rheo/thermal conductivity * constant 0.3 specific/heat * constant 0.8
+fix push all addforce 1.0 2.0 3.0
+run 2 post no
+"""
+REFUSED = (
+    "set group all rheo/status 7",
+    "fix pressure2 all rheo/pressure 1 no_such_style",
+    "unfix no_such_fix",
+    "run -1",
+)
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The commands of a scene by what they are for.
+
+    Attributes
+    ----------
+    style : units, atom style, newton, boundary: kept in a restart file
+    neighbours : communication and neighbour lists, which are set anew after a file is read
+    model : pair style, time step, fixes and compute
+    """
+
+    style: tuple[str, ...]
+    neighbours: tuple[str, ...]
+    model: tuple[str, ...]
+
+
+def interlude(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> Interlude:
+    """Return what LAMMPS is given at a stop before the next run."""
+    actions = [*_route(stop, scene, lines, natoms), *_settings(stop, scene)]
+    return Interlude(tuple(actions), moves=stop.displace is not None)
+
+
+def _settings(stop: Stop, scene: Scene) -> Iterable[Action]:
+    """Yield what a stop changes beside its route."""
+    if stop.timestep is not None:
+        yield Action(f"timestep {stop.timestep!r}")
+    if stop.count is not None:
+        yield Action(f"reset_timestep {stop.count}")
+    if stop.displace:
+        yield from _displaced(stop.displace, scene)
+
+
+def _displaced(move: Displacement, scene: Scene) -> Iterable[Action]:
+    vector = " ".join(map(repr, move.vector))
+    if move.types is None:
+        yield Action(f"displace_atoms all move {vector} units box")
+        return
+    yield Action(f"group displaced type {' '.join(map(str, type_range(move.types, len(scene.types))))}")
+    yield Action(f"displace_atoms displaced move {vector} units box")
+
+
+def _given(lines: Iterable[str]) -> list[Action]:
+    return [Action(line) for line in lines]
+
+
+def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Action]:
+    restart = [Action(f"write_restart {FOLDER}/restart.{stop.at}"), Action("clear")]
+    read = [Action(f"read_restart {FOLDER}/restart.{stop.at}"), *_given((*lines.neighbours, *lines.model))]
+    match stop.by:
+        case "run":
+            return []
+        case "restart":
+            return [*restart, *read]
+        case "other scene":
+            return [*restart, *_given(OTHER_SCENE.replace("&\n", "").strip().split("\n")), Action("clear"), *read]
+        case "data" | "data nofix":
+            data = f"{FOLDER}/data.{stop.at}"
+            again = [*lines.style, *lines.neighbours, f"read_data {data}", *lines.model, f"reset_timestep {stop.at}"]
+            return [Action(f"write_data {data}{stop.by.removeprefix('data')}"), Action("clear"), *_given(again)]
+        case "redefined":
+            return [*_undefined(lines.model), Action("pair_style none"), *_given(lines.model)]
+        case "refused command":
+            return [Action(command, "refused") for command in REFUSED]
+        case "minimize":
+            return [Action("minimize 0.0 0.0 0 0")]
+        case "replicated":
+            return [Action("replicate 1 1 1")]
+        case "set":
+            return [Action(_set(scene), "for each atom", natoms)]
+        case "recreated":
+            return list(_recreated(scene, natoms, stop.renews(natoms)))
+
+
+def _undefined(model: Iterable[str]) -> Iterable[Action]:
+    """Yield what takes away the compute and the fixes, last defined first."""
+    for words in reversed([line.split() for line in model]):
+        if words[0] in ("fix", "compute"):
+            yield Action(f"un{words[0]} {words[1]}")
+
+
+def _set(scene: Scene) -> str:
+    """Return the command that gives an atom every value that it has."""
+    energy = " sph/e {esph}" if scene.thermal else ""
+    where = " ".join(f"{axis} {{{axis}}} v{axis} {{v{axis}}}" for axis in "xyz")
+    return f"set atom {{id}} type {{type}} {where} rheo/rho {{rho}} rheo/status {{phase}}{energy}"
+
+
+def _recreated(scene: Scene, natoms: int, last: int) -> Iterable[Action]:
+    yield Action(f"group recreated id > {natoms - last}")
+    yield Action("delete_atoms group recreated compress no")
+    yield Action("create_atoms {type} single {x} {y} {z} units box", "for each atom", last)
+    yield Action(_set(scene), "for each atom", last)

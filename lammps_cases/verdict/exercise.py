@@ -1,0 +1,66 @@
+"""Which rules of the reference a scene exercises: particles and pairs counted by running the reference on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Problem, visit, wanted
+from lammps_cases.rules import RULES, Evaluated
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.casefile import Case
+from lammps_cases.setup import reference_side
+from lammps_cases.verdict.model_cases import problem_of
+
+
+def counts(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
+    """Return how many particles or pairs of a case take each rule: the most of the steps compared; others have none.
+
+    A case that LAMMPS has to refuse takes none.
+    """
+    if case.scene.expect is not None:
+        return {}
+    scene = case.scene
+    if scene.interacts:
+        problem = problem_of(scene, atoms, case.where, scene.snapshots)
+    else:  # states of a law: a density may have any sign
+        given = reference_side.unchecked_state(scene, atoms, case.where)
+        model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)
+        problem = Problem(model, box, given, 0.0, scene.compare, (0,))
+    return predictor.counts("rules", problem, lambda: counted(problem, scene.interacts))
+
+
+def exercised(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
+    """Return the counts of the rules that a case says it exercises."""
+    if not case.exercises:
+        return {}
+    every = counts(case, atoms, predictor)
+    return {name: every.get(name, 0) for name in case.exercises}
+
+
+def counted(problem: Problem, interacts: bool = True) -> dict[str, int]:
+    """Return the largest count of every rule that a problem takes; without neighbours if nothing needs any."""
+    most: dict[str, int] = {}
+    with np.errstate(all="ignore"):
+        for evaluated in _visited(problem, interacts):
+            for name, rule in RULES.items():
+                most[name] = max(most.get(name, 0), rule.count(evaluated))
+    return {name: count for name, count in most.items() if count}
+
+
+def _visited(problem: Problem, interacts: bool) -> Iterator[Evaluated]:
+    """Yield the reference at every step compared."""
+    start = problem.state
+    if interacts:
+        sim = Simulation(problem.model, problem.box, start, wanted(problem))
+        for step in visit(sim, problem.steps, problem.timestep, problem.stops):
+            yield Evaluated(sim, start, problem.fields, step)
+    else:
+        evaluator = ArrayEvaluator(problem.model, problem.box, start.type_n, start.solid_n)
+        sim = Simulation.with_evaluator(start.copy(), evaluator, problem.fields)
+        sim.evaluate()
+        yield Evaluated(sim, start, problem.fields, 0)

@@ -1,0 +1,61 @@
+"""Input moved by the rounding of a change of units: everything moves, by no more, and only what is rounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lammps_cases.comparison.rounded_input import ROUNDING, moved_input
+from lammps_cases.comparison.trajectory import Problem, predict
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+
+SCENE = {
+    "dimension": 3,
+    "types": [{"mass": 1.3, "rho0": 1.2, "cs": 6.1, "viscosity": {"eta": 0.4, "gd0": 0.3, "K": 0.2, "n": 0.5}}],
+    "positions": {"lattice": "sc", "spacing": 0.9, "cells": [3, 3, 3], "disorder": 0.1},
+    "pressure": [{"types": "*", "style": "cubic", "A3": 2.1}],
+    "rheo": {"surface_detection": {"style": "coordination", "limit": 20, "splash": 9}},
+    "rho": {"ratio": [0.9, 1.1]},
+    "velocity": {"random": 0.3},
+    "compare": ["f", "pressure"],
+}
+
+
+def problem(case_file: Callable[..., Path], units: str = "lj") -> Problem:
+    (case,) = casefile.load_file(case_file(**SCENE, units=units))
+    return problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+
+
+def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
+    one = problem(case_file)
+    other = moved_input(one, np.random.default_rng(1))
+    for name in ("x_nc", "v_nc", "rho_n"):
+        ours, theirs = getattr(one.state, name), getattr(other.state, name)
+        far = np.abs(theirs - ours) / np.abs(ours)
+        assert (far > 0).all() and far.max() < ROUNDING + 2.0**-52
+    model, moved = one.model, other.model
+    assert moved.mass_t != model.mass_t and moved.fix.rho0 != model.fix.rho0 and moved.viscosity != model.viscosity
+    assert moved.eos[1].parameter != model.eos[1].parameter
+    assert (moved.cut, moved.pair.cut, moved.fix.surface_detection) == (
+        model.cut,
+        model.pair.cut,
+        model.fix.surface_detection,
+    )
+
+
+def test_bounds_of_converted_units_hold_it(case_file: Callable[..., Path]) -> None:
+    """In units real a run from moved input lies within the bound, which is wider than in consistent ones."""
+    real = problem(case_file, "real")
+    prediction = predict(real)
+    moved = predict(moved_input(real, np.random.default_rng(99)))
+    plain = predict(replace(real, model=replace(real.model, units="lj")))
+    for field in ("f", "pressure"):
+        far = np.abs(moved.fields[0][field] - prediction.fields[0][field])
+        assert far.max() <= prediction.bounds[0][field].max()
+        relative = [(p.bounds[0][field] / np.abs(p.fields[0][field]).max()).max() for p in (prediction, plain)]
+        assert relative[0] > relative[1]

@@ -1,0 +1,91 @@
+"""Where one run ends and another begins: the reference begins from the state alone, and bounds know what text loses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.trajectory import Problem, Stop, predict, visit, wanted
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+
+DT = 0.004
+WALLS, FLUID = "runs-walls.fluid.settings", "runs.summed.settings"
+
+
+def problem(name: str, *stops: Stop, steps: tuple[int, ...] = (0, 2, 4)) -> Problem:
+    """A shipped case, stopped elsewhere."""
+    (case,) = casefile.select(casefile.load(), [name])
+    return replace(problem_of(case.scene, campaign.prepare(case).atoms, "", steps), stops=stops)
+
+
+def stop(of: Problem, step: int, **settings: object) -> Stop:
+    """A stop at which no particle is new."""
+    return replace(Stop(step, np.zeros(len(of.state.x_nc), bool)), **settings)
+
+
+def begun(of: Problem) -> Simulation:
+    """The reference before its first evaluation."""
+    return Simulation(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+
+
+def visited(of: Problem) -> list[dict[str, np.ndarray]]:
+    """Its fields at the steps compared."""
+    sim = begun(of)
+    halts = visit(sim, of.steps, of.timestep, of.stops)
+    return [{field: np.array(sim.output(field)) for field in of.fields} for _ in halts]
+
+
+@pytest.mark.parametrize("name", [WALLS, FLUID])
+def test_a_run_begins_from_the_state_alone(name: str) -> None:
+    of = problem(name)
+    stopped = visited(replace(of, stops=(stop(of, 2, timestep=DT / 2),)))
+    first = begun(of)
+    first.run(2, of.timestep)
+    other = Simulation(of.model, of.box, first.state, wanted(of), ArrayEvaluator)
+    other.setup()
+    for at in (1, 2):
+        for field in of.fields:
+            np.testing.assert_array_equal(stopped[at][field], other.output(field), err_msg=field)
+        other.run(2, DT / 2)
+    continued = visited(of)
+    assert all(np.array_equal(continued[0][field], stopped[0][field]) for field in of.fields)
+    assert not np.array_equal(continued[1]["f"], stopped[1]["f"]), "the set-up takes the velocity of the whole step"
+
+
+def test_walls_begin_without_a_history() -> None:
+    of = problem(WALLS)
+    sim = begun(of)
+    sim.run(2, of.timestep)
+    assert sim.other_nc.any()
+    sim.begin_again(np.zeros(len(of.state.x_nc), bool))
+    assert not sim.other_nc.any() and sim.fresh
+
+
+def test_displaced_particles() -> None:
+    of = problem(FLUID)
+    by_nc = np.where(of.state.type_n[:, None] == 1, [0.3, -0.2], 0.0)
+    moved, unmoved = (visited(replace(of, stops=(stop(of, 2, by_nc=by),)))[1]["x"] for by in (by_nc, None))
+    np.testing.assert_array_equal(moved, unmoved + by_nc)
+
+
+def test_stops_behind_the_last_step_are_none() -> None:
+    of = problem(FLUID, steps=(0, 1))
+    late = visited(replace(of, stops=(stop(of, 2, timestep=1.0),)))
+    assert all(np.array_equal(late[1][field], visited(of)[1][field]) for field in of.fields)
+
+
+def test_bounds_after_text_hold_half_a_unit_of_its_last_digit() -> None:
+    of = problem(FLUID, steps=(0, 1))
+    plain, exact, text = (
+        predict(replace(of, stops=stops), ArrayEvaluator).bounds[0]["x"].max()
+        for stops in ((), (stop(of, 0),), (stop(of, 0, digits=8),))
+    )
+    largest = np.abs(of.state.x_nc).max()
+    assert plain == 0 and 0 < exact < 4e-16 * max(of.box.high_c)
+    assert 0.5e-7 * largest <= text <= 0.51e-7 * largest

@@ -1,0 +1,84 @@
+"""What happens between runs: commands for each atom, refusals, and the state before and after."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.engine.interlude import Action, Interlude, NotRefused, perform, rows, scratch
+
+BEFORE = {
+    "id": np.array([1, 2, 5]),
+    "type": np.array([1, 1, 2]),
+    "x": np.array([[0.1, 0.2, 0.0], [1 / 3, 1e-300, -0.0], [7.0, 8.0, 0.0]]),
+    "v": np.arange(9.0).reshape(3, 3),
+    "rho": np.array([1.1, 1.2, np.nextafter(1.3, 2)]),
+    "rheo_status": np.array([4, 17, 16]),
+}
+
+
+class Library:
+    """A LAMMPS that writes down what it is given, and refuses some of it."""
+
+    def __init__(self) -> None:
+        self.given: list[str] = []
+
+    def command(self, text: str) -> None:
+        """Take one command."""
+        if text.startswith("bad"):
+            raise Exception("ERROR: Unknown command")
+        if text.startswith("worse"):
+            raise RuntimeError("an error on one rank")
+        self.given.append(text)
+
+    def commands_string(self, text: str) -> None:
+        """Take several."""
+        self.given += text.split("\n")
+
+
+def done(*actions: Action) -> list[str]:
+    """What LAMMPS is given."""
+    library = Library()
+    perform(library, Interlude(actions), lambda: BEFORE, "folder", Exception)
+    return library.given
+
+
+def test_values_of_atoms_read_back_as_the_same_numbers() -> None:
+    first, second, _ = rows(BEFORE, 3)
+    assert (first["id"], first["x"], first["vz"], first["phase"]) == ("1", "0.1", "2.0", "0")
+    assert float(second["x"]) == 1 / 3 and float(second["y"]) == 1e-300 and second["phase"] == "1"
+    assert [row["id"] for row in rows(BEFORE, 2)] == ["2", "5"]
+    assert float(rows(BEFORE, 1)[0]["rho"]) == BEFORE["rho"][2]
+
+
+def test_actions_in_their_order() -> None:
+    given = done(
+        Action("write_restart {folder}/r"),
+        Action("bad", "refused"),
+        Action("set atom {id} rheo/rho {rho}", "for each atom", 2),
+    )
+    assert given == ["write_restart folder/r", "set atom 2 rheo/rho 1.2", "set atom 5 rheo/rho 1.3000000000000003"]
+
+
+def test_what_must_be_refused_and_is_not() -> None:
+    with pytest.raises(NotRefused, match="took what it must refuse: good"):
+        done(Action("good", "refused"))
+
+
+@pytest.mark.parametrize("how", ["given", "refused"])
+def test_an_error_after_which_the_instance_is_lost_is_not_swallowed(how: Any) -> None:
+    with pytest.raises(RuntimeError):
+        done(Action("worse", how))
+
+
+def test_the_state_is_read_before_and_after() -> None:
+    states = iter([BEFORE, BEFORE | {"rho": np.zeros(3)}])
+    carried = perform(Library(), Interlude(()), lambda: next(states), "", Exception)
+    assert carried.before["rho"][0] == 1.1 and carried.after["rho"][0] == 0.0
+
+
+def test_a_folder_for_files() -> None:
+    with scratch() as one, scratch() as other:
+        assert one != other

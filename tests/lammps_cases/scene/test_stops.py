@@ -1,0 +1,64 @@
+"""Stops of a run in a scene: what there is, what a scene may say of them, and how LAMMPS counts steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.scene import casefile
+from lammps_cases.scene.settings import Evolve
+from lammps_cases.scene.stops import ABOUT, AS_TEXT, DEFINED_ANEW, FOR_EACH_ATOM, ROUTES, Stop, counted
+
+CaseFile = Callable[..., Path]
+
+
+def test_every_route_says_why_the_state_must_come_out_as_it_was() -> None:
+    assert tuple(ABOUT) == ROUTES
+    assert {*AS_TEXT, *DEFINED_ANEW, *FOR_EACH_ATOM} <= set(ROUTES)
+
+
+def test_shipped_cases_go_every_route() -> None:
+    cases = [case.scene.evolve for case in casefile.load()]
+    assert {stop.by for evolve in cases if evolve for stop in evolve.stops} == set(ROUTES)
+
+
+def test_lammps_counts_on_from_where_a_stop_sets_it() -> None:
+    stops = (Stop(at=2, count=100), Stop(at=4), Stop(at=5, count=7))
+    assert counted((0, 1, 2, 3, 4, 5, 6), stops) == (0, 1, 100, 101, 102, 7, 8)
+
+
+@pytest.mark.parametrize(("by", "renewed"), [("run", 0), ("restart", 0), ("recreated", 2), ("redefined", 9)])
+def test_atoms_that_are_new_to_the_fixes(by: str, renewed: int) -> None:
+    assert Stop.model_validate({"at": 0, "by": by}).renews(9) == renewed
+
+
+def test_a_stop_is_compared_unless_the_scene_says_which_steps_are() -> None:
+    stops = [{"at": 3}, {"at": 5}]
+    assert Evolve.model_validate({"steps": 6, "timestep": 0.1, "stops": stops}).snapshots == (0, 1, 3, 5, 6)
+    chosen = {"steps": 6, "timestep": 0.1, "stops": stops, "compare_at": [5, 6]}
+    assert Evolve.model_validate(chosen).snapshots == (5, 6)
+
+
+@pytest.mark.parametrize(
+    ("evolve", "scene", "rule"),
+    [
+        ({"stops": [{"at": 2}, {"at": 1}]}, {}, r"must increase and lie within 0 to steps \(4\), found \[2, 1\]"),
+        ({"stops": [{"at": 5}]}, {}, r"found \[5\]"),
+        ({"every": 2, "compare_at": [0, 1, 4]}, {}, r"name stops to compare steps, found \[1\]"),
+        ({"stops": [{"at": 1}]}, {"compare": ["pressure"]}, "more in compare than pressure"),
+        ({"stops": [{"at": 1, "by": "set"}]}, {"engine": {"ranks": 2}}, "set needs all atoms on one rank"),
+        ({"stops": [{"at": 1, "displace": {"z": 0.5}}]}, {}, r"displace.z must be 0 in 2D, found 0.5"),
+        ({"stops": [{"at": 1, "displace": {"x": 0.5, "types": 3}}]}, {}, "must lie within the atom types 1 to 1"),
+        ({"stops": [{"at": 1}]}, {"twin": {"skin": 0.7}}, "stops go with no twin"),
+    ],
+)
+def test_what_a_scene_may_not_say(
+    case_file: CaseFile, evolve: dict[str, Any], scene: dict[str, Any], rule: str
+) -> None:
+    base = {"compare": ["f"], "evolve": {"steps": 4, "timestep": 0.004} | evolve}
+    with pytest.raises(InputError, match=rule):
+        casefile.load((case_file(**(base | scene)),))

@@ -1,0 +1,97 @@
+"""Commands between runs: each route leads back to the same physics, told by the same lines as in the beginning."""
+
+from __future__ import annotations
+
+import pytest
+
+from lammps_cases.engine.interlude import FOLDER, Interlude
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES, Route, Stop
+from lammps_cases.setup.commands import job
+from lammps_cases.setup.plan import plan
+
+MODEL = ("fix ", "compute ", "pair_")
+KEPT = ("mass", "set type", "create_", "region")  # what files hold
+
+
+def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
+    """The commands that LAMMPS is given first, and those at a stop after step 1, of a case with walls."""
+    (case,) = casefile.select(casefile.load(), ["runs-walls.fluid.settings"])
+    assert case.scene.evolve
+    told = Stop.model_validate({"at": 1, "by": by} | stop)
+    evolve = case.scene.evolve.model_copy(update={"stops": (told,)})
+    scene = case.scene.model_copy(update={"evolve": evolve})
+    given = job(scene, campaign.prepare(case).atoms, plan(scene))
+    (between,) = (stretch for stretch in given.runs if isinstance(stretch, Interlude))
+    return [*given.setup, *given.commands], [action.text for action in between.actions]
+
+
+@pytest.mark.parametrize("by", ROUTES)
+def test_what_is_taken_away_is_defined_anew_and_nothing_else(by: Route) -> None:
+    first, between = lines(by)
+    fixes = [line for line in first if line.startswith(MODEL)]
+    last_clear = max((k for k, line in enumerate(between) if line == "clear"), default=-1)
+    taken = [line.split()[1] for line in between if line.startswith(("unfix", "uncompute")) and "no_such" not in line]
+    if last_clear >= 0:
+        assert [
+            line for line in between[last_clear:] if line in first and line.startswith(("fix ", "compute ", "pair_"))
+        ] == fixes
+        assert not [line for line in between[last_clear:] if line.startswith(KEPT)], "the file holds them"
+    elif taken:
+        assert sorted(taken) == sorted(line.split()[1] for line in fixes if not line.startswith("pair_"))
+        assert [line for line in between if line in fixes] == fixes
+    else:
+        assert not [line for line in between if line in fixes]
+
+
+@pytest.mark.parametrize("by", ["restart", "data", "data nofix", "other scene"])
+def test_a_file_is_read_where_it_was_written(by: Route) -> None:
+    _, between = lines(by)
+    (written,) = (line.split()[1] for line in between if line.startswith("write_"))
+    (read,) = (line.split()[1] for line in between if line.startswith("read_"))
+    assert written == read and written.startswith(FOLDER)
+    assert any(line.endswith("nofix") for line in between) == (by == "data nofix")
+
+
+def test_settings_come_after_the_route() -> None:
+    _, between = lines("restart", timestep=0.002, count=7, displace={"x": 0.5, "types": 1})
+    assert between[-4:] == [
+        "timestep 0.002",
+        "reset_timestep 7",
+        "group displaced type 1",
+        "displace_atoms displaced move 0.5 0.0 0.0 units box",
+    ]
+    assert lines("run", displace={"y": 0.5})[1] == ["displace_atoms all move 0.0 0.5 0.0 units box"]
+
+
+def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
+    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
+    ready = campaign.prepare(case)
+    for every_step in (False, True):
+        runs = job(case.scene, ready.atoms, plan(case.scene), every_step).runs
+        read = [stretch for stretch in runs if not isinstance(stretch, Interlude) and stretch.read]
+        assert len(read) == len(case.scene.snapshots) == 5
+        for k, stretch in enumerate(runs):
+            if isinstance(stretch, Interlude):
+                before, after = runs[k - 1], runs[k + 1]
+                assert not isinstance(before, Interlude) and not before.read
+                assert not isinstance(after, Interlude) and after.command == "run 0 post no" and after.read
+
+
+def test_every_is_told_to_runs_that_begin_with_a_set_up() -> None:
+    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
+    assert case.scene.evolve
+    evolve = case.scene.evolve.model_copy(update={"every": 2, "compare_at": (1, 4)})
+    scene = case.scene.model_copy(update={"evolve": evolve})
+    told = [
+        s.command for s in job(scene, campaign.prepare(case).atoms, plan(scene)).runs if not isinstance(s, Interlude)
+    ]
+    assert told[:3] == ["run 1 post no every 2 NULL", "run 0 post no", "run 1 pre no post no every 2 NULL"]
+
+
+@pytest.mark.parametrize("by", FOR_EACH_ATOM)
+def test_commands_for_each_atom_name_every_attribute(by: Route) -> None:
+    _, between = lines(by)
+    for word in ("type {type}", "x {x}", "vy {vy}", "z {z}", "rheo/rho {rho}", "rheo/status {phase}"):
+        assert word in between[-1]

@@ -1,0 +1,110 @@
+"""Stops as they are judged: what a file loses or a set-up forgets is seen, and named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Workers
+from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.run import campaign
+from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation import catalogue, input_faults
+from lammps_cases.verdict.judgement import evaluate
+
+pytestmark = pytest.mark.lammps
+ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
+FILES, SETTINGS = "runs.summed.files", "runs.summed.settings"
+
+
+@pytest.fixture(scope="module")
+def judge() -> Any:
+    """Runs a case, with a fault if one is named, and judges it after a change of the answer."""
+    predictor = Predictor()
+    with Workers(None, 1) as workers:
+
+        def judged(name: str, change: Callable[[Answer], Answer] = lambda a: a, fault: str = "") -> CaseRecord:
+            (case,) = casefile.select(casefile.load(), [name])
+            ready: PreparedCase = campaign.prepare(case)
+            jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready) if fault else ready.jobs
+            assert jobs is not None
+            answer = workers.outcome(workers.submit(jobs[0], 60.0))
+            assert isinstance(answer, Answer), answer
+            return evaluate(case, ready.eos, ready.atoms, change(answer), ENGINE, predictor)[0]
+
+        yield judged
+
+
+def carried(name: str, update: Callable[[Any], Any], at: int = 0) -> Callable[[Answer], Answer]:
+    """Change an array as it was read right after a stop."""
+
+    def change(answer: Answer) -> Answer:
+        both = answer.carried[at]
+        wrong = replace(both, after=both.after | {name: update(both.after[name])})
+        return replace(answer, carried=(*answer.carried[:at], wrong, *answer.carried[at + 1 :]))
+
+    return change
+
+
+def outside(record: CaseRecord) -> list[str]:
+    """The fields that differ."""
+    return [field.field for field in record.fields if field.verdict == "differs"]
+
+
+def test_what_files_carry_is_compared_right_after_reading(judge: Any) -> None:
+    right = judge(FILES)
+    assert right.as_expected and not outside(right)
+    exact = [field for field in right.fields if "restart at" in field.field or "data nofix at" in field.field]
+    assert [field.field for field in exact if "at 1" in field.field] == [
+        f"{name} (data nofix at 1)" for name in ("type", "x", "v", "rho", "rheo_status")
+    ]
+    assert all(field.stage == "input" for field in exact)
+
+
+@pytest.mark.parametrize("name", ["x", "v", "rho", "rheo_status", "type"])
+def test_one_unit_that_a_restart_loses_is_seen(judge: Any, name: str) -> None:
+    def update(array: Any) -> Any:
+        changed = array.copy()
+        row = changed.reshape(len(changed), -1)[3]
+        row[0] = row[0] + 1 if changed.dtype.kind == "i" else np.nextafter(row[0], np.inf)
+        return changed
+
+    assert outside(judge(FILES, carried(name, update))) == [f"{name} (restart at 0)"]
+
+
+def test_text_may_lose_what_lies_beyond_its_digits_and_no_more(judge: Any) -> None:
+    def losing(part: float) -> Callable[[Answer], Answer]:
+        return lambda answer: carried("rho", lambda _: answer.carried[1].before["rho"] * (1 + part), at=1)(answer)
+
+    for part, seen in ((3e-16, []), (7e-16, ["rho (data nofix at 1)"])):  # and 1.1e-16 for the product itself
+        assert outside(judge(FILES, losing(part))) == seen
+
+
+@pytest.mark.parametrize(
+    ("case", "fault", "first"),
+    [
+        (FILES, "restart-loses-rho", "rho (restart at 0)"),
+        (FILES, "restart-loses-v", "v (restart at 0)"),
+        (FILES, "between-no-timestep", "x"),
+        (SETTINGS, "between-no-displacement", "x"),
+        ("runs.stored.files", "restart-loses-status", "rheo_status (restart at 0)"),
+        ("runs.thermal.files", "restart-loses-energy", "esph (given)"),
+        ("runs.thermal.atoms", "set-up-never-again", "x"),
+        ("runs-walls.fluid.anew", "between-no-forces", "x"),
+    ],
+)
+def test_a_fault_between_runs_is_seen(judge: Any, case: str, fault: str, first: str) -> None:
+    record = judge(case, fault=fault)
+    assert record.verdict == "differs" and outside(record)[0] == first
+
+
+def test_lammps_own_count_is_held_against_the_scene(judge: Any) -> None:
+    record = judge(SETTINGS, fault="between-no-count")
+    assert record.verdict == "differs" and record.ended == "unusable"

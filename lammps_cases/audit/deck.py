@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NoReturn
 
 from eos_ref import EOSTable, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Model, PairRheo, Thermal, Viscosity
+from eos_ref.model import commands
+from eos_ref.model.parameters import Model, PairRheo
 from eos_ref.syntax.manual import FIRST, Manual
-from eos_ref.syntax.ranges import type_range
+from eos_ref.syntax.words import Words
 
 # Commands that a run may execute in between (run ... every) without changing the model.
 HARMLESS = frozenset(
@@ -92,8 +92,8 @@ class Deck:
             mass_t=tuple(mass_t),
             eos=eos,
             pair=pair_rheo(self.pair),
-            viscosity=viscosity(viscous, ntypes),
-            thermal=None if heated is None else thermal(heated, ntypes),
+            viscosity=commands.parse_fix_rheo_viscosity(" ".join(viscous), ntypes),
+            thermal=None if heated is None else commands.parse_fix_rheo_thermal(" ".join(heated), ntypes),
         )
 
     def laws(self, ntypes: int) -> EOSTable | None:
@@ -178,7 +178,7 @@ class Deck:
 
 _LAWS = ("rheo", "rheo/pressure")
 _FOLLOWED = ("gravity", "addforce", "setforce")
-_PAIR_WORDS = ("rheo", "artificial/visc", "rho/damp", "harmonic/means")
+_PAIR_WORDS = ("rheo", *commands.PAIR_KEYWORDS)
 # Fixes that leave forces alone, or do not act between an evaluation and a sample.
 _NO_FORCE = (
     *("rheo", "rheo/viscosity", "rheo/pressure", "rheo/thermal", "enforce2d", "add/heat"),
@@ -202,17 +202,6 @@ def _weights(special: list[str]) -> tuple[list[float], list[float]]:
 # --- commands
 
 
-def _fail(words: Sequence[str], text: str) -> NoReturn:
-    raise InputError(f"{words[3] if words[0] == 'fix' else 'pair_style'}", "cannot be followed", text)
-
-
-def _number(text: str, words: Sequence[str]) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        _fail(words, text)
-
-
 def pair_rheo(words: Sequence[str]) -> PairRheo:
     """Read pair_style rheo, alone or among the styles of a hybrid/overlay.
 
@@ -222,72 +211,11 @@ def pair_rheo(words: Sequence[str]) -> PairRheo:
     """
     if "rheo" not in words or words[0] not in ("rheo", "hybrid/overlay", "hybrid"):
         raise InputError("pair_style", "must be rheo, or rheo and others", " ".join(words[:2]) or None)
-    at = words.index("rheo") + 1
-    numbers = {"artificial/visc": 0.0, "rho/damp": 0.0}
-    cut, rest, harmonic = _number(words[at], words), list(words[at + 1 :]), False
-    while rest and rest[0] in _PAIR_WORDS:
-        word = rest.pop(0)
-        if word == "harmonic/means":
-            harmonic = True
-        else:
-            numbers[word] = _number(rest.pop(0), words)
-    if words[0] == "rheo" and rest:
-        _fail(words, rest[0])
-    return PairRheo(cut, numbers["artificial/visc"], numbers["rho/damp"], harmonic)
-
-
-def viscosity(words: Sequence[str], ntypes: int) -> tuple[Viscosity, ...]:
-    """Read fix rheo/viscosity: groups of types, style and numbers.
-
-    Raises
-    ------
-    InputError
-    """
-    laws: dict[int, Viscosity] = {}
-    rest = list(words[4:])
-    while len(rest) >= 3:
-        types, style = rest.pop(0), rest.pop(0)
-        if style == "constant":
-            law = Viscosity("constant", _number(rest.pop(0), words))
-        elif style == "power" and len(rest) >= 4:
-            law = Viscosity("power", *(_number(rest.pop(0), words) for _ in range(4)))
-        else:
-            _fail(words, style)
-        laws |= dict.fromkeys(type_range(types, ntypes, "rheo/viscosity"), law)
-    if rest or len(laws) != ntypes:
-        _fail(words, " ".join(words[4:]))
-    return tuple(laws[t] for t in range(1, ntypes + 1))
-
-
-_THERMAL = {"conductivity": "conductivity", "specific/heat": "specific_heat", "Tfreeze": "T_freeze"}
-_THERMAL |= {"latent/heat": "latent_heat"}
-
-
-def thermal(words: Sequence[str], ntypes: int) -> tuple[Thermal, ...]:
-    """Read fix rheo/thermal: a keyword before groups of types, style and number.
-
-    Raises
-    ------
-    InputError
-    """
-    values_t: list[dict[str, float]] = [{} for _ in range(ntypes)]
-    rest, keyword = list(words[4:]), ""
-    while rest:
-        if rest[0] in _THERMAL:
-            keyword = _THERMAL[rest.pop(0)]
-        elif rest[0] == "react":
-            del rest[:3]  # bonds that form and break
-            keyword = ""
-            continue
-        if not keyword or len(rest) < 3 or rest[1] != "constant":
-            _fail(words, " ".join(rest[:3]))
-        types, _, value = (rest.pop(0) for _ in range(3))
-        for t in type_range(types, ntypes, "rheo/thermal"):
-            values_t[t - 1][keyword] = _number(value, words)
-    for values in values_t:
-        if not {"conductivity", "specific_heat"} <= values.keys():
-            _fail(words, "a type without conductivity or specific heat")
-    return tuple(Thermal(**values) for values in values_t)
+    own = Words(list(words), " ".join(["pair_style", *words]), words.index("rheo") + 1)
+    pair = commands.pair_rheo(own)
+    if words[0] == "rheo":
+        own.end("pair_style rheo")
+    return pair
 
 
 def action(words: Sequence[str]) -> Action:

@@ -12,8 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lammps_cases.engine.session import Job
+from eos_ref import InputError
+from lammps_cases.engine.interlude import FOLDER, Interlude
+from lammps_cases.engine.session import COMPONENTS, Job
 from lammps_cases.records.files import write_atomically
+from lammps_cases.scene.fields import FIELDS
 
 DECK, DATA = "in.lammps", "data.lammps"
 MOST_SINGLE = 5  # particles that a deck creates one by one; more come in a data file
@@ -89,7 +92,8 @@ OUTPUT = "thermo_style custom step v_inside"  # output computes what a variable 
 def of_number(job: Job, step: int, check: Check) -> Deck:
     """Return the deck of a job that compares a number after some steps."""
     lines, data = _scene(job)
-    return Deck((*lines, *check.by_hand, check.inside, OUTPUT, f"run {step} post no", *check.printed), data)
+    *before, last = _stretches(job, step)
+    return Deck((*lines, *before, *check.by_hand, check.inside, OUTPUT, last, *check.printed), data)
 
 
 def of_two(job: Job, other: Job, times: float, check: Check) -> Deck:
@@ -120,15 +124,52 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> Deck:
             first, shape = next(iter(given.outputs.items()))
             lines += [f"variable asked equal {word(given, first, 1, (0,) * len(shape))}"]
             lines += ["thermo_style custom step v_asked"]
-        lines += [run.command for run in given.runs]
+        lines += _stretches(given)
     due = f"an error that holds: {refused}" if refused else "LAMMPS runs this deck"
     verdict = "FAIL" if refused else "PASS"
     lines = [f'print "expected {due}"', *lines, 'print "obtained LAMMPS ran it"', f"print {verdict}"]
     return Deck(tuple(lines), data, refused)
 
 
+def _stretches(job: Job, last: int | None = None) -> list[str]:
+    """Return the commands of a job's runs up to a step, those between them included, files beside the deck.
+
+    Raises
+    ------
+    InputError
+        Commands that hold the values of atoms, which a deck does not have.
+    """
+    if last is not None and not any(isinstance(stretch, Interlude) for stretch in job.runs):
+        return [f"run {last} post no"]
+    lines: list[str] = []
+    done = 0
+    for stretch in job.runs:
+        if isinstance(stretch, Interlude):
+            if any(action.how == "for each atom" for action in stretch.actions):
+                raise InputError("case", "has commands for each atom between runs, which no deck has", len(job.id_n))
+            lines += [action.text.replace(FOLDER, ".") for action in stretch.actions if action.how == "given"]
+            continue
+        steps = int(stretch.command.split()[1])
+        if last is not None and done + steps > last:
+            break
+        done += steps
+        lines.append(stretch.command)
+    return lines
+
+
+def of_measured(lines: tuple[str, ...]) -> Deck:
+    """Return the deck of a probe that measures: its variables ``found``, ``expected`` and ``within`` are printed."""
+    shown = ('print "obtained $(v_found:%.17g)"', 'print "expected $(v_expected:%.15g) within $(v_within:%.2g)"')
+    verdict = 'if "$(abs(v_found-v_expected)<=v_within) == 1" then "print PASS" else "print FAIL"'
+    return Deck((*lines, *shown, verdict))
+
+
 def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:
     """Return LAMMPS' word for a component of a field of an atom; empty if no variable reads it."""
+    if field in FIELDS and FIELDS[field].compute:
+        component = f"[{COMPONENTS[axes[0]][axes[1]] + 1}]" if axes else ""
+        of = f"c_{FIELDS[field].compute_id}" if FIELDS[field].overall else f"C_{FIELDS[field].compute_id}[{atom}]"
+        return of + component
     if field not in job.outputs:
         return f"{_ARRAYS[field][axes[0]]}[{atom}]" if field in _ARRAYS else ""
     shapes = list(job.outputs.values())

@@ -25,13 +25,14 @@ FILE = Path(findings.__file__).with_name("demonstrations.yaml")
 
 
 class Number(BaseModel):
-    """A component of a field of an atom, after the last step of a scene."""
+    """A component of a field of an atom, after the last step of a scene or another."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     field: str
     atom: int
     axes: tuple[int, ...] = ()
+    step: int | None = None
 
 
 class Demonstration(OfManual, BaseModel):

@@ -61,7 +61,7 @@ class Sum:
 def terms(problem: Problem, step: int, atom: int) -> Sum:
     """Return the pairs of a particle after a step, nearest first."""
     sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
-    for _ in visit(sim, (step,), problem.timestep):
+    for _ in visit(sim, (step,), problem.timestep, problem.stops):
         pass
     evaluator, state = sim.evaluator, sim.state
     assert isinstance(evaluator, ArrayEvaluator)

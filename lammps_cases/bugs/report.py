@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -22,10 +23,12 @@ from lammps_cases.bugs.hand import Line, Sum
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.findings.variants import combined
-from lammps_cases.probes import PREFIX, manual
+from lammps_cases.probes import manual
+from lammps_cases.probes.manual import ManualProbe
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -104,6 +107,9 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
     shown = demonstrations().get(entry.id)
     if shown is not None and not shown.made_in(manual):
         raise InputError("finding", f"is none by the manual of {manual}, which documents what LAMMPS does", entry.id)
+    probe = _probe(entry)
+    if probe is not None and not probe.made_in(manual):
+        raise InputError("finding", f"is none by the manual of {manual}, which does not say so", entry.id)
     if shown is None or shown.number is None:
         return Report(entry.id, entry.title, _of_input(entry), entry)
     case = case_of(entry.id, entry.title, shown.scene).by(manual)
@@ -116,12 +122,20 @@ def of_finding(entry: Finding, manual: Manual = FIRST) -> Report:
     return Report(entry.id, entry.title, made, entry, number=shown.number, sum=terms, lines=lines)
 
 
+def _probe(entry: Finding) -> ManualProbe | None:
+    """Return the probe that a finding without a scene of its own is shown by, if it is one."""
+    name = entry.applies_to[0] if entry.applies_to and entry.model_variant is None else ""
+    return next((probe for probe in manual.probes() if fnmatch.fnmatchcase(probe.name, name)), None)
+
+
 def _of_input(entry: Finding) -> Deck:
     """Return the deck of the first case or probe that a finding about input applies to."""
-    name = entry.applies_to[0]
-    if name.startswith(PREFIX):
-        probe = next(probe for probe in manual.probes() if probe.name == name)
-        return deck.of_outcome(probe.input, probe.refused)
+    name, probe = entry.applies_to[0], _probe(entry)
+    if probe is not None:
+        given = probe.input
+        if probe.measured and not isinstance(given, Job):
+            return deck.of_measured(given)
+        return deck.of_outcome(given, probe.refused)
     shown = demonstrations().get(entry.id)
     case = casefile.select(casefile.load(), (name,))[0]
     return _of_case_input(smaller(case, shown.smaller if shown else {}))
@@ -183,6 +197,7 @@ def _by_hand(obtained: str, expected: Expected, lines: Sequence[Line]) -> Check:
 
 def predicted(case: Case, number: Number, step: int | None = None) -> Expected:
     """Return the number that the reference predicts, after the last step of a scene or another."""
+    step = number.step if step is None else step
     at = case.scene.snapshots[-1] if step is None else step
     problem, value_n, bound_n = _fields(case, number.field, at)
     row = list(campaign.prepare(case).atoms.id_n).index(number.atom)

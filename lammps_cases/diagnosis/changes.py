@@ -154,7 +154,11 @@ def scaled(method: str, weight: Weight) -> Stages:
         plain = getattr(super(Scaled, self), method)(*arguments, **options)
         if isinstance(plain, list):
             return [part * weight(self, len(part)) for part in plain]
-        return plain * weight(self, len(plain)) if len(np.shape(value(plain))) == 1 else plain
+        if len(np.shape(value(plain))) != 1:
+            return plain
+        factor = weight(self, len(plain))
+        fits = np.shape(value(factor)) in ((), np.shape(value(plain)))  # a result may be that of some particles
+        return plain * factor if fits else plain
 
     Scaled = type("Scaled", (ArrayEvaluator,), {method: result})
     return Scaled

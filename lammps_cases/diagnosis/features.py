@@ -61,6 +61,7 @@ _TESTS: dict[str, Callable[[Scene], bool]] = {
     "a twin": lambda s: s.twin is not None,
     "two ranks": lambda s: s.engine.ranks > 1 or bool(s.twin and s.twin.ranks),
     "newton off": lambda s: not s.engine.newton,
+    "newton of bonds apart": lambda s: len(set(s.engine.newton_flags)) > 1,
     "particles from a file": lambda s: isinstance(s.positions, FromFile),
     "a face that is not periodic": lambda s: _open(s),
     "all axes periodic": lambda s: isinstance(s.positions, Lattice) and not _open(s),

@@ -22,7 +22,7 @@ from lammps_cases.diagnosis.trials import RedCase, Search, Tried, Work, red_case
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import Blame, CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
+from lammps_cases.records.run_record import CaseRecord, Hypothesis, RunRecord, Triage, TriageGroup
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.model_cases import problem_of
@@ -77,15 +77,10 @@ def triage(
 
 
 def _key(record: CaseRecord) -> Key:
-    first = _first(record)
+    first = record.headline
     if first is None:
         return record.verdict, record.ended, wording.error_text(record.engine_error)
     return record.verdict, first.stage, first.field, "later" if first.step else "", record.twin
-
-
-def _first(record: CaseRecord) -> Blame | None:
-    """Return what leaves its bound first, beside the findings that a case shows."""
-    return record.beyond.blame if record.beyond else record.blame
 
 
 @dataclass
@@ -215,10 +210,8 @@ def _group(
     records: Sequence[CaseRecord], hypotheses: Sequence[Hypothesis] = (), tried: int = 0, spent: bool = False
 ) -> TriageGroup:
     one = records[0]
-    first = one.beyond.blame if one.beyond else one.blame
-    steps = [
-        blame.step for r in records if (blame := r.beyond.blame if r.beyond else r.blame) and blame.step is not None
-    ]
+    first = one.headline
+    steps = [blame.step for r in records if (blame := r.headline) and blame.step is not None]
     return TriageGroup(
         cases=sorted(record.case for record in records),
         verdict=one.verdict,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
+from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import excess
@@ -29,6 +30,9 @@ PAIRED = 60  # pairs of changes whose effects add up that are tried
 SUMMED = 1e-5  # of the largest difference: how near a sum of effects has to be to it
 COMPONENTS = 200  # values of the first red field that sums of effects are held against
 LONGEST_STEP = 20  # compared steps beyond this one are too far for hundreds of trials
+# What a change raises in a scene where it has no meaning: an argument that the law does not take, a property that the
+# model lacks, a number type that a finding's variant does not know, a number out of range. Any other error is a fault.
+MEANINGLESS = (InputError, AssertionError, TypeError, ArithmeticError)
 
 
 class Spent(Exception):
@@ -115,9 +119,9 @@ class RedCase:
             with np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
-                visited = visit(sim, problem.steps, problem.timestep)
+                visited = visit(sim, problem.steps, problem.timestep, problem.stops)
                 return [{f: np.array(sim.output(f), float) for f in problem.fields} for _ in visited]
-        except Exception:  # a change that has no meaning in this scene reproduces nothing
+        except MEANINGLESS:
             return None
 
     def first(self) -> tuple[Any, Any]:
@@ -169,7 +173,7 @@ class RedCase:
             with np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 return predict(self.problem, *made, self.seed)
-        except Exception:
+        except MEANINGLESS:
             return None
 
     def reproduced(self, tried: Sequence[Change], work: Work, strictly: bool = False) -> bool:

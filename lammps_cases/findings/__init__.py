@@ -12,16 +12,34 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eos_ref import EOSTable
 from lammps_cases.comparison.compare import Comparison, EosState, excess
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings import forces, kernels, refusals, shifting, surfaces, thermal, walls
+from lammps_cases.findings import (
+    exchange,
+    forces,
+    inputs,
+    kernels,
+    outputs,
+    refusals,
+    shifting,
+    statements,
+    surfaces,
+    thermal,
+    units,
+    virials,
+    walls,
+)
 from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
 from lammps_cases.findings.entry import Finding
 from lammps_cases.records.run_record import CaseRecord
+
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
 
 __all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "applicable", "explain_outcome"]
 __all__ += ["SEEN_ON", "explain_pressure", "ledger_of", "shown_by"]
@@ -35,7 +53,22 @@ def ledger_of(subjects: Iterable[Sequence[Finding]]) -> tuple[Finding, ...]:
     return tuple(replace(entry, engines=entry.engines or SEEN_ON.get(entry.id, ())) for entry in entries)
 
 
-LEDGER = ledger_of(subject.ENTRIES for subject in (forces, kernels, refusals, shifting, surfaces, thermal, walls))
+_SUBJECTS = (
+    exchange,
+    forces,
+    inputs,
+    kernels,
+    outputs,
+    refusals,
+    shifting,
+    statements,
+    surfaces,
+    thermal,
+    units,
+    virials,
+    walls,
+)
+LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 
 
 def accepted_cases() -> dict[str, list[str]]:
@@ -47,10 +80,11 @@ def accepted_cases() -> dict[str, list[str]]:
 def applicable(problem: Problem, lists: bool = False) -> list[Finding]:
     """Return the findings about the particle model that make a difference to a scene, on whatever engine.
 
-    Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read.
+    Those that follow LAMMPS' lists of neighbours only with ``lists``, as they say nothing where these were not read;
+    but for those that then leave values without a bound.
     """
     of_model = ((entry, entry.model_variant) for entry in LEDGER if entry.model_variant is not None)
-    return [entry for entry, variant in of_model if (lists or not variant.lists) and variant.applies(problem)]
+    return [entry for entry, variant in of_model if (lists or variant.blind) and variant.applies(problem)]
 
 
 def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding]:
@@ -58,9 +92,11 @@ def shown_by(problem: Problem, engine: str, lists: bool = False) -> list[Finding
     return [entry for entry in applicable(problem, lists) if entry.listed(engine)]
 
 
-def explain_outcome(record: CaseRecord) -> Finding | None:
-    """Return the entry that predicts how a case ended without numbers."""
-    return next((entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record)), None)
+def explain_outcome(record: CaseRecord, scene: Scene | None = None) -> Finding | None:
+    """Return the entry that predicts how a case ended without numbers, by its name or by its scene."""
+    named = (entry for entry in LEDGER if entry.covers(record.case) and entry.predicts(record))
+    shown = (entry for entry in LEDGER if scene is not None and entry.foretells(record, scene))
+    return next(named, None) or next(shown, None)
 
 
 def explain_pressure(case: str, table: EOSTable, state: EosState, comparison: Comparison) -> Finding | None:

@@ -46,6 +46,14 @@ class AlarmDifference:
 
 
 @dataclass(frozen=True)
+class Gap:
+    """Scenes that a finding changes and that its variant does not reproduce."""
+
+    applies: Callable[[Scene], bool]
+    why: str
+
+
+@dataclass(frozen=True)
 class Finding:
     """One finding.
 
@@ -57,15 +65,19 @@ class Finding:
     workaround : what a user can do meanwhile
     upstream : what LAMMPS knows of it: unreported, the address of an issue, or "fixed in VERSION"
     engines : versions of LAMMPS that were seen to have it, from `lammps_cases.findings.engines`
-    applies_to : patterns of the cases that it speaks of, for all findings without a model variant
+    applies_to : patterns of the cases that it speaks of, for all findings without a model variant; with one, of the
+        probes that measure what follows from it
     scene : the smallest scene that shows it
     law_variant : replaces the reference's pressure, for a finding in an equation of state
     model_variant : the variant of the particle model, for a finding in its fields
+    ends : part of LAMMPS' error on a scene that shows it, whatever its name; empty on others, for a finding in refusals
     outcome, ended, engine_error : verdict, end (if it has another name) and part of LAMMPS' error that it predicts,
         for a finding in refusals
-    differing : field in which it predicts that the two decks of a probe differ
+    differing : field in which it predicts that the two decks of a probe differ, or what it predicts to be measured as
+        another number
     replaces : functions of the reference whose result no case compares, as LAMMPS with this finding has another one
     expected_in_maps, expected_in_alarms : where else the engines differ by it
+    gaps : scenes of which it is known that the variant does not reproduce them
     expected_inputs : bad inputs (ids of the table of `eos-ref stability`) that LAMMPS treats as the finding says
     """
 
@@ -83,6 +95,7 @@ class Finding:
     scene: str = ""
     law_variant: Law | None = None
     model_variant: Variant | None = None
+    ends: Callable[[Scene], str] = lambda scene: ""
     outcome: Verdict | None = None
     ended: Ended | None = None
     engine_error: str = ""
@@ -90,6 +103,7 @@ class Finding:
     replaces: tuple[str, ...] = ()
     expected_in_maps: tuple[MapDifference, ...] = ()
     expected_in_alarms: tuple[AlarmDifference, ...] = ()
+    gaps: tuple[Gap, ...] = ()
     expected_inputs: tuple[str, ...] = ()
 
     @property
@@ -109,6 +123,11 @@ class Finding:
         if self.outcome != record.verdict or ended != record.ended or self.engine_error not in record.engine_error:
             return False
         return not self.differing or (record.mismatch is not None and self.differing in record.mismatch.fields)
+
+    def foretells(self, record: CaseRecord, scene: Scene) -> bool:
+        """Return whether a scene of any name ended without numbers as the entry says of it."""
+        text = self.ends(scene)
+        return bool(text) and self.outcome == record.verdict == record.ended and text in record.engine_error
 
     def listed(self, engine: str) -> bool:
         """Return whether a version of LAMMPS was seen to have it, or else the nearest one that was taken in."""

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
+from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import Finding, MapDifference
+from lammps_cases.findings.entry import Finding, Gap, MapDifference
 from lammps_cases.findings.variants import Variant
+
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
 
 
 class ForcePerVolume(ArrayEvaluator):
@@ -43,9 +50,14 @@ FORCE_PER_VOLUME = Finding(
     argument="The forces of a pair no longer cancel: two particles of mass 1 and densities 1.4 and 1.35 at distance 1 "
     "(2D, cutoff 3, linear law with rho0 = c = 1) feel -0.12948 and +0.12486 in place of -0.09249 and +0.09249, so "
     "the pair accelerates itself. The factor depends on the resolution: with half the spacing in 2D, a quarter of each "
-    "mass, it is 4 times larger, while the acceleration by gravity stays right.",
+    "mass, it is 4 times larger, while the acceleration by gravity stays right. Sound travels at c over the root of V: "
+    "with volumes of 0.64 at 6.25 for c = 5.",
     workaround="Choose masses and the unit of length so that m/rho0 is 1 for every type; the factor rho/rho0 remains.",
     scene="two particles of volume other than 1",
+    applies_to=("probes.sound.*", "probes.sound-3d"),
+    outcome="differs",
+    ended="answered",
+    differing="speed of sound",
     model_variant=Variant(has_forces, ForcePerVolume),
     replaces=("collecting_volume",),
     expected_in_maps=(
@@ -61,4 +73,52 @@ FORCE_PER_VOLUME = Finding(
     ),
 )
 
-ENTRIES = (FORCE_PER_VOLUME,)
+
+def _lacks_a_coefficient(scene: Scene) -> bool:
+    return any(0 in (t.conductivity, getattr(t.viscosity, "eta", t.viscosity)) for t in scene.types)
+
+
+class MeanOfZeros(ArrayEvaluator):
+    """The harmonic mean of two coefficients that are 0 is no number."""
+
+    def mean(self, of_i: Array, of_j: Array) -> Array:
+        """Return the mean, or no number."""
+        return where((value(of_i) == 0) & (value(of_j) == 0), np.nan, super().mean(of_i, of_j))
+
+
+def has_means_of_zeros(problem: Problem) -> bool:
+    """Return whether harmonic means are taken and some viscosity or conductivity is 0, before any step."""
+    model = problem.model
+    thin = any(law.eta == 0 for law in model.viscosity)
+    insulating = any(each.conductivity == 0 for each in model.thermal or ())
+    return model.pair.harmonic_means and (thin or insulating) and not problem.steps[-1]
+
+
+HARMONIC_MEAN_UNDEFINED = Finding(
+    id="harmonic-mean-undefined",
+    number=32,
+    title="With harmonic/means two coefficients of 0 make forces and heat NaN",
+    severity="medium",
+    documented="pair rheo: harmonic/means averages viscosities and conductivities harmonically; a viscosity or "
+    "conductivity of 0 is allowed.",
+    observed="The mean is evaluated as 2ab/(a + b): NaN for two particles whose viscosities, or conductivities, are "
+    "both 0, and with it every force, or heat flow, of particles that have such a neighbour; positions are lost in the "
+    "next step. Where the product ab leaves the range of doubles, as for two of 1e200, the mean is infinite, and for "
+    "two of 1e-200 it is 0.",
+    argument="The harmonic mean of two equal numbers is that number, 0 included: between two particles of viscosity 0 "
+    "no viscous force acts, as LAMMPS itself has it with arithmetic means, and with 0 and 1 in harmonic ones.",
+    workaround="Leave harmonic/means out, or give a viscosity and conductivity as small as 1e-100 in place of 0.",
+    applies_to=("probes.pair-harmonic-of-zeros", "probes.pair-harmonic-of-zero-conductivities"),
+    outcome="refused",
+    engine_error="Non-numeric atom coords",
+    scene="two particles with viscosity 0 and harmonic/means",
+    model_variant=Variant(has_means_of_zeros, MeanOfZeros),
+    gaps=(
+        Gap(
+            lambda scene: scene.pair.harmonic_means and scene.evolve is not None and _lacks_a_coefficient(scene),
+            "after a step positions are NaN, and which pairs are left is LAMMPS' to decide",
+        ),
+    ),
+)
+
+ENTRIES = (FORCE_PER_VOLUME, HARMONIC_MEAN_UNDEFINED)

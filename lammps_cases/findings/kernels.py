@@ -2,60 +2,239 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.evaluator import PairInput
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.kernels.kernel import Kernel
+from eos_ref.kernels.quintic import QUINTIC
+from eos_ref.model.parameters import BoolArray, Gradients, Model, PairTerms
+from eos_ref.numbers.columns import Axes
+from eos_ref.numbers.elementary import maximum
 from eos_ref.numbers.number import Array
-from eos_ref.numbers.rounded import Decision, Rounded
+from eos_ref.numbers.rounded import Decision, Rounded, error, value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import Finding, MapDifference
-from lammps_cases.findings.variants import Variant
+from lammps_cases.findings.entry import Finding, Gap, MapDifference
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.variants import Snapshot, Variant
 
 UNDEFINED = np.inf  # bound of what no reference can predict
+Left = tuple[FloatArray, ...]  # components of the gradients that the last pair has left for its first, and its second
 
 
-class StaleGradient(ArrayEvaluator):
-    """Below zmin the gradient is whatever the memory holds: nothing that depends on it can be predicted."""
+class StaleGradient(FollowingLists):
+    """A gradient that is not computed is the one that the last pair before it in LAMMPS' list left on its side.
+
+    Without lists, and before the first pair whose gradient is computed, it has no bound.
+
+    Attributes
+    ----------
+    computed_n : whether the gradients of a particle are computed
+    own : gradients of all pairs, as if they were
+    left : gradients that the last pair has left; None at first
+    """
+
+    computed_n: Any
+    own: list[Array]
+    left: Left | None = None
+
+    def move(self, x_nc: Array) -> None:
+        """Find the pairs, and each in LAMMPS' list if there is one."""
+        if self.lists:
+            super().move(x_nc)
+        else:
+            super(FollowingLists, self).move(x_nc)
+
+    def corrects(self, definite_n: Any) -> Any:
+        """Remember whose gradients are computed."""
+        self.computed_n = super().corrects(definite_n)
+        return self.computed_n
 
     def correct(self, rho_n: Array) -> None:
-        """Leave the gradients of particles below zmin without a bound."""
+        """Remember the gradients of all pairs."""
         super().correct(rho_n)
-        if self.model.corrects_gradients:
-            below = self.coordination_n < self.model.fix.zmin
-            stale_p = (below.answer | below.open if isinstance(below, Decision) else below)[self.i]
-            self.g = [
-                Rounded(g_a.value, np.where(stale_p, UNDEFINED, g_a.error)) if isinstance(g_a, Rounded) else g_a
-                for g_a in self.g
-            ]
+        self.own = self.g
+
+    def gradients(self, *fields: Any, **options: Any) -> Gradients:
+        """Return the gradients of fields, from what LAMMPS' loop over its list finds."""
+        self._loop()
+        return super().gradients(*fields, **options)
+
+    def pair_terms(self, fields: PairInput) -> PairTerms:
+        """Return all terms, from what LAMMPS' loop over its list finds."""
+        if not self.exchanged:
+            self._loop()
+        return super().pair_terms(fields)
+
+    def _loop(self) -> None:
+        """Set the gradients to those that a loop over the list finds, and keep what it leaves."""
+        if not self.model.corrects_gradients:
+            return
+        computed_p = Decision.of(self.computed_n)[self.i]
+        if not self.lists:
+            stale_p = ~computed_p.answer | computed_p.open
+            self.g = [_unbounded(g_a, stale_p) for g_a in self.own]
+            return
+        left = np.zeros((2, len(self.own))) if self.left is None else np.array(self.left)
+        start = UNDEFINED if self.left is None else 0.0
+        g = [(value(g_a).copy(), np.array(error(g_a))) for g_a in self.own]
+        for side, entry_p in enumerate((self.forward_p, self.backward_p)):
+            at = np.flatnonzero(entry_p >= 0)
+            at = at[np.argsort(entry_p[at])]
+            writes = computed_p.answer[at] | computed_p.open[at]
+            last = np.maximum.accumulate(np.where(writes, np.arange(len(at)), -1)) + 1  # 0: what was left before
+            known = np.concatenate([[start], np.where(computed_p.open[at], UNDEFINED, 0.0)])[last]
+            used = (self.forward_p[at] >= 0) == (side == 0)
+            for a, g_a in enumerate(self.own):
+                values = np.concatenate([left[side, a : a + 1], value(g_a)[at]])[last]
+                errors = np.concatenate([[0.0], error(g_a)[at]])[last] + known
+                g[a][0][at[used]], g[a][1][at[used]] = values[used], errors[used]
+                left[side, a] = values[-1] if len(at) else left[side, a]
+        self.left = tuple(left)
+        self.g = [
+            Rounded(*parts) if isinstance(g_a, Rounded) else parts[0] for parts, g_a in zip(g, self.own, strict=True)
+        ]
+
+
+def _unbounded(g_a: Array, stale_p: BoolArray) -> Array:
+    return Rounded(g_a.value, np.where(stale_p, UNDEFINED, g_a.error)) if isinstance(g_a, Rounded) else g_a
+
+
+class LeavingGradients(CountingSteps):
+    """Steps that tell an evaluation what the loops before it left."""
+
+    evaluator: StaleGradient
+    before: Left | None = None
+
+    def evaluate(self) -> dict[str, Any]:
+        """Begin with what was left, also in other stages that evaluate the same state once more."""
+        stages = self.evaluator
+        stages.left = self.before if stages.left is None else stages.left
+        self.before = stages.left
+        return super().evaluate()
+
+    def keep_forces(self) -> None:
+        """Keep accelerations, in slots if there are lists."""
+        if self.evaluator.lists:
+            super().keep_forces()
+        else:
+            Simulation.keep_forces(self)
+
+
+def lists_if_read(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any]:
+    """LAMMPS' list at every step; nothing where they were not read, as in an audit."""
+    return lists_of_neighbours(problem, stages, snapshot) or {}
 
 
 def falls_back(problem: Problem) -> bool:
-    """Return whether some particle has fewer than zmin neighbours for a reproducing kernel."""
+    """Return whether some particle has fewer than zmin neighbours, or a matrix without factor, or may come to."""
     model = problem.model
     if not model.corrects_gradients:
         return False
-    stages = ArrayEvaluator(model, problem.box, problem.state.type_n, problem.state.solid_n)
+    stages = StaleGradient(model, problem.box, problem.state.type_n, problem.state.solid_n)
     stages.move(problem.state.x_nc)
-    return bool(np.any(stages.coordination_n < model.fix.zmin))
+    stages.correct(problem.state.rho_n)
+    drifts = problem.steps[-1] > 0 and not all(problem.box.periodic)
+    return drifts or not bool(np.all(stages.computed_n))
+
+
+def _factor(dimension: int, h: float) -> float:
+    cut = 3 * h
+    return 9 / (math.pi * cut**2) if dimension == 2 else 495 / (32 * math.pi * cut**3)
+
+
+def _shape(q: Any) -> Any:
+    u = q / 3
+    a = maximum(1 - u, 0.0)
+    return (a * a * a) * (a * a * a) * (1 + 6 * u + 35 / 3 * (u * u))
+
+
+def _slope(q: Any) -> Any:
+    u = q / 3
+    a = maximum(1 - u, 0.0)
+    return -56 / 9 * u * (1 + 5 * u) * ((a * a) * (a * a) * a)
+
+
+# Wendland, Adv. Comput. Math. 4, 389 (1995); Dehnen & Aly, MNRAS 425, 1068 (2012), table 1. LAMMPS' h is cut/3 here.
+WENDLAND_C4 = Kernel("Wendland C4", support=3.0, factor=_factor, shape=_shape, slope=_slope)
+
+
+class _WendlandModel(Model):
+    """A model with Wendland's kernel, whatever its style."""
+
+    @property
+    def kernel(self) -> Kernel:
+        """Return the kernel of most sums."""
+        return WENDLAND_C4
+
+
+class WendlandC4(ArrayEvaluator):
+    """Wendland's C4 kernel; surfaces and walls have the quintic spline with Wendland's factors.
+
+    The slope of surfaces lacks the factor 3 of cut/h in addition.
+    """
+
+    def __post_init__(self) -> None:
+        self.model = _WendlandModel(**{f.name: getattr(self.model, f.name) for f in fields(self.model)})
+        super().__post_init__()
+
+    def move(self, x_nc: Array) -> None:
+        """Find the pairs, and evaluate both kernels."""
+        super().move(x_nc)
+        model, q = self.model, self.r / self.model.h
+        sigma = self.constant(WENDLAND_C4.normalisation(model.dimension, model.cut))
+        self.spline = sigma * QUINTIC.shape(q)
+        slope = sigma / model.cut * QUINTIC.slope(q)
+        self.spline_slope = [slope * x_p / self.r for x_p in self.x]
+
+    def surface_sums(self, rho_n: Array) -> tuple[Axes, Array]:
+        """Return the sums of the spline."""
+        own, self.gradw = self.gradw, self.spline_slope
+        sums = super().surface_sums(rho_n)
+        self.gradw = own
+        return sums
+
+    def wall_sums(self, pressure_n: Array, rho_n: Array, acceleration_nc: Array) -> tuple[Array, ...]:
+        """Return the sums of the spline."""
+        own, self.w = self.w, self.spline
+        sums = super().wall_sums(pressure_n, rho_n, acceleration_nc)
+        self.w = own
+        return sums
 
 
 STALE_GRADIENT_BELOW_ZMIN = Finding(
     id="stale-gradient-below-zmin",
     number=28,
-    title="A particle with fewer than zmin neighbours uses memory nobody wrote",
+    title="A particle with fewer than zmin neighbours, or in a row of them, uses the gradients of other pairs",
     severity="high",
     documented="fix rheo: if reproducing kernels are requested but a particle has fewer than zmin neighbours, it "
     "will revert to a non-reproducing quintic kernel until it gains more.",
-    observed="With RK1 and RK2 the gradient of such a particle is not computed: it holds what an earlier pair, "
-    "or an earlier use of the memory, left there. Sums of W do revert to the quintic kernel.",
+    observed="With RK1 and RK2 the gradient of such a particle is not computed: it is that of the last pair before it "
+    "in the list of neighbours whose gradient was computed on the same side, first or second, in this loop or the one "
+    "before; or what an earlier use of the memory left there. So it is, with any zmin, for a particle whose matrix of "
+    "moments has no factor: one neighbour, all of them in a row or, in 3D, in a plane. Sums of W do revert to the "
+    "quintic kernel.",
     argument="Two lone particles with RK1 and zmin 5 have one velocity gradient in a fresh process and another one "
     "after a different scene; neither is that of the quintic kernel. In a free surface, where particles run out of "
-    "neighbours, gradients are arbitrary. The variant predicts all particles with zmin neighbours or more, and no "
-    "value for the rest.",
+    "neighbours, gradients are arbitrary. With the order of LAMMPS' own lists every gradient, force and heat flow is "
+    "predicted, over steps too, but for those before the first pair that was ever computed; on several ranks, where "
+    "lists are not read, those of particles with zmin neighbours or more.",
     workaround="zmin 0, if every particle has enough neighbours for its matrix, as without a free surface; else the "
     "quintic kernel.",
     scene="two particles, RK1, zmin 5",
-    model_variant=Variant(falls_back, StaleGradient, undefined=True),
+    model_variant=Variant(falls_back, StaleGradient, LeavingGradients, lists_if_read, undefined=True, lists=True),
+    gaps=(
+        Gap(
+            lambda scene: scene.rheo.kernel in ("RK1", "RK2") and scene.rheo.zmin > 0,
+            "on several ranks lists are not read, and before the first gradient that is computed nothing is known",
+        ),
+    ),
     expected_in_maps=(
         MapDifference(
             "matrices-zmin",
@@ -65,4 +244,25 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     ),
 )
 
-ENTRIES = (STALE_GRADIENT_BELOW_ZMIN,)
+KERNEL_WENDLAND_C4 = Finding(
+    id="kernel-wendland-c4",
+    number=37,
+    title="There is a fifth kernel style, wendland/c4, which is not documented and half finished",
+    severity="medium",
+    documented="fix rheo: kstyle = quintic or RK0 or RK1 or RK2; four kernels are currently available.",
+    observed="'wendland/c4' is accepted: Wendland's C4 kernel of support cut without correction, with h = cut/3 in "
+    "shift and artificial viscosity. Densities, gradients, forces and shift are right for it. Surface detection takes "
+    "the slope of the quintic spline with Wendland's factor over cut: surface/divr and the gradient of the color "
+    "function are 22.76 times (2D) or 22.92 times (3D) those of the spline. interface/reconstruct weighs by the "
+    "spline.",
+    argument="The divergence of positions is 2 inside a fluid in 2D, whatever the kernel; with wendland/c4 it is 46, "
+    "so that no limit that the manual suggests finds a surface, and who compares runs with the two kernels by it sees "
+    "a fluid without a surface. Of some 2000 other names that were tried none is accepted.",
+    workaround="Use the kernels that are documented; with wendland/c4, multiply the limit of divergence by 22.76 or "
+    "22.92.",
+    applies_to=("probes.rheo-kernel-wendland",),
+    outcome="differs",
+    ended="accepted",
+)
+
+ENTRIES = (STALE_GRADIENT_BELOW_ZMIN, KERNEL_WENDLAND_C4)

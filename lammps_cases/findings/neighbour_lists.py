@@ -7,14 +7,14 @@ cases that differ and may be explained by such a variant.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import IntArray
+from eos_ref.model.parameters import BoolArray, IntArray
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
@@ -30,11 +30,18 @@ class Listed:
     row_s : the particle that each slot holds, by its row
     x_sc : where the slot has it
     pair_ps : the two slots of every pair, that under which the pair is listed first
+    newton : the flags of pairs and of bonds
     """
 
     row_s: IntArray
     x_sc: FloatArray
     pair_ps: IntArray
+    newton: BoolArray
+
+    @classmethod
+    def read(cls, id_n: IntArray, id_s: IntArray, **arrays: Any) -> Self:
+        """Return the list of arrays that were read, whose atoms are named by their ids, for particles sorted by id."""
+        return cls(np.searchsorted(id_n, id_s), **arrays)
 
 
 class FollowingLists(ArrayEvaluator):
@@ -47,11 +54,13 @@ class FollowingLists(ArrayEvaluator):
     kept_sc : accelerations in the slots of the list before
     forward_p, backward_p : entry of the list under i, and under j, for every directed pair; -1 if there is none
     reverse_p : the same pair as the other particle collects it; -1 if rounding puts it beyond the cutoff
+    exchanged : whether a variant has exchanged the gradients for one evaluation
     """
 
     lists: tuple[Listed, ...] = ()
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))
+    exchanged: bool = False
 
     def move(self, x_nc: Array) -> None:
         """Find the pairs, and each in LAMMPS' list."""
@@ -98,6 +107,16 @@ class CountingSteps(Simulation):
         """Take the next list for the evaluation at the end of the step."""
         self.at += 1
         super().step(dt)
+
+    def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
+        """Take the list of the next set-up."""
+        self.at += 1
+        self.kept_sc = self.slots_at_stop(new_n, read_back)
+        super().begin_again(new_n, read_back)
+
+    def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
+        """Return what the slots of the new list hold when a run begins: nothing."""
+        return np.zeros((0, 0))
 
     def keep_forces(self) -> None:
         """Keep accelerations in the slots of the list in use."""

@@ -2,7 +2,36 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from lammps_cases.findings.entry import Finding, MapDifference
+
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
+
+
+def _without_pressure(scene: Scene) -> str:
+    return "SIGSEGV" if "stress/t" in scene.compare and "pressure" not in scene.compare else ""
+
+
+def _own_mass(scene: Scene) -> str:
+    return "Illegal fix rheo command: self/mass" if scene.rheo.self_mass else ""
+
+
+def _second_range(scene: Scene) -> str:
+    excluded = scene.rheo.shifting.exclude if scene.rheo.shifting else ()
+    return f"Illegal fix rheo command: {excluded[1]}" if len(excluded) > 1 else ""
+
+
+def _cubic_beside_walls(scene: Scene) -> str:
+    cubic = scene.rheo.interface_reconstruct and any(entry.style == "cubic" for entry in scene.pressure)
+    return "interface reconstruction incompatible with pressure equation of state" if cubic else ""
+
+
+def _section_of_walls(scene: Scene) -> str:
+    written = scene.evolve is not None and any(stop.by == "data" for stop in scene.evolve.stops)
+    return "rheo_interface_fix_property_atom" if written and scene.rheo.interface_reconstruct else ""
+
 
 ENTRIES: tuple[Finding, ...] = (
     Finding(
@@ -34,6 +63,7 @@ ENTRIES: tuple[Finding, ...] = (
         "A crash ends the process, and with it a program that uses LAMMPS as a library, without a message.",
         workaround="Name pressure among the inputs of the same compute, or use 2026.7.4 or newer.",
         applies_to=("strain.unasked.*",),
+        ends=_without_pressure,
         outcome="crashed",
         engine_error="SIGSEGV",
     ),
@@ -51,7 +81,8 @@ ENTRIES: tuple[Finding, ...] = (
         "1.003, an error of 8 % that a linear law multiplies by c^2.",
         workaround="Give all types the same mass, with which both sums are the same, leave rho/sum out, or "
         "use 2026.7.4 or newer.",
-        applies_to=("undocumented.self-mass",),
+        applies_to=("undocumented.self-mass", "probes.rheo-self-mass-keyword"),
+        ends=_own_mass,
         expected_inputs=("self-mass-alone",),
         expected_in_maps=(MapDifference("phases", "LAMMPS refuses the keyword", "rho/sum self/mass"),),
         outcome="refused",
@@ -69,6 +100,7 @@ ENTRIES: tuple[Finding, ...] = (
         "refused.",
         workaround="Repeat the keyword: 'shift exclude/type 1 exclude/type 3'.",
         applies_to=("undocumented.exclude-list",),
+        ends=_second_range,
         outcome="refused",
         engine_error="Illegal fix rheo command: 2",
     ),
@@ -78,14 +110,16 @@ ENTRIES: tuple[Finding, ...] = (
         title="interface/reconstruct refuses the cubic law, even for the fluid alone",
         severity="low",
         documented="fix rheo and fix rheo/pressure: no law is excluded from interface/reconstruct.",
-        observed="If any type has the style cubic, a run with interface/reconstruct ends with 'RHEO interface "
-        "reconstruction incompatible with pressure equation of state'.",
+        observed="If any type has the style cubic, or had it until a later entry replaced it, a run with "
+        "interface/reconstruct ends with 'RHEO interface reconstruction incompatible with pressure equation of "
+        "state'.",
         argument="For A3 > 0 the cubic law is monotone, so that every pressure has one density and the reconstruction "
         "is defined; the reference computes it. Only the solid's law has to be inverted: a fluid with the cubic law "
         "over linear walls needs no inverse of it.",
         workaround="Give the type linear, which has the same pressure, slope and curvature at rho0 and differs by "
         "c^2 A3 (rho - rho0)^3; or leave interface/reconstruct out.",
         applies_to=("undocumented.walls-cubic", "undocumented.fluid-cubic"),
+        ends=_cubic_beside_walls,
         outcome="refused",
         engine_error="incompatible with pressure equation of state",
     ),
@@ -96,12 +130,16 @@ ENTRIES: tuple[Finding, ...] = (
         severity="low",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
         observed="'1;2', '0*' and 'x' are refused ('Invalid range string'); '**' ends in SIGABRT with an uncaught "
-        "std::invalid_argument, as do '***', '1**2' and '-'.",
+        "std::invalid_argument, as do '***', '1**2', '-' and '\"\"'.",
         argument="A mistyped argument is an input error like any other. An abort ends a program that uses "
         "LAMMPS as a library, and no message names the range.",
         workaround="Write a single star.",
         applies_to=("refused.range-two-stars",),
-        expected_inputs=("range-of-two-stars",),
+        expected_inputs=(
+            "range-of-two-stars",
+            *("*.types*.two-stars*", "*.exclude.two-stars*", "*.types*.three-stars", "*.exclude.three-stars"),
+            *("*.types*.hyphen-alone", "*.exclude.hyphen-alone", "*.types*.empty", "*.exclude.empty"),
+        ),
         outcome="crashed",
         engine_error="SIGABRT",
     ),
@@ -118,7 +156,11 @@ ENTRIES: tuple[Finding, ...] = (
         "LAMMPS as a library, and no message names the range.",
         workaround="Keep the numbers of a range within 1 to N, above all where a variable computes them.",
         applies_to=("refused.range-20-digits",),
-        expected_inputs=("range-of-20-digits",),
+        expected_inputs=(
+            "range-of-20-digits",
+            *("*.types*.*twenty-digits", "*.exclude.*twenty-digits"),
+            *("*.types*.*two-to-the-32-and-*", "*.exclude.*two-to-the-32-and-*"),
+        ),
         outcome="crashed",
         engine_error="SIGABRT",
     ),
@@ -135,7 +177,7 @@ ENTRIES: tuple[Finding, ...] = (
         "and '0*' are refused ('Invalid range string').",
         workaround="Write '1*2'.",
         applies_to=("refused.range-hyphen",),
-        expected_inputs=("range-with-hyphen",),
+        expected_inputs=("range-with-hyphen", "*.types*.hyphen", "*.exclude.hyphen"),
         outcome="differs",
         ended="accepted",
     ),
@@ -168,7 +210,7 @@ ENTRIES: tuple[Finding, ...] = (
         "where a negative value is refused at once.",
         workaround="Give a positive value; 2026.7.4 or newer refuses 0.",
         applies_to=("probes.specific-heat-zero",),
-        expected_inputs=("specific-heat-zero",),
+        expected_inputs=("specific-heat-zero", "fix-rheo-thermal.needed.specific-heat.*zero"),
         outcome="differs",
         ended="accepted",
     ),
@@ -258,5 +300,22 @@ ENTRIES: tuple[Finding, ...] = (
         outcome="differs",
         ended="answered",
         differing="q",
+    ),
+    Finding(
+        id="data-file-of-walls",
+        number=34,
+        title="A data file written with reconstructed walls cannot be read back",
+        severity="low",
+        documented="fix rheo: no information about this fix is written to restart files; the page names nothing "
+        "that a data file would hold of it, or that read_data would have to be told.",
+        observed="With interface/reconstruct, write_data adds a section rheo_interface_fix_property_atom, and "
+        "read_data stops at it with 'Unknown identifier in data file'.",
+        argument="LAMMPS cannot read what it has written. The section belongs to a fix that the user neither defined "
+        "nor can define before the atoms are read: fix rheo makes it.",
+        workaround="Write the file with 'nofix'.",
+        applies_to=("runs-walls.*.data",),
+        ends=_section_of_walls,
+        outcome="refused",
+        engine_error="Unknown identifier in data file: rheo_interface_fix_property_atom",
     ),
 )

@@ -39,6 +39,11 @@ class Variant:
     undefined: bool = False
     lists: bool = False
 
+    @property
+    def blind(self) -> bool:
+        """Return whether it says something where no lists were read."""
+        return self.undefined or not self.lists
+
 
 def combined(
     variants: Sequence[Variant], problem: Problem, snapshot: Snapshot

@@ -10,13 +10,13 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Model, PairTerms
+from eos_ref.model.parameters import BoolArray, Model, PairTerms
 from eos_ref.numbers.columns import axes, dot
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import AlarmDifference, Finding
+from lammps_cases.findings.entry import AlarmDifference, Finding, Gap
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
@@ -60,6 +60,22 @@ def sums_walls(problem: Problem) -> bool:
     return 0 in problem.steps and fix.rho_sum and fix.interface_reconstruct and bool(problem.state.solid_n.any())
 
 
+class PressureForceKept(Simulation):
+    """A run that is not the first begins with the pressure forces of the evaluation before, taken for accelerations."""
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the pressure force on every particle that is not new."""
+        assert self.pressure_force_nc is not None
+        return where(new_n[:, None], 0.0, self.pressure_force_nc)
+
+
+def begins_again_with_walls(problem: Problem) -> bool:
+    """Return whether a run with reconstructed walls ends and another begins, of the same fixes."""
+    fix, last = problem.model.fix, problem.steps[-1]
+    kept = any(stop.step <= last and not stop.new_n.all() for stop in problem.stops)
+    return kept and fix.interface_reconstruct and bool(problem.state.solid_n.any())
+
+
 class AccelerationsOfOldImages(FollowingLists):
     """Right after lists were rebuilt, slots hold the accelerations of what was in them before, further slots 0."""
 
@@ -93,6 +109,59 @@ def has_kept_images(problem: Problem) -> bool:
     return any(problem.box.periodic) and keeps_forces(problem)
 
 
+class PartsInSlots(AccelerationsOfOldImages):
+    """When a run begins, slots of images hold the pressure forces of the pairs that list them second, not the sums.
+
+    Attributes
+    ----------
+    parts_pc : pressure force on the first of every pair of the last evaluation, by axes
+    """
+
+    parts_pc: tuple[FloatArray, ...] = ()
+    recording: bool = False
+
+    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
+        """Return all terms, of which the first sums, those of pressure, are kept pair by pair."""
+        self.recording, self.parts_pc = True, ()
+        found = super().pair_terms(*fields, **options)
+        self.recording = False
+        return found
+
+    def total(self, term_p: Any) -> Any:
+        """Return the sum of a term of the pairs."""
+        if self.recording and len(self.parts_pc) < self.model.dimension:
+            self.parts_pc = (*self.parts_pc, np.asarray(value(term_p), float))
+        return super().total(term_p)
+
+    def parts(self) -> FloatArray:
+        """Return the sum, in every slot of the last list used, over the pairs that list it second."""
+        listed = self.lists[self.at]
+        second_p = self.backward_p >= 0
+        sum_sc = np.zeros((len(listed.row_s), self.model.dimension))
+        np.add.at(sum_sc, listed.pair_ps[self.backward_p[second_p], 1], np.column_stack(self.parts_pc)[second_p])
+        return sum_sc
+
+
+class BeginningWithParts(PressureForceKept, CountingSteps):
+    """Steps whose runs begin with pressure forces, of images with parts of them."""
+
+    evaluator: PartsInSlots
+
+    def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
+        """Return the pressure force on every particle, and in the slots of images what pairs have added there."""
+        here, old, new = len(self.state.x_nc), *self.evaluator.lists[self.at - 1 : self.at + 1]
+        slots_sc = self.evaluator.parts()
+        if read_back or not old.newton[0]:
+            slots_sc[:] = 0.0
+        slots_sc[:here] = np.asarray(value(self.kept_at_stop(new_n)), float)[new.row_s[:here]]
+        return slots_sc
+
+
+def begins_again_with_images(problem: Problem) -> bool:
+    """Return whether a run with reconstructed walls ends and another begins, among periodic images."""
+    return any(problem.box.periodic) and begins_again_with_walls(problem)
+
+
 class GradientOfSecond(FollowingLists):
     """The pressure that is taken out of accelerations has, for both of a pair, the gradient of the second one.
 
@@ -103,9 +172,9 @@ class GradientOfSecond(FollowingLists):
         """Return all terms as they are, and the pressure force kept from exchanged gradients."""
         found, own = super().pair_terms(*fields, **options), self.g
         exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & (self.reverse_p >= 0)
-        self.g = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own]
+        self.g, self.exchanged = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own], True
         kept = super().pair_terms(*fields, **options)
-        self.g = own
+        self.g, self.exchanged = own, False
         return replace(found, pressure_force_nc=kept.pressure_force_nc)
 
 
@@ -152,6 +221,12 @@ WALLS_SUMMED_AFTER_SETUP = Finding(
     "reported after run 0 gets other ones.",
     workaround="Look at solids after a step, not after run 0.",
     scene="fluid over solid particles with rho/sum, run 0",
+    gaps=(
+        Gap(
+            lambda scene: not scene.whole_model and scene.rho_sum and scene.rheo.interface_reconstruct,
+            "of an equation of state alone the density is compared that is reported, not the one that was used",
+        ),
+    ),
     model_variant=Variant(sums_walls, stepping=WallsSummedAfterSetup),
 )
 
@@ -218,4 +293,53 @@ WALLS_DEPEND_ON_PAIR_ORDER = Finding(
     ),
 )
 
-ENTRIES = (WALL_VELOCITY_LOST, WALLS_SUMMED_AFTER_SETUP, WALLS_AFTER_REBUILD, WALLS_DEPEND_ON_PAIR_ORDER)
+WALLS_BEGIN_WITH_PRESSURE = Finding(
+    id="walls-begin-with-pressure",
+    number=33,
+    title="Every run but the first begins with wrong densities of walls",
+    severity="high",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
+    "fluid (Adami et al. 2012), the acceleration being the one not due to pressure; fix rheo: no information about "
+    "the fix is written to restart files.",
+    observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids takes for "
+    "the accelerations without pressure of all particles, walls included, the pressure forces of the evaluation "
+    "before, neither taken out of the force nor divided by the mass. They are kept in restart files too, so that a "
+    "run after read_restart begins with them, and displace_atoms is refused there. Densities of solids are wrong "
+    "until the first step recomputes them, and with them the forces that this step begins with.",
+    argument="Between two runs of 0 steps nothing happens, and yet the forces differ. A fluid particle at distance 1 "
+    "of a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
+    "setforce): after 'run 0' the solid has the density 1, after a second 'run 0' 1.280 = 1 + 2 * 0.3 * 2 * 0.2331, "
+    "the sum of the pressure forces on either times the distance.",
+    workaround="Continue with 'run N pre no'; or take all RHEO fixes away (unfix) and define them anew before the "
+    "run, after read_restart too (define and take away fix rheo once); data files written with 'nofix' do no harm.",
+    scene="a fluid particle beside a solid one, run 0 twice",
+    model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept),
+)
+
+WALLS_BEGIN_WITH_PARTS = Finding(
+    id="walls-begin-with-parts",
+    number=35,
+    title="Runs begin with other forces on periodic images of particles beside walls than on the particles",
+    severity="high",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
+    "2012); newton: the flag must not change the physics; a periodic image is its particle.",
+    observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
+    "of the evaluation before in place of accelerations, their periodic images have others: with newton on the sum "
+    "over the pairs that list the image as the second one, with newton off and after read_restart 0.",
+    argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
+    "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
+    "where only its own force is seen, and the same after read_restart. With more particles newton on differs too, as "
+    "an image has only part of the force.",
+    workaround="As for walls-begin-with-pressure: 'run N pre no', or the RHEO fixes defined anew before a run.",
+    scene="a fluid particle beside a solid one across a periodic boundary, newton off, run 0 twice",
+    model_variant=Variant(begins_again_with_images, PartsInSlots, BeginningWithParts, lists_of_neighbours, lists=True),
+)
+
+ENTRIES = (
+    WALL_VELOCITY_LOST,
+    WALLS_SUMMED_AFTER_SETUP,
+    WALLS_AFTER_REBUILD,
+    WALLS_DEPEND_ON_PAIR_ORDER,
+    WALLS_BEGIN_WITH_PRESSURE,
+    WALLS_BEGIN_WITH_PARTS,
+)

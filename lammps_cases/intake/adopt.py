@@ -29,7 +29,7 @@ from lammps_cases.report import findings
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.stability import inputs
+from lammps_cases.studies.inputs import table
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ class Intake:
     out: Path
     cases: Sequence[Case]
     probes: Sequence[manual.ManualProbe]
-    bad_inputs: Sequence[inputs.BadInput]
+    bad_inputs: Sequence[table.BadWords]
     progress: Progress = SILENT
 
 
 def everything(engine: Engine, jobs: int, out: Path, progress: Progress = SILENT) -> Intake:
     """Return all that an engine is asked before it is known."""
     cases = casefile.select(casefile.load(), (), None)
-    return Intake(engine, jobs, out, cases, manual.probes(), inputs.bad_inputs(), progress)
+    return Intake(engine, jobs, out, cases, manual.probes(), table.every(), progress)
 
 
 def collect(intake: Intake, baselines: Path) -> Adoption:
@@ -77,7 +77,7 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
         probed = manual.put(probes, workers, intake.progress)
         seconds["probes"] = round(time.perf_counter() - begin, 1)
         begin = time.perf_counter()
-        rows = inputs.table(workers, intake.progress, intake.bad_inputs)
+        rows = table.table(workers, intake.progress, intake.bad_inputs)
         seconds["bad inputs"] = round(time.perf_counter() - begin, 1)
     whole = run.model_copy(update={"cases": [*run.cases, *probed]})
     nearest, changed, differences = _against_known(run, intake.out / "run", baselines)

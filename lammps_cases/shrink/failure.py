@@ -58,7 +58,7 @@ class FailureMode:
 
 def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
     """Return how a case fails, or that it shows a finding; None if it does not."""
-    blame = record.beyond.blame if record.beyond else record.blame
+    blame = record.headline
     place: dict[str, Any] = {"shown_in": blame.field, "step": blame.step, "atom": blame.atom} if blame else {}
     place["bounded"] = not blame or all(v is None or math.isfinite(v) for v in (blame.reference, blame.bound))
     if finding:

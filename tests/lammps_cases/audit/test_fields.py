@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from eos_ref import InputError, parse_fix_rheo
+from eos_ref import EOS, EOSTable, InputError, parse_fix_rheo
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
@@ -277,18 +277,20 @@ MODEL = """pair_style hybrid/overlay rheo 3.0 artificial/visc 0.1 harmonic/means
 pair_coeff * * rheo
 fix 1 all rheo 3.0 RK1 8 thermal
 fix 2 all rheo/viscosity * constant 0.1 2 power 1 2 3 4
-fix 3 g rheo/thermal conductivity * constant 1 2 constant 2 react 1.5 1 specific/heat * constant 3 Tfreeze 1 constant 4
+fix 3 all rheo/thermal conductivity 1 constant 1 react 1.5 1 specific/heat * constant 3 Tfreeze 1 constant 4
 """
 
 
 def test_parameters_of_a_hybrid_deck() -> None:
     found = followed(MODEL)
     assert deck.pair_rheo(found.pair) == PairRheo(3.0, 0.1, 0.0, True)
-    assert deck.viscosity(found.fix("rheo/viscosity") or [], 2) == (
-        Viscosity("constant", 0.1),
-        Viscosity("power", 1, 2, 3, 4),
-    )
-    assert deck.thermal(found.fix("rheo/thermal") or [], 2) == (Thermal(1, 3, T_freeze=4), Thermal(2, 3))
+    with pytest.raises(InputError, match="atom type 2: needs a conductivity"):
+        found.model(2, 2, (1.0, 1.0), EOSTable((EOS("linear"),) * 2))
+    given = "fix 3 all rheo/thermal conductivity * constant 1 specific/heat * constant 3 Tfreeze 1 constant 4"
+    found.note(given.split())
+    model = found.model(2, 2, (1.0, 1.0), EOSTable((EOS("linear"),) * 2))
+    assert model.viscosity == (Viscosity("constant", 0.1), Viscosity("power", 1, 2, 3, 4))
+    assert model.thermal == (Thermal(1, 3, T_freeze=4), Thermal(1, 3))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.cache import cache_folder
-from eos_ref.syntax.manual import FIRST, Manual, manual_of
+from eos_ref.syntax.manual import MANUALS, Manual, manual_of
 from lammps_cases.bugs import bare, deck, issue, report
 from lammps_cases.bugs.bare import Ending
 from lammps_cases.bugs.deck import Check, Deck
@@ -61,12 +61,23 @@ def _version(name: str) -> str:
 
 
 @cache
-def _report(name: str, manual: Manual = FIRST) -> Report:
-    return report.of_finding(_finding(name), manual)
+def _report(name: str, manual: Manual | None = None) -> Report:
+    return report.of_finding(_finding(name), manual or _manual(name))
 
 
 def _finding(name: str) -> Finding:
     return next(entry for entry in LEDGER if entry.id == name)
+
+
+def _said_in(name: str, manual: Manual) -> bool:
+    """Whether a version of the manual says what a finding contradicts."""
+    shown = demonstrations().get(name) or report._probe(_finding(name))
+    return shown is None or shown.made_in(manual)
+
+
+def _manual(name: str) -> Manual:
+    """The first version of the manual that says what a finding contradicts."""
+    return next(manual for manual in MANUALS if _said_in(name, manual))
 
 
 def _having(entry: Finding) -> str:
@@ -83,13 +94,16 @@ def _having(entry: Finding) -> str:
 @pytest.mark.parametrize("name", IDS)
 def test_a_deck_fails_where_the_finding_is_known_and_passes_elsewhere(name: str, engine: str) -> None:
     manual = manual_of(_version(engine))
-    if name in demonstrations() and not demonstrations()[name].made_in(manual):
+    if not _said_in(name, manual):
         assert not _finding(name).listed(_version(engine))
-        with pytest.raises(InputError, match="which documents what LAMMPS does"):
+        with pytest.raises(InputError, match=r"which does not say so|which documents what LAMMPS does"):
             report.of_finding(_finding(name), manual)
         return
     made = _report(name, manual)
     ending = bare.run(made.deck, _engine(engine))
+    if "package which is not enabled in this LAMMPS binary" in ending.output:
+        assert not _finding(name).listed(_version(engine)), "seen without the package that it needs"
+        return
     expected = "FAIL" if _finding(name).listed(_version(engine)) else "PASS"
     assert ending.verdict(made.deck) == expected, ending.output[-2000:]
     if made.number:
@@ -104,7 +118,11 @@ def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
     ending = bare.run(_report(name).deck, _engine(_having(_finding(name))))
     assert ending.code
     assert "ERROR" not in ending.output
-    assert ending.error == {"SIGSEGV": "SIGSEGV", "SIGABRT": "Exception: stol"}[_finding(name).engine_error]
+    signal = _finding(name).engine_error
+    if signal == "SIG":  # memory is overwritten, and what that ends in is not the same everywhere
+        assert ending.error.startswith("SIG")
+    else:
+        assert ending.error == {"SIGSEGV": "SIGSEGV", "SIGABRT": "Exception: stol"}[signal]
 
 
 @pytest.mark.lammps
@@ -121,8 +139,8 @@ def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path:
     expected = report.predicted(case, made.number)
     ending = bare.run(made.deck, _engine(_having(entry)))
     missed = abs(float(ending.printed("obtained")) - expected.value)
-    assert missed > FAR * expected.bound
-    assert missed > 1e-3 * abs(expected.value)
+    assert not missed <= FAR * expected.bound  # NaN is far from everything
+    assert not missed <= 1e-3 * abs(expected.value)
 
 
 @pytest.mark.lammps
@@ -162,7 +180,7 @@ def test_demonstrations_are_of_findings() -> None:
 def test_decks_are_short_and_need_no_other_file(name: str) -> None:
     made = _report(name).deck
     assert all("/" not in word or not Path(word).is_absolute() for line in made.lines for word in line.split())
-    limit = 60 if name in OF_TWO else 36
+    limit = 60 if name in OF_TWO or "clear" in made.lines else 45  # two scenes, or one set up twice
     assert len(made.lines) < limit
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from eos_ref.numbers.number import Array
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.findings import LEDGER, accepted_cases, engines, forces, ledger_of
+from lammps_cases.findings.engines import SEEN_ON
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, Mismatch, RunRecord
 from lammps_cases.regression import acceptance, evidence
 from lammps_cases.report import findings as reported
 from lammps_cases.run import campaign
@@ -41,7 +43,8 @@ def test_every_finding_has_a_name_and_a_place_of_its_own() -> None:
 
 def test_a_finding_is_reproduced_or_speaks_of_cases() -> None:
     for entry in LEDGER:
-        assert (entry.model_variant is None) == bool(entry.applies_to), entry.id
+        measured = entry.applies_to and all(pattern.startswith("probes.") for pattern in entry.applies_to)
+        assert bool(entry.applies_to) if entry.model_variant is None else (measured or not entry.applies_to), entry.id
         assert entry.named_variant, entry.id
 
 
@@ -59,6 +62,34 @@ def test_alarms_are_of_kinds_that_there_are() -> None:
     expected = [alarm for entry in LEDGER for alarm in entry.expected_in_alarms]
     assert expected
     assert {kind for alarm in expected for kind in alarm.kinds} <= set(KINDS)
+
+
+def test_engines_of_a_finding_are_those_of_the_list_unless_it_names_its_own() -> None:
+    (listed,) = [entry for entry in LEDGER if entry.id == next(iter(SEEN_ON))]
+    bare, own = replace(listed, engines=()), replace(listed, id="own", number=listed.number + 1, engines=("1.0",))
+    unseen = replace(bare, id="never-seen", number=listed.number + 2)
+    engines_of = [entry.engines for entry in ledger_of([[unseen, own], [bare]])]
+    assert engines_of == [SEEN_ON[listed.id], ("1.0",), ()]
+    assert SEEN_ON[listed.id]
+
+
+def test_the_list_of_engines_is_in_the_order_of_versions() -> None:
+    seen_on = {"one": ("2025.7.22.10.0", "2025.7.22.9.0")}
+    written = json.loads(engines.document(("2025.7.22.10.0", "2025.7.22.9.0"), seen_on))
+    assert written == {
+        "engines": ["2025.7.22.9.0", "2025.7.22.10.0"],
+        "seen_on": {"one": ["2025.7.22.9.0", "2025.7.22.10.0"]},
+    }
+
+
+def test_a_finding_about_two_decks_predicts_the_field_in_which_they_differ() -> None:
+    entry = replace(LEDGER[0], outcome="differs", ended="answered", engine_error="", differing="q.rho")
+    record = CaseRecord(case="probes.any", verdict="differs", ended="answered")
+    assert not entry.predicts(record)
+    for fields, predicted in ((["q.rho"], True), (["pressure", "q.rho"], True), (["pressure"], False), ([], False)):
+        mismatch = Mismatch(kind="other numbers", fields=fields)
+        assert entry.predicts(record.model_copy(update={"mismatch": mismatch})) is predicted
+    assert replace(entry, differing="").predicts(record)
 
 
 # --- what is derived

@@ -28,6 +28,7 @@ from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.studies.mutation.substitute import in_place_of
 from lammps_cases.verdict import model_cases
 
 pytestmark = pytest.mark.lammps
@@ -81,7 +82,7 @@ class Seen:
     @property
     def lists(self) -> tuple[Listed, ...]:
         """LAMMPS' list at every step."""
-        return tuple(Listed(**arrays) for arrays in self.every.lists)
+        return tuple(Listed.read(self.every.arrays["id"], **arrays) for arrays in self.every.lists)
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +202,7 @@ def test_before_the_images_change_nothing_else_is_wrong(
 def _with_rows(given: Seen, change: Callable[[Any, int], Any]) -> Seen:
     """The same run with other particles in the slots."""
     n = len(given.ready.atoms)
-    lists = tuple(arrays | {"row_s": change(arrays["row_s"], n)} for arrays in given.every.lists)
+    lists = tuple(arrays | {"id_s": change(arrays["id_s"], n)} for arrays in given.every.lists)
     return replace(given, every=replace(given.every, lists=lists))
 
 
@@ -210,7 +211,7 @@ SPOILT: dict[str, Callable[[Seen], Seen]] = {
         s, every=replace(s.every, lists=(*s.every.lists[:-2], s.every.lists[-1], s.every.lists[-1]))
     ),
     "images in another order": lambda s: _with_rows(
-        s, lambda row_s, n: np.concatenate([row_s[:n], np.roll(row_s[n:], 1)])
+        s, lambda id_s, n: np.concatenate([id_s[:n], np.roll(id_s[n:], 1)])
     ),
     "lists of too few steps": lambda s: replace(s, every=replace(s.every, lists=s.every.lists[:-1])),
     "no lists": lambda s: replace(s, every=replace(s.every, lists=())),
@@ -309,13 +310,7 @@ def _as_older(given: Seen) -> Seen:
     assert made is not None and issubclass(made[0], GradientOfSecond)
     snapshots = []
     for fields, arrays in zip(Predictor().values(problem, made), given.every.snapshots, strict=True):
-        found = dict(arrays)
-        for name in scene.compare:
-            if name in ("x", "v", "f"):
-                found[name] = np.column_stack([fields[name], arrays[name][:, 2]])
-            else:
-                found[name if name == "drho" else f"q.{name}"] = fields[name].astype(float)
-        snapshots.append(found)
+        snapshots.append(in_place_of(arrays, {name: fields[name].astype(float) for name in scene.compare}))
     compared = tuple(snapshots[step] for step in scene.snapshots)
     answer = replace(given.answer, arrays=compared[-1], snapshots=compared)
     return replace(given, answer=answer, every=replace(given.every, snapshots=tuple(snapshots)))

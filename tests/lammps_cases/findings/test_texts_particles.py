@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.quintic import quintic
 from tests.support.told import ENTRIES, Engine, Told, agree, engine, said, told
 
@@ -196,8 +198,21 @@ def two(kernel: str, **options: Any) -> Told:
     return moving([[4.0, 4.0], [5.0, 4.0]], (12, 12), kernel, int(zmin), **options)
 
 
+def row(kernel: str, **options: Any) -> Told:
+    """Three particles in a row."""
+    return moving([[4.0, 4.0], [5.0, 4.0], [5.9, 4.0]], (12, 12), kernel, 0, **options)
+
+
+def plane(kernel: str, **options: Any) -> Told:
+    """Five particles in a plane."""
+    x = [[4.0, 4.0, 4.0], [5.0, 4.1, 4.0], [4.2, 4.9, 4.0], [5.1, 5.0, 4.0], [4.5, 5.7, 4.0]]
+    return moving(x, (12, 12, 12), kernel, 0, **options)
+
+
+@pytest.mark.parametrize("two", [two, row, plane])
 @pytest.mark.parametrize("kernel", ["RK1", "RK2"])
-def test_stale_gradient(kernel: str) -> None:
+def test_stale_gradient(kernel: str, two: Callable[..., Told]) -> None:
+    assert "one neighbour, all of them in a row or, in 3D, in a plane" in ENTRIES[STALE].observed
     with engine() as fresh:
         first = fresh.fields(two(kernel))[0]["grad/v"]
         filler = fresh.fields(filled(kernel, 0))[0]["grad/v"]
@@ -225,3 +240,26 @@ def test_gradients_of_a_free_surface(lammps: Engine) -> None:
     assert below.any() and not below.all()
     np.testing.assert_array_equal(wrong_n, below)
     np.testing.assert_array_equal(np.isinf(variant.bounds[0]["grad/v"]).all(axis=(1, 2)), below)
+
+
+def test_gradients_of_the_last_pair(lammps: Engine) -> None:
+    """By hand: a pair after a block has, on its first and second side, the gradients of the last pair of the block."""
+    block = np.indices((3, 3)).reshape(2, -1).T + 2.0 + np.random.default_rng(2).uniform(-0.2, 0.2, (9, 2))
+    scene = moving(np.concatenate([block, [[6.0, 9.0], [6.0, 10.0]]]), (14, 14), "RK1", 0)
+    found = lammps.fields(scene, every_step=True)[0]
+    right, variant = scene.predicted(), scene.predicted(STALE, snapshot=found)
+    (listed,) = found["lists"]
+    first, second = listed.row_s[listed.pair_ps].T
+    assert (first[-1], second[-1]) == (9, 10) and (first[:-1] < 9).all()
+    v = scene.atoms.v_nc[:, :2]
+    apart = [np.linalg.norm(scene.atoms.x_nc[a] - scene.atoms.x_nc[b]) for a, b in zip(first, second, strict=True)]
+    i, j = [(a, b) for a, b, r in zip(first, second, apart, strict=True) if r < CUT][-2]
+    stages = ArrayEvaluator(scene.problem.model, scene.problem.box, scene.problem.state.type_n, np.zeros(11, bool))
+    stages.move(scene.problem.state.x_nc)
+    stages.correct(scene.problem.state.rho_n)
+    for atom, other, one, partner in ((9, 10, i, j), (10, 9, j, i)):
+        at = np.flatnonzero((stages.i == one) & (stages.j == partner))[0]
+        by_hand = np.outer(v[other] - v[atom], [float(g_a[at]) for g_a in stages.g])  # of volume 1
+        np.testing.assert_allclose(found["grad/v"][atom], by_hand, rtol=1e-12)
+    assert agree(found["grad/v"], variant, "grad/v") and not agree(found["grad/v"], right, "grad/v")
+    assert np.isfinite(variant.bounds[0]["grad/v"]).all() and np.isfinite(right.bounds[0]["grad/v"]).all()

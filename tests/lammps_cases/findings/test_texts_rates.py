@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lammps_cases.probes.manual import probes
+from lammps_cases.probes.probe import edited
 from tests.support.told import ENTRIES, Engine, Told, agree, said, told
 
 pytestmark = pytest.mark.lammps
@@ -201,3 +204,68 @@ def test_temperature_without_mass(lammps: Engine, older: Engine) -> None:
     np.testing.assert_array_equal(fine.predicted().fields[0]["temperature"], scene.predicted().fields[0]["temperature"])
     gas = warm(mass, energy, compare=["pressure"], pressure=[{"types": "*", "style": "ideal/gas", "gamma": 1.4}])
     assert agree(older.fields(gas)[0]["pressure"], gas.predicted(), "pressure"), "E/m is the energy per mass"
+
+
+# --- harmonic-mean-undefined
+
+HARMONIC = "harmonic-mean-undefined"
+
+
+def coefficients(what: str, a: float, b: float, harmonic: bool = True) -> Told:
+    """Two fluids of some viscosity or conductivity each, at different velocities and temperatures."""
+    per_type = [{"mass": 1.0, "viscosity": 0.3, "conductivity": 0.2, what: value} for value in (a, b)]
+    moving = {"v": [[0.2, 0.1], [0.0, 0.0]], "e": np.array([2.0, 1.0]), "types": per_type, "rho": 1.0}
+    return pair(**moving, pair={"harmonic_means": harmonic}, compare=["f", "heatflow"])
+
+
+@pytest.mark.parametrize(("what", "field"), [("viscosity", "f"), ("conductivity", "heatflow")])
+def test_harmonic_means(lammps: Engine, what: str, field: str) -> None:
+    """NaN of two zeros alone; infinite and 0 where the product leaves the range; right between."""
+    large, small = said(HARMONIC, "observed", r"as for two of #, the mean is infinite, and for two of # it is 0")
+
+    def found(a: float, b: float, harmonic: bool = True) -> Any:
+        return lammps.fields(coefficients(what, a, b, harmonic))[0][field]
+
+    def right(a: float, b: float) -> Any:
+        return coefficients(what, a, b).predicted().fields[0][field]
+
+    assert np.isnan(found(0.0, 0.0)).any() and np.isfinite(found(0.0, 0.0, harmonic=False)).all()
+    assert not right(0.0, 0.0).any()
+    assert not found(0.0, 1.0).any() and not right(0.0, 1.0).any()
+    assert np.isinf(found(large, large)).any() and np.isfinite(right(large, large)).all()
+    assert not found(small, small).any() and right(small, small).any()
+    workaround = float(re.findall(r"1e-\d+", ENTRIES[HARMONIC].workaround)[0])
+    assert agree(found(workaround, workaround), coefficients(what, workaround, workaround).predicted(), field)
+
+
+def test_the_probes_of_harmonic_means_see_it(lammps: Engine) -> None:
+    """And nothing else: without the keyword they run, to numbers that are finite."""
+    (keyword,) = {"harmonic/means"} & set(ENTRIES[HARMONIC].title.split())
+    chosen = [probe for probe in probes() if ENTRIES[HARMONIC].covers(probe.name)]
+    assert len(chosen) == 2
+    for probe in chosen:
+        plain = tuple(edit for edit in probe.edits if keyword not in edit[1])
+        ours, theirs = lammps.replies(probe.input, edited(probe.base, plain))
+        assert ours.ended == "refused" and ENTRIES[HARMONIC].engine_error in ours.error
+        assert all(np.isfinite(values).all() for values in theirs.arrays.values())
+
+
+def test_the_variant_has_no_number_where_lammps_has_none(lammps: Engine) -> None:
+    """One coefficient that is not 0 is enough for a number; after a step there are no neighbours."""
+    gap = 1e-9
+    given: dict[str, Any] = {"rho": 1.0, "v": [[0.2, 0.1], [0.0, 0.0]], "pair": {"harmonic_means": True}}
+    for fluids, fine in (((0.0, 0.0), False), ((0.0, 0.3), True), ((gap, gap), True)):
+        scene = pair(types=[{"mass": 1.0, "viscosity": eta} for eta in fluids], **given)
+        found = lammps.fields(scene)[0]["f"]
+        assert np.isfinite(found).all() == fine and np.isfinite(scene.predicted().fields[0]["f"]).all()
+        assert fine or np.isnan(found).all() == np.isnan(scene.predicted(HARMONIC).fields[0]["f"]).all()
+    plain = pair(types=[{"mass": 1.0, "viscosity": 0.0}] * 2, **given | {"pair": {}})
+    assert agree(lammps.fields(plain)[0]["f"], plain.predicted(), "f")
+    later = pair(
+        types=[{"mass": 1.0, "viscosity": 0.0}] * 2,
+        compare=["x", "coordination"],
+        evolve={"steps": 1, "timestep": 0.004},
+        **given,
+    )
+    moved = lammps.fields(later)[-1]
+    assert np.isnan(moved["x"]).all() and (moved["coordination"] == 0).all()

@@ -11,6 +11,8 @@ import pytest
 from eos_ref import EOS, InputError, parse_fix_rheo, parse_fix_rheo_pressure
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure
 from lammps_cases.probes.run import Reply
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -163,10 +165,10 @@ def test_reconstruct_refuses_cubic(lammps: Engine) -> None:
 
 def test_double_star_abort(lammps: Engine) -> None:
     entry = ENTRIES["double-star-abort"]
-    *refused, message, _, _, _, _ = quoted(entry.id, "observed")
+    *refused, message, _, _, _, _, _ = quoted(entry.id, "observed")
     aborting = quoted(entry.id, "observed")[len(refused) + 1 :]
     assert (refused, message) == (["1;2", "0*", "x"], "Invalid range string")
-    assert aborting == ["**", "***", "1**2", "-"]
+    assert aborting == ["**", "***", "1**2", "-", '""']
     for types in refused:
         assert f"{message}: {types}" in with_law(lammps, f"{types} linear").error
     for types in aborting:
@@ -323,3 +325,21 @@ def test_support_unit(lammps: Engine, dimension: int) -> None:
     assert (shifted(2.0, wmin / 2.0**dimension) != here).any(), "as W scales"
     assert entry.workaround.endswith("divide wmin by s in 2D and by s^2 in 3D.")
     np.testing.assert_array_equal(shifted(2.0, wmin / 2.0 ** (dimension - 1)), here)
+
+
+def test_data_file_of_walls(lammps: Engine) -> None:
+    entry = ENTRIES["data-file-of-walls"]
+    walls = {"interface_reconstruct": True}
+    types = [{"mass": 1.0}, {"mass": 1.0, "phase": "solid"}]
+
+    def through(by: str, rheo: dict[str, Any]) -> Any:
+        evolve = {"steps": 1, "timestep": 1e-4, "stops": [{"at": 0, "by": by}]}
+        scene = told([[4.0, 4.0], [5.0, 4.0]], (9, 9), kind=[2, 1], types=types, rheo=rheo, evolve=evolve)
+        return lammps.workers.outcome(lammps.workers.submit(scene.job, 60.0))
+
+    (error,) = quoted("data-file-of-walls", "observed")
+    refused = through("data", walls)
+    assert isinstance(refused, Failure) and error in refused.message and entry.engine_error in refused.message
+    assert isinstance(through("data", {}), Answer), "without interface/reconstruct there is no such section"
+    assert quoted("data-file-of-walls", "workaround") == ["nofix"]
+    assert isinstance(through("data nofix", walls), Answer)

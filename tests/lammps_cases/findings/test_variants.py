@@ -6,18 +6,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import variants
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatOverDensity
 from lammps_cases.findings.variants import Variant, combined
+from lammps_cases.findings.walls import WallsSummedAfterSetup, WallVelocityLost
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
+from tests.support.particle_scenes import scene
 
 
 class Steps(Simulation):
@@ -77,3 +81,25 @@ def test_a_variant_is_fitted_to_the_first_snapshot_with_the_others_in_place(prob
 def test_one_that_cannot_be_fitted_explains_nothing(problem: Problem) -> None:
     none = variant(Fitted, fit=lambda of, stages, snapshot: None)
     assert combined([variant(ForcePerVolume), none], problem, {}) is None
+
+
+def test_a_lost_wall_velocity_leaves_the_extrapolated_difference() -> None:
+    """(v_s - v_f) k without the v_s of the manual's v_s + (v_s - v_f) k."""
+    built = scene(2, walls=True)
+    stages = WallVelocityLost(built.model, built.box, built.state.type_n, built.state.solid_n)
+    velocity = stages.wall_velocity(np.array([3.0]), np.array([0.5]), np.array([4.0]))
+    assert value(velocity).tolist() == [10.0]
+
+
+def test_walls_are_summed_once_more_after_the_setup_alone() -> None:
+    built = scene(2, walls=True, rho_sum=True)
+    own, late = (
+        stepping(built.model, built.box, built.state, (), ArrayEvaluator)
+        for stepping in (Simulation, WallsSummedAfterSetup)
+    )
+    for sim in (own, late):
+        sim.setup()
+    solid_n, summed_n = built.state.solid_n, value(late.evaluator.density_sum())
+    assert np.array_equal(late.state.rho_n, np.where(solid_n, summed_n, own.state.rho_n))
+    assert not np.array_equal(late.state.rho_n[solid_n], own.state.rho_n[solid_n])
+    assert np.array_equal(late.fields["f"], own.fields["f"])

@@ -17,7 +17,7 @@ from lammps_cases.intake.record import DOCUMENT, Adoption, FindingRow
 from lammps_cases.probes import manual
 from lammps_cases.regression import evidence
 from lammps_cases.scene import casefile
-from lammps_cases.studies.stability import inputs
+from lammps_cases.studies.inputs.scenes import bad_inputs
 from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
@@ -29,7 +29,7 @@ def adoption(tmp_path_factory: pytest.TempPathFactory) -> tuple[Adoption, Path]:
     out = tmp_path_factory.mktemp("adopt")
     cases = casefile.select(casefile.load(), ("near-rho0.linear.2d", "forces.all.rk1.2d", "refused.range-hyphen"))
     probes = [probe for probe in manual.probes() if probe.id in ("specific-heat-zero", "rheo-restart")]
-    some = [bad for bad in inputs.bad_inputs() if bad.id in ("specific-heat-zero", "region-inside-out")]
+    some = [bad for bad in bad_inputs() if bad.id in ("specific-heat-zero", "region-inside-out")]
     return collect(Intake(Engine(), 1, out, cases, probes, some), evidence.BASELINES), out
 
 

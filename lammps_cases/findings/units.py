@@ -1,0 +1,86 @@
+"""Findings about systems of units."""
+
+from __future__ import annotations
+
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Gradients
+from eos_ref.model.units import UNITS, Units
+from eos_ref.numbers.number import Array
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.variants import Variant
+
+
+class UnitsUnconverted(Simulation):
+    """All numbers are taken as they are, but for the force over mass of a time step."""
+
+    def conversion(self) -> Units:
+        """Return units without factors."""
+        return UNITS["lj"]
+
+    def acceleration(self) -> Array:
+        """Return force over mass times the factor of forces."""
+        return super().acceleration() * self.system.of("f")
+
+
+class DensityByForceFactor(Simulation):
+    """Rates of density are integrated with the time step times the factor of forces."""
+
+    def _continuity(self, dt: float, drho_n: Array, gradient: Gradients) -> None:
+        super()._continuity(dt * self.system.of("f"), drho_n, gradient)
+
+
+def has_own_units(problem: Problem) -> bool:
+    """Return whether energies, pressures and densities are in units of their own."""
+    return not UNITS[problem.model.units].consistent
+
+
+def integrates_density(problem: Problem) -> bool:
+    """Return whether, in such units, time steps change densities."""
+    return has_own_units(problem) and problem.steps[-1] > 0 and not problem.model.fix.rho_sum
+
+
+UNITS_UNCONVERTED = Finding(
+    id="units-unconverted",
+    number=30,
+    title="In units real and metal only accelerations are converted",
+    severity="high",
+    documented="units: the choice sets conversion factors, and any simulation can be duplicated in any system; in "
+    "real and metal densities are in g/cm^3 and viscosities in Poise, pressures in atm and bar, energies in kcal/mol "
+    "and eV. fix rheo, fix rheo/pressure: values of density, speed/sound and background in the units of density, "
+    "velocity and pressure; compute rheo/property/atom: values in the units of the attribute.",
+    observed="All numbers are taken as they stand. Volumes are m/rho in g/mol over g/cm^3, so that gradients with the "
+    "quintic kernel are 0.6022 of what they are; pressures are c^2 (rho - rho0) in g/cm^3 times Angstrom^2/fs^2 or "
+    "/ps^2, and a background in atm or bar is added to them; forces, stresses and heat flows follow from "
+    "these. Only where a time step turns force over mass into an acceleration a factor is applied, 4.184e-4 in "
+    "real and 9649 in metal; the extrapolation to walls does without it.",
+    argument="Water at 5 % above its density (1 g/cm^3, 0.015 Angstrom/fs) has a pressure of 1110 atm; LAMMPS reports "
+    "1.125e-5. In the same scene in units metal it reports 11.25, where 1125 bar are due. Pressed apart by that, its "
+    "particles accelerate by 2.52e-4 of what density and speed of sound say in real, and by 5810 times that in metal, "
+    "so that sound travels at 0.0159 and 76.2 times the speed given (to which the volumes that force-per-volume lacks "
+    "come).",
+    workaround="Use units lj, si, cgs, micro or nano, in which there is nothing to convert.",
+    scene="compressed water in units real",
+    model_variant=Variant(has_own_units, stepping=UnitsUnconverted),
+)
+
+
+DENSITY_BY_FORCE_FACTOR = Finding(
+    id="density-by-force-factor",
+    number=31,
+    title="In units real and metal densities change by the factor that belongs to forces",
+    severity="high",
+    documented="fix rheo: densities are integrated with the rate of the equation of continuity, -rho div v, and that "
+    "of rho/damp; units: any simulation can be duplicated in any system.",
+    observed="The rate of density, damping included, is multiplied by the factor that turns force over mass into an "
+    "acceleration: 4.184e-4 in real, 9649 in metal.",
+    argument="A rate of density needs no factor: it has the unit of density over time in every system. Two particles "
+    "of density 1 that approach each other with div v = -0.1/ns should be denser by 1e-4 after 0.001 ns; in real it "
+    "is 4.184e-8, and in metal 0.965. A fluid squeezed to half its volume keeps its density, and its pressure, in "
+    "real.",
+    workaround="Sum densities (rho/sum), or use units lj, si, cgs, micro or nano.",
+    scene="two particles that approach each other in units real",
+    model_variant=Variant(integrates_density, stepping=DensityByForceFactor),
+)
+
+ENTRIES = (UNITS_UNCONVERTED, DENSITY_BY_FORCE_FACTOR)

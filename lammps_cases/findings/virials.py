@@ -1,0 +1,110 @@
+"""Findings about virials."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eos_ref.numbers.columns import Axes, axes, joined, summed, symmetric
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.number import Array
+from eos_ref.numbers.rounded import value
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.variants import Variant
+
+OVERALL = ("virial", "press")
+
+
+class VirialsCancel(FollowingLists):
+    """The virial of a pair has the sum of its two forces where it should have their difference.
+
+    A pair across a boundary, which is listed for each of its particles if newton is off, has one force each time. With
+    newton off the virial of all is the sum of these.
+    """
+
+    def virials(self, force: Axes) -> tuple[Array, Array]:
+        """Return sums of half of the distance of the pair as it is listed times the sum of the forces on both."""
+        whole_ncc = super().virials(force)[1]
+        forward_p, backward_p = self.forward_p >= 0, self.backward_p >= 0
+        listed_twice_p = forward_p & backward_p
+        distance = [where(forward_p, x_a, -x_a) for x_a in self.x]
+        both = [f_b + where(listed_twice_p, 0.0, f_b[self.reverse_p]) for f_b in force]
+        virial = symmetric([[0.5 * self.total(x_a * f_b) for f_b in both] for x_a in distance])
+        if not self.lists[self.at].newton[0]:
+            whole_ncc = joined([[summed(w_n) for w_n in row] for row in virial])
+        return joined(virial), whole_ncc
+
+
+class VirialOfPlaces(FollowingLists):
+    """With newton the virial of all is the sum of place times force, images included, wherever the origin lies."""
+
+    def move(self, x_nc: Array) -> None:
+        """Find the pairs, and the places of the particles that LAMMPS lists for them."""
+        super().move(x_nc)
+        x, listed = value(x_nc).astype(float), self.lists[self.at]
+        image_sc = self._periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
+        forward_p = self.forward_p >= 0
+        slots = listed.pair_ps[np.where(forward_p, self.forward_p, self.backward_p)]
+        slot_p = np.where(forward_p, slots[:, 0], slots[:, 1])
+        shift_pc = image_sc[slot_p] * np.array(self.box.edge_c)
+        self.place = [x_n[self.i] + shift_pc[:, a] for a, x_n in enumerate(axes(x_nc))]
+
+    def virials(self, force: Axes) -> tuple[Array, Array]:
+        """Return the sums, that of all by places."""
+        virial_ncc, whole_ncc = super().virials(force)
+        if self.lists[self.at].newton[0]:
+            whole = symmetric([[summed(self.total(x_a * f_b)) for f_b in force] for x_a in self.place])
+            whole_ncc = joined(whole)
+        return virial_ncc, whole_ncc
+
+
+def shows_virials(problem: Problem) -> bool:
+    """Return whether a virial is looked at."""
+    return "stress/atom" in problem.fields or shows_sums(problem)
+
+
+def shows_sums(problem: Problem) -> bool:
+    """Return whether the virial of all particles is looked at."""
+    return not set(OVERALL).isdisjoint(problem.fields)
+
+
+VIRIALS_CANCEL = Finding(
+    id="virials-cancel",
+    number=60,
+    title="Virials of particles cancel; with newton off the pressure of the system loses them, too",
+    severity="high",
+    documented="compute stress/atom: either particle of a pair gets half of r1 F1 + r2 F2, which is half of the "
+    "distance times the force on itself; compute pressure: the virial of the system is that of all its pairs, and "
+    "newton must not matter.",
+    observed="The virial that either particle of a pair gets is half of the distance times the sum of both forces. "
+    "Where they are opposite this is 0, else it depends on which of the two the list of neighbours names first. "
+    "Particles at a boundary have the right share of the pairs across it with newton off, and of no other. With newton "
+    "off, compute pressure and thermo press are the sum of these; with newton on they are right.",
+    argument="Two particles of volume 1 and pressure 0.2 at distance 1 (2D, cutoff 3) repel each other with 0.0932: "
+    "either has a virial stress of -0.0466, for which LAMMPS shows 0. A fluid of volume 1 at rest on a square lattice "
+    "at pressure 0.2 has with RK1, whose gradients are exact, a virial pressure of 0.2: LAMMPS shows it with "
+    "newton on, and 0.0423 with newton off in a box of 7 by 7 particles, less in a larger one.",
+    workaround="Leave newton on for pressures of the system; there is none for stress/atom and what is made of it.",
+    scene="two particles",
+    model_variant=Variant(shows_virials, VirialsCancel, CountingSteps, lists_of_neighbours, lists=True),
+)
+
+VIRIAL_OF_PLACES = Finding(
+    id="virial-of-places",
+    number=36,
+    title="With newton on the virial depends on the origin where the forces of a pair do not cancel",
+    severity="low",
+    documented="compute pressure: the virial is the sum of r F over all particles and images, and with it the pressure "
+    "a property of the system, wherever the origin lies.",
+    observed="The sum is that of places times forces, which is one of distances only if both forces of a pair are "
+    "opposite. With RK1 and RK2 they are not, and where forces lack a volume they are not either.",
+    argument="The same particles, moved together, have another virial: it changes by the displacement times the sum of "
+    "all forces, which is not 0. Half of the distance times the difference of the two forces of each pair "
+    "does not change, and is the same where forces are opposite.",
+    workaround="Compare pressures of one and the same place of the origin, or use the quintic kernel.",
+    scene="disordered particles in an open box, RK1",
+    model_variant=Variant(shows_sums, VirialOfPlaces, CountingSteps, lists_of_neighbours, lists=True),
+)
+
+ENTRIES = (VIRIALS_CANCEL, VIRIAL_OF_PLACES)

@@ -1,0 +1,105 @@
+"""What the finding about a kernel style says that no page has: every number of its text, on LAMMPS."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from lammps_cases.comparison.trajectory import predict
+from lammps_cases.findings import forces, kernels
+from lammps_cases.findings.kernels import WENDLAND_C4, WendlandC4
+from lammps_cases.findings.variants import Snapshot
+from lammps_cases.verdict.model_cases import read_snapshots
+from tests.support.told import ENTRIES, Engine, Told, quoted, said, told
+
+pytestmark = pytest.mark.lammps
+
+NAME = "kernel-wendland-c4"
+WALLS = {"types": [{"mass": 1.2, "viscosity": 0.2}, {"mass": 0.9, "phase": "solid"}]}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "terms": {"pair": {"rho_damp": 0.1, "artificial_visc": 0.5}, "compare": ["grad/v", "f", "drho", "pressure"]},
+    "shift": {"rheo": {"shift": True}, "compare": ["shift/v", "x", "rho"], "evolve": {"steps": 1, "timestep": 0.01}},
+    "sum": {"rheo": {"rho_sum": True}, "compare": ["rho", "f"], "rho": None},
+    "surface": {
+        "rheo": {"surface_detection": {"style": "divergence", "limit": 30.0, "splash": 3}},
+        "compare": ["surface/divr", "surface", "surface/n", "surface/r"],
+    },
+    "walls": {"rheo": {"interface_reconstruct": True}, "compare": ["chi", "rho", "grad/v", "f"], **WALLS},
+}
+
+
+class Stages(WendlandC4, forces.ForcePerVolume):
+    """What the LAMMPS of this environment does."""
+
+
+def disorder(dimension: int, **options: Any) -> Told:
+    """Particles in disorder, walls at rest."""
+    random = np.random.default_rng(dimension)
+    n = 24
+    x, v = random.uniform(2, 6, (n, dimension)), random.uniform(-1, 1, (n, dimension))
+    kind = np.arange(n) % 2 + 1 if "types" in options else 1
+    v[np.broadcast_to(kind, n) == 2] = 0.0
+    given = {"rho": random.uniform(0.8, 1.2, n)} | options
+    return told(x, (8,) * dimension, v=v, kind=kind, **given)
+
+
+def with_kernel(lammps: Engine, scene: Told) -> list[Snapshot]:
+    """LAMMPS' fields with the kernel of the text."""
+    (name,) = quoted(NAME, "observed")
+    edited = tuple(line.replace(" quintic ", f" {name} ") for line in scene.job.commands)
+    return read_snapshots(scene.scene, lammps.answer(replace(scene.job, commands=edited)))
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_every_sum_is_reproduced(lammps: Engine, dimension: int, option: str) -> None:
+    scene = disorder(dimension, **OPTIONS[option])
+    found, variant = with_kernel(lammps, scene), predict(scene.problem, Stages)
+    for at in range(len(scene.scene.snapshots)):
+        for field in scene.scene.compare:
+            far = np.abs(found[at][field] - variant.fields[at][field])
+            assert np.all(far <= variant.bounds[at][field]), field
+    plain = scene.predicted().fields[0]
+    assert any(not np.allclose(found[0][field], plain[field]) for field in scene.scene.compare)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_surfaces_have_the_spline_with_another_factor(lammps: Engine, dimension: int) -> None:
+    factor = said(NAME, "observed", r"are # times \(2D\) or # times \(3D\)")[dimension - 2]
+    scene = disorder(dimension, **OPTIONS["surface"])
+    (found,) = with_kernel(lammps, scene)
+    ratio_n = found["surface/divr"] / scene.predicted().fields[0]["surface/divr"]
+    np.testing.assert_allclose(ratio_n, ratio_n[0], rtol=1e-12)
+    assert factor.is_rounded(ratio_n[0])
+    assert f"{factor:g}" in ENTRIES[NAME].workaround
+
+
+def test_the_divergence_inside_a_fluid(lammps: Engine) -> None:
+    inside, reported = said(NAME, "argument", r"is # inside a fluid in 2D.* it is #, so")
+    grid = np.stack(np.meshgrid(*[np.arange(8.0)] * 2), axis=-1).reshape(-1, 2)
+    scene = told(grid, (8, 8), **OPTIONS["surface"])
+    assert scene.predicted().fields[0]["surface/divr"] == pytest.approx(float(inside), rel=0.02)
+    (found,) = with_kernel(lammps, scene)
+    assert reported.is_rounded(found["surface/divr"][0])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_it_is_wendlands(dimension: int) -> None:
+    """Its integral is 1, its slope the derivative of its shape; it ends at the cutoff."""
+    normalisation = WENDLAND_C4.normalisation(dimension, 2.0)
+
+    def shell(r: float) -> float:
+        area = 2 * math.pi * r if dimension == 2 else 4 * math.pi * r**2
+        return normalisation * float(WENDLAND_C4.shape(r / (2.0 / 3))) * area
+
+    integral, error = quad(shell, 0, 2.0)
+    assert abs(integral - 1) <= error < 1e-6
+    q = np.linspace(0.01, 2.99, 50)
+    difference = (kernels.WENDLAND_C4.shape(q + 1e-6) - kernels.WENDLAND_C4.shape(q - 1e-6)) / 2e-6
+    np.testing.assert_allclose(WENDLAND_C4.slope(q), difference, atol=1e-9)
+    assert WENDLAND_C4.shape(3.0) == 0 and WENDLAND_C4.slope(3.0) == 0

@@ -1,0 +1,191 @@
+"""What the findings about sentences of the pages say: every number and message of their texts, on LAMMPS."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from eos_ref.kernels.quintic import normalisation, quintic
+from lammps_cases.probes import manual
+from lammps_cases.probes.manual import ManualProbe
+from lammps_cases.probes.run import Reply
+from tests.support.told import ENTRIES, Engine, quoted, said
+
+pytestmark = pytest.mark.lammps
+
+PROBES: dict[str, ManualProbe] = {probe.id: probe for probe in manual.probes()}
+KEYWORDS = "density 1.2 0.7 speed/sound 3.0 8.0"
+LAWS = "1 linear 2 tait/water"
+
+
+def w(r: float, cut: float) -> float:
+    """W of the quintic spline in 2D."""
+    h = cut / 3
+    return float(normalisation(2, h) * quintic(np.array([r / h]))[0])
+
+
+def shown(lammps: Engine, id: str) -> Reply:
+    """The reply to a probe."""
+    return put(lammps, id)
+
+
+def put(lammps: Engine, id: str, *more: tuple[str, str]) -> Reply:
+    """The reply to a probe, edited further."""
+    probe = PROBES[id]
+    return lammps.reply(probe.base, *probe.edits, *more)
+
+
+def found(lammps: Engine, id: str) -> float:
+    """The number that a probe measures."""
+    reply = shown(lammps, id)
+    assert reply.ended == "answered", reply.error
+    return float(reply.arrays["found"][0])
+
+
+def test_sound_of_force_per_volume(lammps: Engine) -> None:
+    """The speed is c over the root of the volume, to the accuracy of the measurement."""
+    volume, speed, c = said("force-per-volume", "argument", "with volumes of # at # for c = #")
+    assert math.isclose(speed, c / math.sqrt(volume), rel_tol=1e-12)
+    reply = shown(lammps, "sound.linear")
+    within = float(reply.arrays["within"][0]) / c
+    assert abs(float(reply.arrays["found"][0]) / speed - 1) <= within
+    assert float(reply.arrays["expected"][0]) == c
+    unit = lammps.reply(
+        "wave",
+        ("lattice sq 1.5625", "lattice sq 1.0"),
+        ("mass 1 0.832", "mass 1 1.3"),
+        ("pair_style rheo 2.4", "pair_style rheo 3.0"),
+        ("rheo 2.4 quintic", "rheo 3.0 quintic"),
+    )
+    assert abs(float(unit.arrays["found"][0]) / c - 1) <= within, "at a volume of 1 it is right"
+
+
+def test_kernel_corrects_gradients_only(lammps: Engine) -> None:
+    entry = ENTRIES["kernel-corrects-gradients-only"]
+    count, force, none = said(
+        entry.id, "argument", "block of # particles in disorder forces exceed # with RK0 .* beyond #"
+    )
+    reply = shown(lammps, "order-zero.rk0")
+    assert len(reply.arrays["type"]) == count
+    assert float(reply.arrays["found"][0]) > force
+    assert found(lammps, "order-zero.rk1") < none
+    rho, error = said(entry.id, "argument", "summed densities miss # by # with any")
+    for kernel in ("rk0", "rk1", "rk2"):
+        sums = shown(lammps, f"sum-of-constant.{kernel}")
+        assert error.is_rounded(sums.arrays["found"][0])
+        assert rho == 1.2
+    both = [
+        lammps.reply("deck", ("quintic 0", f"{kernel} 0"), ("pair_style rheo 3.0", "pair_style rheo 3.0 rho/damp 0.1"))
+        for kernel in ("quintic", "RK0")
+    ]
+    assert all(np.array_equal(both[0].arrays[name], both[1].arrays[name]) for name in both[0].arrays)
+
+
+def test_no_mass_diffusion(lammps: Engine) -> None:
+    damping, percent = said("no-mass-diffusion", "argument", "with rho/damp # it loses # %")
+    assert f"rho/damp {damping}" in " ".join(new for _, new in PROBES["density-diffuses-damped"].edits)
+    (steps,) = said("no-mass-diffusion", "argument", "in # steps")
+    assert f"run {int(steps)} " in PROBES["density-diffuses"].edits[-1][1]
+    assert percent.is_rounded(100 * found(lammps, "density-diffuses-damped"))
+    assert abs(found(lammps, "density-diffuses")) < 1e-13
+
+
+def test_solids_summed(lammps: Engine) -> None:
+    given, summed = said("solids-summed", "argument", "density # below .* has the density # after")
+    pressure, own = said("solids-summed", "argument", "the pressure # in place of #")
+    reply = lammps.reply("wall-pair", PROBES["solid-density-summed"].edits[0])
+    assert summed.is_rounded(reply.arrays["rho"][0]) and pressure.is_rounded(reply.arrays["pressure"][0])
+    assert summed.is_rounded(w(0.0, 3.0) + w(1.0, 3.0))
+    assert own == pytest.approx(4 * (given - 1))
+
+
+def test_wall_density_stored(lammps: Engine) -> None:
+    own, fluid, after = said("wall-density-stored", "argument", "density # beside a fluid of # has # from")
+    lost = shown(lammps, "solid-density-temporary")
+    assert float(lost.arrays["expected"][0]) == own and after.is_rounded(lost.arrays["rho"][0]) and after == fluid
+    thin, reported, limit = said(
+        "wall-density-stored", "argument", "fluid of # it reports # and the pressure of it, where #"
+    )
+    below = shown(lammps, "solid-density-floor")
+    assert (
+        reported.is_rounded(below.arrays["rho"][0]) and thin == reported and float(below.arrays["expected"][0]) == limit
+    )
+    assert below.arrays["pressure"][0] == pytest.approx(4 * (reported - 1))
+
+
+def test_walls_attract(lammps: Engine) -> None:
+    rho, fluid, solid = said("walls-attract", "argument", "density # .* the fluid has # and the solid, by the limit, #")
+    assert fluid == pytest.approx(4 * (rho - 1)) and solid == 0
+    limited = shown(lammps, "walls-do-not-attract")
+    free = lammps.reply("wall-pair", ("interface/reconstruct", ""))
+    forces = [reply.arrays["f"][1, 1] for reply in (limited, free)]
+    assert forces[1] < forces[0] < 0
+    # without the limit the solid has its own density, and both pressures are the fluid's
+    volumes = rho / 1.0  # that of the solid, at rho0 in place of rho
+    assert forces[0] / volumes == pytest.approx(forces[1] / 2)
+    raised = lammps.reply("wall-pair", ("* linear", "* linear * background 1.0"))
+    assert raised.arrays["f"][1, 1] > 0, ENTRIES["walls-attract"].workaround
+
+
+def test_gas_without_work(lammps: Engine) -> None:
+    right, gamma, e = said("gas-without-work", "argument", r"sqrt\(gamma P/rho\): # for gamma = # and e = #")
+    (seen,) = said("gas-without-work", "argument", "LAMMPS' wave has #")
+    assert right.is_rounded(math.sqrt(gamma * (gamma - 1) * e))
+    reply = shown(lammps, "sound-gas-adiabatic")
+    assert seen.is_rounded(reply.arrays["found"][0])
+    assert abs(seen - math.sqrt((gamma - 1) * e)) < float(reply.arrays["within"][0])
+    esph = reply.arrays["esph"]
+    assert np.all(esph == esph[0]), "no energy has changed"
+
+
+def test_sum_includes_self(lammps: Engine) -> None:
+    density, mass, cut = said("sum-includes-self", "argument", "LAMMPS has # for the mass # and the cutoff # in 2D")
+    assert density.is_rounded(found(lammps, "sum-of-neighbours"))
+    assert density.is_rounded(mass * w(0.0, cut))
+
+
+def test_rmin_unit() -> None:
+    """The threshold of the newer manual has a deck of its own; the dimensions of its sum are derived elsewhere."""
+    entry = ENTRIES["rmin-unit"]
+    assert "1/length in 2D and 1/length^2 in 3D" in entry.argument
+    assert PROBES["rheo-unit-rmin"].since == "2026.7.4"
+
+
+def test_gas_on_other_atoms(lammps: Engine) -> None:
+    style, error = quoted("gas-on-other-atoms", "observed")[0], quoted("gas-on-other-atoms", "argument")[0]
+    assert f"atom_style {style}" in PROBES["pressure-gas-hybrid"].edits[0][1]
+    reply = put(lammps, "pressure-gas-hybrid", ("run 3", "run 0"))
+    mass_n = np.where(reply.arrays["type"] == 1, 1.25, 0.75)
+    np.testing.assert_allclose(reply.arrays["pressure"], 0.4 * reply.arrays["rho"] * 1.5 / mass_n, rtol=1e-14)
+    assert error in lammps.reply("deck", (LAWS, "* ideal/gas 1.4")).error
+
+
+def test_respa_refused(lammps: Engine) -> None:
+    command, error = quoted("respa-refused", "observed")
+    assert command in PROBES["rheo-respa"].edits[0][1]
+    assert error in shown(lammps, "rheo-respa").error
+    assert lammps.reply("deck", ("run 3", "run_style verlet\nrun 3")).ended == "answered"
+
+
+def test_pair_cutoff_unsaid(lammps: Engine) -> None:
+    command, error = quoted("pair-cutoff-unsaid", "observed")
+    assert error in lammps.reply("deck", ("pair_style rheo 3.0", command)).error
+
+
+def test_pressure_takes_one_range(lammps: Engine) -> None:
+    commas, invalid, words, illegal = quoted("pressure-takes-one-range", "observed")
+    assert invalid in lammps.reply("deck", (LAWS, commas)).error
+    assert illegal in lammps.reply("deck", (LAWS, words)).error
+    (each,) = quoted("pressure-takes-one-range", "workaround")
+    assert lammps.reply("deck", (LAWS, each)).ended == "answered"
+
+
+def test_wall_density_shared(lammps: Engine) -> None:
+    apart, cut = said("wall-density-shared", "argument", "other side, # away with a cutoff of #")
+    assert apart > cut
+    reply = shown(lammps, "solid-density-of-every-pair")
+    assert reply.arrays["x"][1, 1] - reply.arrays["x"][2, 1] == apart
+    grown = float(reply.arrays["found"][0] / reply.arrays["expected"][0]) - 1
+    assert "by an eighth" in ENTRIES["wall-density-shared"].argument and round(8 * grown, 1) == 1.0

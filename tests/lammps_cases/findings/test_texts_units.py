@@ -1,0 +1,130 @@
+"""What the findings about units say: every number of their texts, by LAMMPS and by the reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.model.units import UNITS, UnitStyle
+from tests.support.told import Engine, Told, agree, said, told
+
+pytestmark = pytest.mark.lammps
+
+RAW, DENSITY, VOLUME = "units-unconverted", "density-by-force-factor", "force-per-volume"
+CUBE = np.stack(np.meshgrid(*[[2.0, 3.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+NAMES: tuple[UnitStyle, ...] = ("real", "metal")
+
+
+def water(units: UnitStyle, rho: float = 1.05, **options: Any) -> Told:
+    """Eight particles of water, 6.7 Angstrom apart, at rest, with the speed of sound of the text."""
+    per_time = UNITS["real"].time / UNITS[units].time
+    given: dict[str, Any] = {
+        "units": units,
+        "types": [{"mass": 181.1, "rho0": 1.0, "cs": 0.015 / per_time, "viscosity": 0.0}],
+        "rheo": {"cut": 14.0},
+        "compare": ["grad/v", "pressure", "f", "v", "rho"],
+    } | options
+    return told(6.7 * CUBE, (40.2,) * 3, rho=rho, **given)
+
+
+def test_the_factors_are_those_of_lammps_and_of_nature(lammps: Engine) -> None:
+    """The ratio of an acceleration to force over mass; and the constants, to the digits that LAMMPS has."""
+    calorie, charge, mole, bar, atm = 4.184, 1.602176634e-19, 6.02214076e23, 1e5, 101325.0
+    for name, joule, pascal in (("real", 1000 * calorie / mole, atm), ("metal", charge, bar)):
+        u = UNITS[name]
+        consistent = u.mass * u.length**2 / u.time**2
+        exact = {"energy": joule / consistent, "pressure": pascal / (consistent / u.length**3)}
+        exact |= {"density": 1000 * u.length**3 / u.mass, "viscosity": 0.1 * u.length * u.time / u.mass}
+        assert {kind: getattr(u, kind) for kind in exact} == pytest.approx(exact, rel=3e-7)
+    for name in NAMES:
+        moved = water(
+            name,
+            rho=1.0,
+            forces=[{"style": "setforce", "vector": [0.3, -0.2, 0.1]}],
+            evolve={"steps": 1, "timestep": 0.5, "compare_at": [0, 1]},
+            compare=["f", "v"],
+        )
+        at_first, at_last = lammps.fields(moved)
+        np.testing.assert_allclose(at_last["v"], 0.5 * (at_first["f"] / 181.1) * UNITS[name].energy, rtol=4e-16)
+        assert agree(at_last["v"], moved.predicted(), "v", 1), "this factor is right"
+
+
+def test_what_is_not_converted(lammps: Engine) -> None:
+    volumes, real, metal = said(RAW, "observed", r"are # of what they are.* applied, # in real and # in metal")
+    assert f"{UNITS['real'].energy:.3e}" == f"{real:.3e}" and metal.is_rounded(UNITS["metal"].energy)
+    assert volumes.is_rounded(UNITS["real"].density)
+    v = np.zeros((8, 3)) + [1e-6, 0, 0] * (CUBE[:, :1] > 2.5)
+    for name in NAMES:
+        scene = water(name, v=v)
+        (found,) = lammps.fields(scene)
+        right = scene.predicted().fields[0]
+        np.testing.assert_allclose(found["grad/v"], right["grad/v"] * UNITS[name].density, rtol=1e-13, atol=1e-20)
+        variant = scene.predicted(RAW, VOLUME)
+        assert all(agree(found[field], variant, field) for field in scene.scene.compare)
+        assert not agree(found["f"], scene.predicted(VOLUME), "f")
+
+
+def test_pressures_of_water(lammps: Engine) -> None:
+    over, rho, c, due, reported = said(
+        RAW,
+        "argument",
+        r"# % above its density \(# g/cm\^3, # Angstrom/fs\) has a pressure of # atm; LAMMPS reports #\.",
+    )
+    of_metal, bars = said(RAW, "argument", r"it reports #, where # bar")
+    assert (over, rho, c) == (5, 1, 0.015)
+    for name, right, wrong in (("real", due, reported), ("metal", bars, of_metal)):
+        scene = water(name)
+        (found,) = lammps.fields(scene)
+        assert right.is_rounded(scene.predicted().fields[0]["pressure"][0])
+        assert found["pressure"][0] == pytest.approx(float(wrong), rel=1e-12)
+        assert agree(found["pressure"], scene.predicted(RAW), "pressure")
+
+
+def test_accelerations_and_the_speed_of_sound() -> None:
+    slow, fast = said(RAW, "argument", r"accelerate by # of what .* and by # times")
+    sound = said(RAW, "argument", r"travels at # and # times")
+    for name, ratio, speed in zip(NAMES, (slow, fast), sound, strict=True):
+        scene = water(name, evolve={"steps": 1, "timestep": 1e-5, "compare_at": [1]})
+        factor_nc = scene.predicted(RAW).fields[0]["v"] / scene.predicted().fields[0]["v"]
+        assert factor_nc == pytest.approx(float(ratio), rel=2e-3)
+        assert np.sqrt(factor_nc.mean()) == pytest.approx(float(speed), rel=2e-3)
+
+
+def approaching(units: UnitStyle, **options: Any) -> Told:
+    """Two particles of density 1 with the div v of the text, in a step of its time."""
+    per_ns = 1e-9 / UNITS[units].time
+    x = np.array([[10.0, 10.0, 10.0], [12.0, 10.0, 10.0]])
+    still = told(x, (20.0,) * 3, v=[[1.0, 0, 0], [0.0, 0, 0]], units=units, rheo={"cut": 6.0}, compare=["grad/v"])
+    rate = float(np.trace(still.predicted(RAW).fields[0]["grad/v"][0]))
+    return told(
+        x,
+        (20.0,) * 3,
+        v=[[-0.1 / (rate * per_ns), 0, 0], [0.0, 0, 0]],
+        units=units,
+        types=[{"mass": 1.0, "cs": 1e-9, "viscosity": 0.0}],
+        rheo={"cut": 6.0},
+        evolve={"steps": 1, "timestep": 0.001 * per_ns, "compare_at": [1]},
+        compare=["rho", "x"],
+        **options,
+    )
+
+
+def test_densities_by_the_factor_of_forces(lammps: Engine) -> None:
+    factors = said(DENSITY, "observed", r"an acceleration: # in real, # in metal")
+    assert factors == said(RAW, "observed", r"applied, # in real and # in metal")
+    rho, rate, right, time, real, metal = said(
+        DENSITY,
+        "argument",
+        r"density # that .* div v = #/ns should be denser by # after # ns; in real it is #, and in metal #\.",
+    )
+    assert (rho, rate, time) == (1, -0.1, 0.001)
+    for name, wrong in (("real", real), ("metal", metal)):
+        scene = approaching(name)
+        (found,) = lammps.fields(scene)
+        assert agree(found["rho"], scene.predicted(RAW, DENSITY), "rho")
+        assert not agree(found["rho"], scene.predicted(RAW), "rho")
+        # The particles come closer in the step, by which the rate of its second half differs.
+        assert scene.predicted(RAW).fields[0]["rho"][0] - 1 == pytest.approx(float(right), rel=0.005)
+        assert found["rho"][0] - 1 == pytest.approx(float(wrong), rel=0.005)

@@ -1,0 +1,117 @@
+"""What the findings about virials say, by LAMMPS and by the reference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.told import Engine, Floats, Told, agree, said, told
+
+pytestmark = pytest.mark.lammps
+
+CANCEL, PLACES = "virials-cancel", "virial-of-places"
+FIELDS = ["f", "stress/atom", "virial", "press"]
+OPEN = {"lattice": "sq", "spacing": 1.0, "cells": [1, 1], "periodic": [False, False]}
+NO_NEWTON = {"newton": False}
+
+
+def at_rest(x: Any, box: list[float], p: float, **options: Any) -> Told:
+    """Particles of volume 1 at a pressure, of a linear law with rho0 = c = 1."""
+    return told(x, box, rho=1 + p, types=[{"mass": 1 + p, "viscosity": 0.0}], compare=FIELDS, **options)
+
+
+def test_virials_of_two_particles_cancel(lammps: Engine) -> None:
+    p, apart, d, cut, force, stress, shown = said(
+        CANCEL,
+        "argument",
+        r"pressure # at distance # \(#D, cutoff #\) repel each other with #: .* of #, for which .* #\.",
+    )
+    assert (apart, d, cut, shown) == (1, 2, 3, 0)
+    for engine in ({}, NO_NEWTON):
+        scene = at_rest([[4.0, 4.0], [5.0, 4.0]], [9, 9], p, positions=OPEN, engine=engine)
+        (snapshot,), right = lammps.fields(scene), scene.predicted().fields[0]
+        assert agree(snapshot["f"], scene.predicted(), "f")
+        assert force.is_rounded(snapshot["f"][1, 0]) and snapshot["f"][0, 0] == -snapshot["f"][1, 0]
+        assert all(stress.is_rounded(s) for s in right["stress/atom"][:, 0, 0])
+        assert not snapshot["stress/atom"].any()
+        assert agree(snapshot["virial"], scene.predicted(), "virial") == (not engine)
+
+
+def lattice(size: int, p: float, **engine: Any) -> Told:
+    """A square lattice, with a kernel whose gradients are exact."""
+    x = np.stack(np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5), axis=-1).reshape(-1, 2)
+    return at_rest(x, [size, size], p, rheo={"kernel": "RK1"}, engine=engine)
+
+
+def test_pressure_of_a_fluid_at_rest(lammps: Engine) -> None:
+    p, virial, without, size, _ = said(
+        CANCEL, "argument", "at pressure # has with RK1, .* pressure of #: .* and # with newton off in a box of # by #"
+    )
+    found = [lammps.fields(lattice(n, p, newton=False))[0]["virial"][0] for n in (int(size), 2 * int(size))]
+    assert all(without.is_rounded(found[0][a, a]) and found[1][a, a] < 0.6 * without for a in (0, 1))
+    scene = lattice(int(size), p)
+    right = scene.predicted()
+    (snapshot,) = lammps.fields(scene)
+    for pressures in (snapshot, right.fields[0]):
+        np.testing.assert_allclose(pressures["press"], virial, rtol=1e-13)
+        np.testing.assert_allclose(
+            pressures["virial"], np.broadcast_to(virial * np.eye(2), (len(scene.atoms), 2, 2)), atol=1e-14
+        )
+    assert agree(snapshot["virial"], right, "virial") and agree(snapshot["press"], right, "press")
+    # The sum of all virials of particles is that of the system.
+    np.testing.assert_allclose(-right.fields[0]["stress/atom"].sum(axis=0) / size**2, virial * np.eye(2), atol=1e-14)
+
+
+def disordered(displacement: Floats, **engine: Any) -> Told:
+    """Particles of volume 1 in an open box, whose forces do not cancel, moved together."""
+    places = np.stack(np.meshgrid(np.arange(4) + 3.5, np.arange(4) + 3.5), axis=-1).reshape(-1, 2)
+    x = places + 0.1 * np.sin(7 * places[:, ::-1] + places**2) + displacement
+    kind = np.arange(16) // 3 % 2
+    rho = np.array([1.25, 1.4])
+    return told(
+        x,
+        [12, 12],
+        rho=rho[kind],
+        kind=kind + 1,
+        types=[{"mass": m, "viscosity": 0.0} for m in rho],
+        compare=FIELDS,
+        positions=OPEN,
+        rheo={"kernel": "RK1", "zmin": 6},
+        engine=engine,
+    )
+
+
+def test_the_virial_changes_by_displacement_times_force(lammps: Engine) -> None:
+    by = np.array([1.0, -0.5])
+    places = [np.zeros(2), by]
+    (first,), (moved,) = (lammps.fields(disordered(place)) for place in places)
+    right = [disordered(place).predicted() for place in places]
+    total = first["f"].sum(axis=0)
+    assert np.all(np.abs(total) > 1e3 * right[0].bounds[0]["f"].max())
+    change = np.outer(by, total) / 144
+    change[1, 0] = change[0, 1]
+    np.testing.assert_allclose(moved["virial"][0] - first["virial"][0], change, rtol=1e-11)
+    assert agree(right[1].fields[0]["virial"], right[0], "virial")
+    assert not agree(first["virial"], right[0], "virial")
+
+
+def test_what_a_pair_gets_depends_on_the_order_of_the_list(lammps: Engine) -> None:
+    """The same particles, numbered the other way round, have other virials where forces do not cancel."""
+    scene = disordered(np.zeros(2))
+    arrays = {name: getattr(scene.atoms, name)[::-1].copy() for name in ("x_nc", "type_n", "rho_n", "mass_n")}
+    (one,), (other,) = (lammps.fields(each) for each in (scene, Told(scene.scene, replace(scene.atoms, **arrays))))
+    assert agree(one["f"], scene.predicted(), "f") and agree(other["f"][::-1], scene.predicted(), "f")
+    largest = np.abs(one["stress/atom"]).max()
+    assert largest > 0 and np.abs(other["stress/atom"][::-1] - one["stress/atom"]).max() > 0.1 * largest
+
+
+@pytest.mark.parametrize("engine", [{}, NO_NEWTON])
+def test_the_variants_reproduce_both(lammps: Engine, engine: dict[str, bool]) -> None:
+    scene = disordered(np.zeros(2), **engine)
+    snapshot, *_ = lammps.fields(scene, every_step=True)
+    found = scene.predicted(CANCEL, PLACES, snapshot=snapshot)
+    for field in ("stress/atom", "virial", "press"):
+        assert agree(snapshot[field], found, field), field

@@ -196,7 +196,7 @@ def _document(columns: Sequence[Column]) -> dict[str, Any]:
     rows = []
     for at, first in enumerate(columns[0].judged):
         of = {column.engine: column.judged[at] for column in columns}
-        row = first.claim.model_dump(include={"id", "page", "section", "kind", "text"}) | {
+        row = first.claim.model_dump(include={"id", "page", "section", "kind", "text", "consequence"}) | {
             "cases": list(first.cases),
             "verdict": worst(judged.verdict for judged in of.values()),
             "evidence": [
@@ -226,11 +226,13 @@ def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]
         for judged in column.judged:
             if judged.verdict == "does not hold":
                 first, *rest = judged.evidence
-                by = listed(first.findings) or "no finding explains it"
+                by = listed(first.findings) or (
+                    "no finding explains it" if judged.unexplained else "by the page itself"
+                )
                 text = first.text if len(first.text) <= MOST_TEXT else f"{first.text[: MOST_TEXT - 3]}..."
                 more = f" (and {len(rest)} more)" if rest else ""
                 click.secho(f"  {judged.claim.id}: {judged.claim.text}", fg="red" if judged.unexplained else None)
-                click.echo(f"    {by}: {first.case}: {text}{more}")
+                click.echo(f"    {by}: {first.case}: {text}{more}" if first.case else f"    {by}: {text}")
     for label, case in unforeseen:
         click.secho(f"  {label}: {case.case}: {case.message}", fg="red")
 

@@ -18,6 +18,8 @@ from lammps_cases.cli import shared
 def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
     """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
 
+    What it is for, and the rules of the reference that it takes besides, are counted by running the reference on it.
+
     \b
     Example:  eos-ref explain near-rho0.tait-water.2d
     """
@@ -61,6 +63,7 @@ def _explanation(case: Any) -> dict[str, Any]:
         "evaluated_by": _evaluator(case, ready),
         "reference": [asdict(item) for item in the_plan.reference],
         "lammps": [asdict(item) for item in the_plan.lammps],
+        "exercises": _exercises(case, ready),
         "stability": _stability(case, ready),
         "twin": twins.describe(case.scene.twin) if case.scene.twin else None,
         "commands": _commands(ready.jobs[0]),
@@ -84,6 +87,27 @@ def _evaluator(case: Any, ready: Any) -> str | None:
     return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
 
 
+def _exercises(case: Any, ready: Any) -> list[dict[str, Any]]:
+    """List the rules that a case is for, then those it takes besides, with the number of particles or pairs of each."""
+    from lammps_cases.comparison.prediction_keys import open_store
+    from lammps_cases.comparison.predictor import Predictor
+    from lammps_cases.rules import RULES
+    from lammps_cases.verdict import exercise
+
+    taken = exercise.counts(case, ready.atoms, Predictor(open_store()))
+    names = [*case.exercises, *(name for name in RULES if name in taken and name not in case.exercises)]
+    return [
+        {
+            "rule": name,
+            "sentence": RULES[name].sentence,
+            "count": taken.get(name, 0),
+            "of": RULES[name].of,
+            "for": name in case.exercises,
+        }
+        for name in names
+    ]
+
+
 def _stability(case: Any, ready: Any) -> list[str]:
     """Say how far the scene lies from where it would fail."""
     from lammps_cases.setup import reference_side
@@ -104,6 +128,8 @@ def _commands(job: Any) -> list[str]:
 
 
 def _show(explanation: dict[str, Any]) -> None:
+    from lammps_cases.records.wording import counted
+
     click.secho(f"{explanation['case']}  ({explanation['particles']} particles, {explanation['source']})", bold=True)
     click.echo(explanation["about"])
     if explanation["expects"]:
@@ -120,6 +146,13 @@ def _show(explanation: dict[str, Any]) -> None:
     if explanation["stability"]:
         click.echo("stability:")
         click.echo("\n".join(f"  {line}" for line in explanation["stability"]))
+    columns = ("it is for", "rule", "taken by", "what the reference does")
+    taken = [
+        ("yes" if row["for"] else "", row["rule"], counted(row["count"], row["of"]), row["sentence"])
+        for row in explanation["exercises"]
+    ]
+    if taken:
+        shared.table(columns, taken, "exercised, counted on the reference")
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         shared.table(

@@ -23,7 +23,7 @@ SECTIONS = ("faults", "resolution", "alarms")
 @click.option("--family", type=click.Choice(FAMILIES), help="Only faults of this family.")
 @click.option("--quick-only", is_flag=True, help="Only the quick cases.")
 @click.option("--sample", type=click.IntRange(1), help="So many of the faults, the same ones each time.")
-@click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only the first.")
+@click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only those of two files.")
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
 @click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
 @shared.folder_option("--out", "reports/power", "Folder of the report.")
@@ -87,6 +87,9 @@ def _show(power: Power, out: Path) -> None:
         argued = sum(bool(fault.argued) for fault in power.missed)
         text = f"{power.caught} of {total} faults caught ({power.caught / total:.1%}), {power.quick} by quick cases"
         click.secho(f"{text} ({power.quick / total:.1%}); {argued} argued ({power.seconds:.0f} s)", bold=True)
+        click.echo(power.statement)
+        for fault in power.single:
+            click.echo(f"  by a single file: {fault.id}: {', '.join(fault.caught_by)}")
     for one in power.resolution:
         where = f"{one.relative_change:.1e} in {one.case}" if one.relative_change is not None else "not seen"
         click.echo(f"{one.parameter:28s} {where}")

@@ -43,8 +43,8 @@ def stability_command(
 ) -> int:
     """Find where methods fail, how, and whether LAMMPS and the reference fail at the same place.
 
-    Without names: every map that is not tagged long, and what LAMMPS does with bad input. Writes report.html,
-    atlas.json, cells.csv, inputs.json, decks/ and figures/; a run that was stopped resumes where it was left.
+    Without names: every map that is not tagged long. Writes report.html, atlas.json, cells.csv, decks/ and figures/; a
+    run that was stopped resumes where it was left.
 
     \b
     Example:  eos-ref stability --quick
@@ -56,7 +56,7 @@ def stability_command(
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.campaign import command_line
-    from lammps_cases.studies.stability import atlas, expected, inputs, limits, maps, page, record
+    from lammps_cases.studies.stability import atlas, expected, limits, maps, page, record
 
     by_id = maps.maps()
     chosen = maps.select(by_id, names, tag or ("quick" if quick and not names else None))
@@ -65,8 +65,7 @@ def stability_command(
         record.cells(out).forget()
     with Bar(quiet=as_json) as bar:
         measured = atlas.measure(chosen, out, command_line(), quick=quick, site=site, jobs=jobs, progress=bar)
-        rows = inputs.write(out, site, jobs, bar) if not names and tag is None else inputs.read(out)
-        page.write(measured, out, by_id, rows)
+        page.write(measured, out, by_id)
     if save_limits:
         edges = [b for of in measured.maps for b in of.boundaries]
         limits.save(limits.measured(edges, by_id, measured.engine.get("distribution", "")))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar, get_args
 
@@ -79,3 +79,8 @@ class Detection:
     verdict: str
     field: str
     message: str
+
+
+def files(detections: Sequence[Detection]) -> set[str]:
+    """Return the case files whose cases detect a fault: what counts as different scenes."""
+    return {detection.case.partition(".")[0] for detection in detections}

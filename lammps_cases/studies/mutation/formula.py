@@ -79,11 +79,20 @@ def faults() -> dict[str, SourceFault | LintFault]:
         for name in names:
             fault = f"formula.lint-{_slug(name)}"
             planted.append(LintFault(fault, _KINDS.get(name, "missing term"), f"{name} (lint)", table, name))  # type: ignore[arg-type]
-    for edit in TypeAdapter(list[Edit]).validate_python(read_yaml(EDITS, "faults")):
+    for fault, edit in edits().items():
         module, name = split_name(edit.function)
         text = edited(text_of(module), name, edit.replace, edit.by, edit.at, f"{EDITS.name}, {edit.id}")
-        planted.append(SourceFault(f"formula.{edit.id}", edit.kind, edit.what, module, text))
+        planted.append(SourceFault(fault, edit.kind, edit.what, module, text))
     return by_id(planted)
+
+
+@cache
+def edits() -> dict[str, Edit]:
+    """Return the changes of the reference's source by the ids of their faults, in order."""
+    every = TypeAdapter(list[Edit]).validate_python(read_yaml(EDITS, "faults"))
+    named = {f"formula.{edit.id}": edit for edit in every}
+    assert len(named) == len(every), "two faults of one id"
+    return named
 
 
 def stages(fault: Fault) -> type[ArrayEvaluator] | None:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.engine.session import Job
+from lammps_cases.engine.interlude import Action, Interlude
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.studies.mutation.fault import Kind
 from lammps_cases.studies.mutation.input_faults import InputFault, JobChange
 from lammps_cases.studies.mutation.output_faults import ends_exchanged, middle, single
@@ -120,9 +121,63 @@ def _exclude_pairs(of: Job) -> Job:
     return replace(of, commands=("neigh_modify exclude type 1 2", *of.commands))
 
 
+def _newton_apart(of: Job) -> Job:
+    """Set newton off for pairs and on for bonds, with which LAMMPS adds to particles what their images collect."""
+    setup = [line for line in of.setup if not line.startswith("newton ")]
+    at = next(k for k, line in enumerate(setup) if line.startswith("atom_style")) + 1
+    return replace(of, setup=(*setup[:at], "newton off on", *setup[at:]))
+
+
 def _first_run_again(of: Job) -> Job:
     """Set every run up anew, where it should be continued."""
-    return replace(of, runs=tuple(replace(run, command=run.command.replace(" pre no", "")) for run in of.runs))
+    return _commands_of_runs(lambda command: command.replace(" pre no", ""))(of)
+
+
+def _commands_of_runs(change: Callable[[str], str]) -> JobChange:
+    """Change the run commands."""
+    return lambda of: replace(
+        of, runs=tuple(replace(r, command=change(r.command)) if isinstance(r, RunCommand) else r for r in of.runs)
+    )
+
+
+def _between(before: str, *commands: str) -> JobChange:
+    """Give LAMMPS further commands between runs, before those that begin so; at the end if ``before`` is empty."""
+
+    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        if isinstance(stretch, RunCommand):
+            return stretch
+        actions = stretch.actions
+        at = [k for k, action in enumerate(actions) if action.text.startswith(before)][:1] if before else [len(actions)]
+        further = tuple(map(Action, commands))
+        return replace(stretch, actions=(*actions[: at[0]], *further, *actions[at[0] :]) if at else actions)
+
+    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
+def _not_between(*beginnings: str) -> JobChange:
+    """Leave out commands between runs that begin with some words."""
+
+    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        if isinstance(stretch, RunCommand):
+            return stretch
+        kept = tuple(action for action in stretch.actions if not action.text.startswith(beginnings))
+        return replace(stretch, actions=kept)
+
+    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
+def _never_again(of: Job) -> Job:
+    """Continue where a run should begin with a set-up of its own."""
+    first, *others = of.runs
+    if not any(isinstance(stretch, Interlude) for stretch in others):
+        return of
+    changed = _commands_of_runs(lambda command: command.replace("run 0 post", "run 0 pre no post"))
+    return replace(of, runs=(first, *changed(replace(of, runs=tuple(others))).runs))
+
+
+def _without_interludes(of: Job) -> Job:
+    """Do nothing between runs."""
+    return replace(of, runs=tuple(s for s in of.runs if not isinstance(s, Interlude)))
 
 
 _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
@@ -159,7 +214,40 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ),
     ("pairs-left-out", "neighbours", "pairs of different types left out of the lists", _exclude_pairs),
     ("velocities-of-images", "stale", "velocities of periodic images not communicated", _without("comm_modify")),
+    ("images-collect-twice", "neighbours", "pairs across boundaries counted twice in some sums", _newton_apart),
     ("set-up-again", "order of operations", "every run set up anew where it goes on", _first_run_again),
+    # --- between runs
+    ("set-up-never-again", "stale", "runs continued where they should be set up anew", _never_again),
+    ("nothing-between", "missing term", "nothing done between runs", _without_interludes),
+    (
+        "restart-loses-rho",
+        "unset",
+        "densities 1 after a file is read",
+        _between("pair_style", "set group all rheo/rho 1.0"),
+    ),
+    (
+        *("restart-loses-status", "unset", "all atoms fluid after a file is read"),
+        _between("pair_style", "set group all rheo/status 0"),
+    ),
+    (
+        "restart-loses-energy",
+        "unset",
+        "energies 1 after a file is read",
+        _between("pair_style", "set group all sph/e 1.0"),
+    ),
+    (
+        *("restart-loses-v", "unset", "velocities 0 after a file is read"),
+        _between("pair_style", "set group all vx 0.0 vy 0.0 vz 0.0"),
+    ),
+    (
+        *("restart-moves-one", "last digits", "one atom moved by 1e-9 between runs"),
+        _between("", "group moved id 3", "displace_atoms moved move 1e-9 0 0 units box"),
+    ),
+    ("between-no-timestep", "unset", "time step not set between runs", _not_between("timestep")),
+    ("between-no-forces", "missing term", "forces of other fixes not defined anew", _not_between("fix force")),
+    ("between-no-displacement", "missing term", "atoms not displaced", _not_between("displace_atoms")),
+    ("between-no-velocities", "unset", "velocities of atoms created anew not set", _not_between("set atom")),
+    ("between-no-count", "unset", "steps counted on where the count is set", _not_between("reset_timestep")),
     # --- what atoms are given
     ("atom-lost", "missing term", "last atom not created", _fewer),
     ("atoms-renamed", "exchanged", "two atoms with each other's place and values", _exchange_atoms),

@@ -121,7 +121,7 @@ _shifted = partial(np.roll, shift=1, axis=0)
 
 
 def _fault(name: str, kind: Kind, what: str, change: ArraysChange) -> OutputFault:
-    return OutputFault(f"read.{name.replace('q.', 'output-').replace('/', '-')}", kind, what, change)
+    return OutputFault(f"read.{name.replace('q.', 'output-').replace('/', '-').replace('_', '-')}", kind, what, change)
 
 
 def _per_field() -> Iterator[OutputFault]:
@@ -169,7 +169,10 @@ def _per_field() -> Iterator[OutputFault]:
         "pressures in atm, as of units real",
         _each("q.pressure", lambda p: p / 68568.415),
     )
-    yield _fault("factor-f", "units", "forces of half their size", _each("f", lambda f: 0.5 * f))
+    for name in ("f", "own_stress_atom", "own_virial", "own_press"):
+        yield _fault(f"factor-{name}", "units", f"{REAL[name]} of half their size", _each(name, lambda f: 0.5 * f))
+    for name in ("own_stress_atom", "own_virial"):
+        yield _fault(f"sign-{name}", "sign", f"{REAL[name]} of the other sign", _each(name, np.negative))
 
 
 @cache

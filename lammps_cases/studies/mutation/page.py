@@ -14,6 +14,7 @@ from lammps_cases.pages import frame
 from lammps_cases.pages.figures import DIFFERS, FAINT, INK, OF, PAPER, THEMED, plain_text, themed
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.mutation import source
+from lammps_cases.studies.mutation.coverage import coverage
 from lammps_cases.studies.mutation.fault import ABOUT, FAMILIES, KINDS
 from lammps_cases.studies.mutation.record import FaultRecord, Power
 from lammps_cases.studies.mutation.resolution import Resolution
@@ -40,9 +41,8 @@ def write(power: Power, folder: Path) -> None:
         controls={control.family: _control(control.cases, len(control.red)) for control in power.controls},
         verdicts=_verdicts(power.faults),
         busiest=_busiest(power.faults),
-        excluded=source.EXCLUDED,
+        coverage=coverage(),
         excluded_assignments=source.EXCLUDED_ASSIGNMENTS,
-        only=source.ONLY,
         drawing=_drawing(power.resolution) if power.resolution else "",
     )
     write_atomically(folder / "power.html", html)
@@ -53,6 +53,7 @@ def _headline(power: Power) -> str:
     total = len(power.faults)
     if total:
         parts.append(f"{power.caught} of {total} planted faults caught, {power.quick} by quick cases")
+        parts.append(f"{coverage().unmutated} functions of the reference not mutated")
     if power.resolution:
         unseen = sum(r.best is None for r in power.resolution)
         parts.append(f"{len(power.resolution)} parameters, {unseen} of them seen by no case")
@@ -68,6 +69,8 @@ def _facts(power: Power) -> Iterator[tuple[str, str]]:
     if power.faults:
         yield "caught", f"{power.caught / len(power.faults):.1%}"
         yield "by quick cases", f"{power.quick / len(power.faults):.1%}"
+        yield "by a single file", str(len(power.single))
+        yield "functions not mutated", str(coverage().unmutated)
 
 
 def _table(faults: Sequence[FaultRecord]) -> Iterator[tuple[str, list[tuple[int, int, int]]]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +17,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.interlude import Carried, Interlude
 from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused, Job, RunCommand
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.findings import LEDGER
@@ -119,10 +120,20 @@ def outcome(site: str | None, job: Job) -> Answer | Failure:
 def first_difference(site: str | None, judge: PerturbedJudge, case: PerturbedCase) -> Reason | None:
     """Task: find the first step, field and atom outside the bound, in a run that is read after every step."""
     job = case.jobs[0]
-    last = case.ready.case.scene.snapshots[-1]
-    runs = (RunCommand("run 0 post no"), *(RunCommand("run 1 pre no post no") for _ in range(last)))
-    answer = in_order(solve(site, replace(job, runs=runs)), case.row_n)
+    answer = in_order(solve(site, replace(job, runs=tuple(stepwise(job.runs)))), case.row_n)
     return first_step(case.ready.case, case.ready.atoms, answer, judge.engine.distribution, judge.predictor)
+
+
+def stepwise(runs: Sequence[RunCommand | Interlude]) -> Iterator[RunCommand | Interlude]:
+    """Yield the runs of a job step by step, each read, but for what an interlude follows, which is read after it."""
+    for stretch, following in zip(runs, (*runs[1:], None), strict=True):
+        if isinstance(stretch, Interlude):
+            yield stretch
+            continue
+        steps = int(stretch.command.split()[1])
+        singly = [RunCommand("run 1 pre no post no")] * steps or [RunCommand("run 0 post no")]
+        yield from singly[:-1]
+        yield replace(singly[-1], read=not isinstance(following, Interlude))
 
 
 def in_order(answer: Answer, row_n: Rows | None) -> Answer:
@@ -133,7 +144,11 @@ def in_order(answer: Answer, row_n: Rows | None) -> Answer:
         {name: values if name == "id" else values[row_n] for name, values in arrays.items()}
         for arrays in answer.snapshots
     )
-    return replace(answer, arrays=snapshots[-1], snapshots=snapshots)
+    carried = tuple(
+        Carried(*({k: v if k == "id" else v[row_n] for k, v in side.items()} for side in (both.before, both.after)))
+        for both in answer.carried
+    )
+    return replace(answer, arrays=snapshots[-1], snapshots=snapshots, carried=carried)
 
 
 def rearranged(job: Job, row_n: Rows, id_n: Rows | None = None) -> Job:

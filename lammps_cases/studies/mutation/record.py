@@ -14,12 +14,13 @@ from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.journal import Journal
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.alarms import AlarmRun
-from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family, Fault
+from lammps_cases.studies.mutation.coverage import coverage
+from lammps_cases.studies.mutation.fault import FAMILIES, Detection, Family, Fault, files
 from lammps_cases.studies.mutation.resolution import Resolution
 from lammps_cases.studies.mutation.tasks import Control
 
 ALL_RATE, QUICK_RATE = 0.99, 0.90  # of all faults, that some case and that a quick case has to catch
-SHOWN = ("argued.yaml", "page.py", "cli.py")  # what decides only what is said of it
+SHOWN = ("argued.yaml", "page.py", "cli.py", "coverage.py")  # what decides only what is said of it
 ARGUED = Path(__file__).with_name("argued.yaml")
 _INFINITE = ConfigDict(ser_json_inf_nan="strings")
 
@@ -40,7 +41,7 @@ class FaultRecord:
 
     Attributes
     ----------
-    caught_by : cases that see it: the first one tried, or all
+    caught_by : cases that see it: until they are of two files, or all
     quick : whether a quick case is among them
     seen : their verdicts, and the field that each names
     argued : why no case can see it; empty if a case does, or if nothing is known
@@ -54,6 +55,11 @@ class FaultRecord:
     quick: bool
     seen: tuple[Detection, ...] = ()
     argued: str = ""
+
+    @property
+    def single(self) -> bool:
+        """Return whether cases of one file alone see it."""
+        return len(files(self.seen)) == 1
 
 
 @dataclass(frozen=True)
@@ -99,6 +105,19 @@ class Power:
         return sum(fault.quick for fault in self.faults)
 
     @property
+    def single(self) -> list[FaultRecord]:
+        """Return the faults that cases of one file alone detect."""
+        return [fault for fault in self.faults if fault.single]
+
+    @property
+    def statement(self) -> str:
+        """Return the rate with what it leaves out, in one sentence; empty without faults."""
+        if not self.faults:
+            return ""
+        caught = f"{self.caught} of {len(self.faults)} planted faults caught ({self.caught / len(self.faults):.1%})"
+        return f"{caught}, {len(self.single)} of them by the cases of a single file; {coverage().sentence()}."
+
+    @property
     def missed(self) -> list[FaultRecord]:
         """Return the faults that no case detects."""
         return [fault for fault in self.faults if not fault.caught_by]
@@ -122,9 +141,9 @@ class Power:
 _DOCUMENT = Document("power", Power)
 
 
-def arguments() -> dict[tuple[str, str], str]:
+def arguments(path: Path = ARGUED) -> dict[tuple[str, str], str]:
     """Return the reasons why faults go unseen, by id and what they change."""
-    entries = TypeAdapter(list[Argument]).validate_python(read_yaml(ARGUED, "arguments"))
+    entries = TypeAdapter(list[Argument]).validate_python(read_yaml(path, "arguments"))
     return {(argument.id, argument.what): argument.reason for argument in entries}
 
 
@@ -164,7 +183,13 @@ def document(power: Power) -> dict[str, Any]:
     whole = _DOCUMENT.plain(power)
     rates = {"faults": len(power.faults), "caught": power.caught, "caught_by_quick": power.quick}
     parts = {name: whole[name] for name in ("faults", "resolution", "alarms", "controls")}
-    return parts | {"rates": rates, "complaints": power.complaints}
+    of = coverage()
+    said = {
+        "statement": power.statement,
+        "single_witness": [fault.id for fault in power.single],
+        "not_mutated": {reason: list(functions) for reason, functions in of.left_out.items()},
+    }
+    return parts | {"rates": rates, "complaints": power.complaints} | said
 
 
 # --- faults as they are done

@@ -1,4 +1,4 @@
-"""Faults planted one by one, several at a time, each until a case sees it."""
+"""Faults planted one by one, several at a time, each until cases of two files see it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import formula, source, substitute, tasks
-from lammps_cases.studies.mutation.fault import Detection, Fault
+from lammps_cases.studies.mutation.fault import Detection, Fault, files
 from lammps_cases.studies.mutation.perturbed import JudgingWorkers
 from lammps_cases.studies.mutation.substitute import Mutation, Substitution
 from lammps_cases.studies.mutation.tasks import Control
 
+WITNESSES = 2  # case files that a fault is looked for in, unless all cases are put to it
 LIMIT = 300.0  # seconds that some cases with one fault may take
 CASE_LIMIT = 30.0  # seconds of the processor that a mutated reference may take for a case
 TOGETHER = 12  # cases given to a worker at a time
@@ -125,7 +126,7 @@ class MutationPool:
     # --- faults
 
     def plant(self, faults: Sequence[Fault]) -> Iterator[tuple[Fault, tuple[Detection, ...]]]:
-        """Plant faults; yield each, as it is done, with its detections: that of the first case tried, or all."""
+        """Plant faults; yield each, as it is done, with its detections: until there are enough of them, or all."""
 
         def planted(fault: Fault) -> Generator[Future[Any], Any, tuple[Fault, tuple[Detection, ...]]]:
             by_lammps = fault.family in ("told", "read")
@@ -162,9 +163,10 @@ class MutationPool:
         """Put cases to a fault in what LAMMPS is given, or in what is read from it."""
         detections: list[Detection] = []
         ahead = self._groups(self.answered)
-        while ahead and (self.every or not detections):
+        while ahead and not self._enough(detections):
             names = ahead.pop(0)
-            outcome = yield self._judging(tasks.detect, fault.id, names, self.every)
+            left = None if self.every else WITNESSES - len(files(detections))
+            outcome = yield self._judging(tasks.detect, fault.id, names, left)
             if not isinstance(outcome, Failure):
                 detections += outcome
             elif len(names) > 1:
@@ -172,6 +174,10 @@ class MutationPool:
             else:
                 detections += yield from self._ended(names[0], outcome)
         return detections
+
+    def _enough(self, detections: Sequence[Detection]) -> bool:
+        """Return whether no further case has to be put to a fault."""
+        return not self.every and len(files(detections)) >= WITNESSES
 
     def _ended(self, name: str, failure: Failure) -> Detecting:
         """Judge that LAMMPS, or what stands in for it, did not answer; any other failure is this program's."""
@@ -187,7 +193,7 @@ class MutationPool:
         detections: list[Detection] = []
         quick = [name for name in self.played if name in self.quick]
         ahead = [part for part in (quick, self.played[len(quick) :]) if part]
-        while ahead and (self.every or not detections):
+        while ahead and not self._enough(detections):
             names = ahead.pop(0)
             played = yield self._call_substitute(mutation, names, enough)
             if isinstance(played, Failure):
@@ -199,7 +205,7 @@ class MutationPool:
             for one in played:
                 outcome = yield self._judging(tasks.judge_substitution, one)
                 detections += [outcome] if isinstance(outcome, Detection) else []
-                if detections and not self.every:
+                if self._enough(detections):
                     break
             if len(played) >= enough:
                 rest = names[names.index(played[-1].case) + 1 :]

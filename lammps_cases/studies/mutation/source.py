@@ -161,14 +161,31 @@ class SourceFault(Fault):
 def faults() -> dict[str, SourceFault]:
     """Return the faults planted, by id: of every module those whose ids have the lowest hashes."""
     planted: dict[str, SourceFault] = {}
-    for module, count in MODULES.items():
-        tree = ast.parse(text_of(module))
-        for function in (*excluded(module), *ONLY.get(module, ())):  # refuse names that the module no longer has
-            definition(tree, function, f"exclusions of eos_ref.{module}")
-        places = names(module, tree)
-        chosen = sorted(places, key=lambda name: hashlib.sha256(name.encode()).digest())[:count]
-        planted |= {name: source_fault(module, name, places[name]) for name in sorted(chosen)}
+    for module in MODULES:
+        places = _chosen(module)
+        planted |= {name: source_fault(module, name, places[name]) for name in sorted(places)}
     return planted
+
+
+def _chosen(module: str) -> dict[str, int]:
+    """Return the changes drawn in a module: id, and place in the order of the source."""
+    tree = ast.parse(text_of(module))
+    for function in (*excluded(module), *ONLY.get(module, ())):  # refuse names that the module no longer has
+        definition(tree, function, f"exclusions of eos_ref.{module}")
+    places = names(module, tree)
+    drawn_ids = sorted(places, key=lambda name: hashlib.sha256(name.encode()).digest())[: MODULES[module]]
+    return {name: places[name] for name in drawn_ids}
+
+
+def drawn(module: str) -> list[str]:
+    """Return the functions of the changes drawn in a module, one for each change."""
+    every = [where for where, *_ in _changes(module, ast.parse(text_of(module)))]
+    return [every[place] for place in _chosen(module).values()]
+
+
+def mutable(module: str) -> set[str]:
+    """Return the functions of a module in which anything can be changed."""
+    return {where for where, *_ in _changes(module, ast.parse(text_of(module)))}
 
 
 def excluded(module: str) -> dict[str, str]:
@@ -267,12 +284,14 @@ def _functions(module: str, tree: ast.Module) -> Iterator[tuple[str, ast.Functio
         inner = [(f"{node.name}.", part) for part in node.body] if isinstance(node, ast.ClassDef) else [("", node)]
         for parent, function in inner:
             if isinstance(function, ast.FunctionDef):
-                abstract = any(
-                    getattr(decorator, "id", "") == "abstractmethod" for decorator in function.decorator_list
-                )
                 name = parent + function.name
-                if not abstract and name not in left_out and (only is None or name in only):
+                if not is_abstract(function) and name not in left_out and (only is None or name in only):
                     yield name, function
+
+
+def is_abstract(function: ast.FunctionDef) -> bool:
+    """Return whether a method is abstract: it has no body to change."""
+    return any(getattr(decorator, "id", "") == "abstractmethod" for decorator in function.decorator_list)
 
 
 def _statements(body: list[ast.stmt]) -> Iterator[tuple[list[ast.stmt], int]]:

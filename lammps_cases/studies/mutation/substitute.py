@@ -206,7 +206,7 @@ def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer
     stages, stepping = stages_of(mutation, problem, snapshot(scene, answer.snapshots[0]), engine)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     snapshots = []
-    for at, _ in enumerate(visit(sim, problem.steps, problem.timestep)):
+    for at, _ in enumerate(visit(sim, problem.steps, problem.timestep, problem.stops)):
         fields = {field: np.array(sim.output(field), float) for field in problem.fields}
         snapshots.append(in_place_of(answer.snapshots[at], fields))
     return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))

@@ -18,7 +18,7 @@ from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
 from lammps_cases.run.campaign import PreparedCase, faulty
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep, recall
-from lammps_cases.studies.mutation.fault import Detection
+from lammps_cases.studies.mutation.fault import Detection, files
 from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge, outcome
 
 
@@ -62,16 +62,16 @@ def answer_case(
 
 
 def detect(
-    site: str | None, judge: PerturbedJudge, folder: Path, fault: str, names: Sequence[str], every: bool
+    site: str | None, judge: PerturbedJudge, folder: Path, fault: str, names: Sequence[str], wanted: int | None
 ) -> list[Detection]:
-    """Task: judge LAMMPS' answers with a fault in its input or output; of the first case that detects it, or of all."""
+    """Task: judge LAMMPS' answers with a fault in its input or output, until cases of so many files detect it."""
     detections: list[Detection] = []
     for name in names:
         case = recall(folder, name)
         outcomes = _of_input(site, fault, case) if fault in catalogue.input_faults() else _of_output(fault, case)
         if outcomes and (detection := _detection(judge, case, outcomes)):
             detections.append(detection)
-            if not every:
+            if wanted is not None and len(files(detections)) >= wanted:
                 break
     return detections
 
@@ -119,7 +119,7 @@ def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Out
     if record.as_expected and listed.issuperset(wording.explained_by(record)):
         return None
     lost = "id" if isinstance(record.unusable, LostAtoms) else ""
-    return Detection(record.case, record.verdict, record.blame.field if record.blame else lost, record.message)
+    return Detection(record.case, record.verdict, record.headline.field if record.headline else lost, record.message)
 
 
 def _verdict(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> CaseRecord:

@@ -114,7 +114,7 @@ BAD: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("shift/v needs rheo.shift",),
     ),
     "temperature without energy": ({"compare": ["temperature"]}, ("temperature needs energy",)),
-    "forces in real units": ({"units": "real", "compare": ["f"]}, ("units real", "force over mass")),
+    "forces in real units of a plane": ({"units": "real", "compare": ["f"]}, ("units real", "need dimension 3")),
     "cut zero": ({"rheo": {"cut": 0}}, ("rheo.cut", "greater than 0", "0")),
     "cut negative": ({"rheo": {"cut": -2.4}}, ("rheo.cut", "-2.4")),
     "unknown kernel": ({"rheo": {"kernel": "RK3"}}, ("rheo.kernel", "'RK3'")),

@@ -1,0 +1,92 @@
+"""eos-ref fuzz."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lammps_cases.cli import shared
+from lammps_cases.records.progress import Bar
+
+if TYPE_CHECKING:
+    from lammps_cases.fuzz.record import FuzzRecord
+
+RAREST = 8  # choices named
+
+
+@click.command("fuzz")
+@click.option("--seconds", type=click.FloatRange(0, min_open=True), default=60.0, show_default=True, help="Time.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the scenes.")
+@click.option("--draw", type=click.IntRange(0), help="This scene alone, by its number.")
+@click.option("--shrink/--no-shrink", "shrinks", default=True, help="Make small what is red, or keep it as drawn.")
+@shared.engine_option
+@shared.jobs_option
+@shared.folder_option("--out", "reports/fuzz", "Folder of fuzz.json and of the scenes that are red.")
+@shared.json_option
+def fuzz_command(
+    seconds: float, seed: int, draw: int | None, shrinks: bool, engine: str, jobs: int, out: Path, as_json: bool
+) -> int:
+    """Draw random scenes over the whole schema of case files, and judge each as eos-ref run does.
+
+    What is red and explained by no finding is kept as a case file, and made small. Scene k of a seed is the same on
+    every machine. Exit code 1 if something is unexplained; Ctrl-C ends with what there is.
+
+    \b
+    Example:  eos-ref fuzz --seconds 600 --seed 7
+              eos-ref fuzz --seed 7 --draw 123
+    """
+    shared.start_fork_server()
+    shared.page_folder(out)
+    from lammps_cases.engine import installations
+    from lammps_cases.fuzz.hunt import Hunt
+    from lammps_cases.fuzz.record import DOCUMENT
+    from lammps_cases.run.campaign import command_line
+
+    with Bar(quiet=as_json, complaints=True) as bar:
+        hunt = Hunt(
+            installations.resolve(engine),
+            seed,
+            seconds,
+            jobs,
+            out,
+            first=draw or 0,
+            scenes=None if draw is None else 1,
+            shrinks=shrinks,
+            command=command_line(),
+            progress=bar,
+        )
+        record = hunt.run()
+    if as_json:
+        click.echo(DOCUMENT.text(record), nl=False)
+    else:
+        _print(record, out)
+    return record.exit_code
+
+
+def _print(record: FuzzRecord, out: Path) -> None:
+    from lammps_cases.records.wording import counted
+
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(record.verdicts.items()))
+    end = "; interrupted" if record.interrupted else ""
+    title = f"{counted(record.drawn, 'random scene')} of seed {record.seed}: {counts} ({record.seconds:.0f} s{end})"
+    click.secho(title, bold=True)
+    for red in record.red:
+        click.secho(f"  draw {red.draw}: {red.message}", fg="red")
+        click.echo(f"    {red.reproduce}")
+        if red.small:
+            click.echo(f"    made small, {counted(red.small_particles or 0, 'particle')}: {red.small}")
+    if record.findings:
+        named = ", ".join(f"{name} {count}" for name, count in sorted(record.findings.items()))
+        click.echo(f"  explained by findings: {named}")
+    for name, count in record.gaps.items():
+        click.echo(f"  {name}: {counted(count, 'scene')} that it changes and no variant reproduces")
+    drawn = sum(map(bool, record.choices.values()))
+    click.echo(
+        f"  {record.twins} twins; {drawn} of {len(record.choices)} choices of the schema drawn, {record.pairs_drawn} "
+        f"of {record.pairs} pairs, possible or not; {100 * record.rejection:.1f} % of attempts were no scene"
+    )
+    rarest = sorted(record.choices.items(), key=lambda item: item[1])[:RAREST]
+    click.echo("  rarest: " + ", ".join(f"{choice} {count}" for choice, count in rarest))
+    click.echo(f"record: {out / 'fuzz.json'}")

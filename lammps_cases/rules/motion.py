@@ -1,0 +1,157 @@
+"""Rules of the forces of other fixes, of stresses and of time steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lammps_cases.rules.rule import Evaluated, Rule
+
+
+def _acts(at: Evaluated, style: str, some: bool = False, part: bool = False) -> Any:
+    """Return the particles that a fix of a style acts on; one of ``some`` types, with components left out."""
+    acted_n = np.zeros(at.evaluator.n, bool)
+    for force in at.sim.model.forces:
+        types = force.types is not None or not some
+        if force.style == style and types and (None in force.vector) >= part:
+            acted_n |= force.acts_on(at.evaluator.type_n)
+    return acted_n
+
+
+def _of_some_types(at: Evaluated) -> Any:
+    """Return the particles that a fix of some types leaves alone."""
+    left_n = np.zeros(at.evaluator.n, bool)
+    for force in at.sim.model.forces:
+        left_n |= ~force.acts_on(at.evaluator.type_n)
+    return left_n
+
+
+def _set_in_turn(at: Evaluated) -> Any:
+    """Return the particles on which setforce acts after or before other fixes."""
+    acted_n, mixed_n = np.zeros(at.evaluator.n, bool), np.zeros(at.evaluator.n, bool)
+    set_n = np.zeros(at.evaluator.n, bool)
+    for force in at.sim.model.forces:
+        acts_n = force.acts_on(at.evaluator.type_n)
+        if force.style == "setforce":
+            mixed_n |= acts_n & acted_n
+            set_n |= acts_n
+        else:
+            mixed_n |= acts_n & set_n
+            acted_n |= acts_n
+    return mixed_n
+
+
+def _every(at: Evaluated) -> Any:
+    return np.full(at.evaluator.n, at.step > 0)
+
+
+def _other_neighbours(at: Evaluated) -> Any:
+    """Return the particles that have moved since the start relative to some neighbour."""
+    x_nc = at.sim.evaluated.x_nc
+    moved_nc = x_nc - at.start.x_nc
+    return at.any_of_n(at.differs_p(moved_nc)) & (at.step > 0)
+
+
+def _crossed(at: Evaluated) -> Any:
+    """Return the particles that have left the box through a periodic boundary."""
+    box, x_nc = at.sim.box, at.sim.state.x_nc
+    outside_nc = ((x_nc < np.array(box.low_c)) | (x_nc >= np.array(box.high_c))) & np.array(box.periodic)
+    return outside_nc.any(axis=1) & (at.step > 0)
+
+
+def _force(name: str, sentence: str, which: Any, *faults: str) -> Rule:
+    return Rule(name, sentence, which, needs=("f",), faults=faults)
+
+
+def _step(name: str, sentence: str, which: Any, *faults: str) -> Rule:
+    return Rule(name, sentence, which, needs=("pairs",), faults=faults)
+
+
+RULES = (
+    _force(
+        "gravity",
+        "Gravity accelerates every particle alike.",
+        lambda at: _acts(at, "gravity"),
+        "formula.gravity-of-unit-mass",
+    ),
+    _force(
+        "force-added",
+        "fix addforce adds a force.",
+        lambda at: _acts(at, "addforce"),
+        "formula.added-force-lost",
+    ),
+    _force(
+        "force-set",
+        "fix setforce sets the force.",
+        lambda at: _acts(at, "setforce"),
+        "formula.set-force-added",
+    ),
+    _force(
+        "force-set-partly",
+        "fix setforce leaves components that are NULL.",
+        lambda at: _acts(at, "setforce", part=True),
+        "formula.set-force-whole",
+    ),
+    _force(
+        "force-of-types",
+        "Fixes act on the particles of their groups alone.",
+        _of_some_types,
+        "formula.forces-on-all",
+    ),
+    _force(
+        "force-order",
+        "Fixes act in their order.",
+        _set_in_turn,
+        "formula.forces-reversed",
+    ),
+    Rule(
+        "stress-viscous",
+        "Viscous stresses follow from velocity gradients.",
+        lambda at: at.sim.output("stress/v").any(axis=(1, 2)),
+        needs=("stress/v",),
+        faults=("formula.stress-half",),
+    ),
+    Rule(
+        "stress-total",
+        "Total stresses have the pressure on their diagonal.",
+        lambda at: at.sim.output("stress/t").any(axis=(1, 2)),
+        needs=("stress/t",),
+        faults=("formula.stress-pressure-sign",),
+    ),
+    _step(
+        "step-velocity",
+        "Forces change velocities, half a step at a time.",
+        _every,
+        "formula.kick-missing",
+    ),
+    _step(
+        "step-position",
+        "Positions move with the velocities at half a step.",
+        _every,
+        "formula.drift-with-old-velocity",
+    ),
+    _step(
+        "step-gradients",
+        "The first half of the continuity equation takes gradients at half a step.",
+        lambda at: _every(at) & (not at.sim.model.fix.rho_sum),
+        "formula.gradients-late",
+    ),
+    _step(
+        "step-neighbours",
+        "Pairs and kernels are those of the present positions.",
+        _other_neighbours,
+        "formula.neighbours-stale",
+    ),
+    _step(
+        "step-walls",
+        "Densities of walls are reconstructed within steps.",
+        lambda at: at.solid_n & at.any_of_n(at.mixed_p) & at.evaluator.walls & (at.step > 0),
+        "formula.walls-stale",
+    ),
+    _step(
+        "step-across",
+        "Particles cross a periodic boundary.",
+        _crossed,
+    ),
+)

@@ -1,0 +1,35 @@
+"""The page of `eos-ref witnesses`: every rule of the reference with the cases that depend on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lammps_cases.pages import frame
+from lammps_cases.records.files import write_atomically
+from lammps_cases.rules import RULES, SUBJECTS
+from lammps_cases.studies.mutation.witnesses import ENOUGH, RuleRow
+
+ASSETS = Path(__file__).parent / "assets"
+
+
+def write(rows: Sequence[RuleRow], complaints: Sequence[str], cases: int, folder: Path, whole: bool = True) -> None:
+    """Write ``witnesses.html``, one file that opens offline; only the ``whole`` of the cases can have too few."""
+    by_rule = {row.rule: row for row in rows}
+    write_atomically(
+        folder / "witnesses.html",
+        frame.page(
+            ASSETS,
+            "witnesses",
+            "bad" if complaints else "good",
+            scripts=[frame.FILTER],
+            complaints=complaints,
+            cases=cases,
+            number=len(rows),
+            whole=whole,
+            fewest=sum(bool(row.missing) for row in rows),
+            enough=ENOUGH,
+            subjects={subject: [by_rule[rule.name] for rule in rules] for subject, rules in SUBJECTS.items()},
+            rules=RULES,
+        ),
+    )

@@ -12,7 +12,7 @@ import numpy as np
 
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
-from lammps_cases.engine.session import Job
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.flows.flow import Start
@@ -48,7 +48,7 @@ def deck(start: Start, note: Sequence[str] = (), every: int = 10) -> str:
         "",
         *_output(deck_job, every),
         "",
-        *(stretch.command for stretch in deck_job.runs),
+        *(stretch.command for stretch in deck_job.runs if isinstance(stretch, RunCommand)),
     ]
     return "\n".join(lines) + "\n"
 

@@ -18,7 +18,6 @@ from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.stability import draw, expected, model
 from lammps_cases.studies.stability.deck import deck
-from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.model import CellOutcome, Engine, Kind, MapCell, StabilityMap
 from lammps_cases.studies.stability.record import Atlas, MapRecord, read_state
 from lammps_cases.studies.stability.runs import watched
@@ -75,15 +74,13 @@ class MapView:
         return f"{sum(line.verdict == 'same' for line in lines)} of {len(lines)} lines" if lines else "not compared"
 
 
-def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: Sequence[InputRow] = ()) -> None:
+def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap]) -> None:
     """Write ``report.html``, ``figures/*.svg|png`` and ``decks/*.in``.
 
     Parameters
     ----------
     maps : mapping
         The maps by id: their theory is drawn, their cells become decks.
-    inputs : sequence of InputRow
-        What LAMMPS does with bad input.
     """
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     html = frame.page(
@@ -102,8 +99,6 @@ def write(atlas: Atlas, folder: Path, maps: Mapping[str, StabilityMap], inputs: 
             if line.verdict == "differs"
         ],
         along=along,
-        inputs=inputs,
-        reactions=Counter(row.reaction for row in inputs),
     )
     write_atomically(folder / "report.html", html)
 

@@ -1,16 +1,3 @@
 "use strict";
 window.addEventListener("hashchange", revealRow);
 revealRow();
-
-const table = document.getElementById("input-table");
-if (table) {
-  const result = document.getElementById("input-result");
-  const rows = [...table.tBodies[0].rows];
-  filterRows({
-    rows,
-    find: document.getElementById("input-text"),
-    controls: [result],
-    fits: (row) => !result.value || row.dataset.result === result.value,
-    shown: (count) => (document.getElementById("input-shown").textContent = `${count} of ${rows.length}`),
-  });
-}

@@ -13,8 +13,7 @@ import pytest
 
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
-from lammps_cases.studies.stability import atlas, expected, inputs, maps, probe, record
-from lammps_cases.studies.stability.inputs import InputRow
+from lammps_cases.studies.stability import atlas, expected, maps, probe, record
 from lammps_cases.studies.stability.limits import Limits, read
 from tests.support.made_atlas import MAP, made_atlas
 from tests.support.outcome import Outcome
@@ -68,19 +67,6 @@ def test_the_document_holds_cells_and_disagreements(
     [one] = json.loads(out.out)["maps"]
     assert {"id", "cells", "disagreements"} <= set(one)
     assert (one["id"], len(one["cells"]), len(one["disagreements"])) == ("made", 48, 2)
-
-
-def test_bad_inputs_are_part_of_the_whole_atlas_and_kept(
-    eos_ref_command: Run, measured: list[dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    row = InputRow("a", "law", "gamma 0", "gamma: must be positive", "silent acceptance", "pressure 1")
-    monkeypatch.setattr(inputs, "table", lambda workers, progress: [row])
-    eos_ref_command("stability", "--out", tmp_path)
-    assert inputs.read(tmp_path) == [row]
-    # An atlas of some maps shows the table that is there.
-    monkeypatch.setattr(inputs, "table", lambda workers, progress: [])
-    eos_ref_command("stability", "made", "--out", tmp_path)
-    assert "gamma: must be positive" in (tmp_path / "report.html").read_text()
 
 
 def test_limits_are_saved_where_the_advice_looks_for_them(

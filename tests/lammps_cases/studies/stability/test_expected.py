@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from lammps_cases.findings import LEDGER
-from lammps_cases.studies.stability.inputs import bad_inputs
 from lammps_cases.studies.stability.maps import maps
 
 PLACES = [where for entry in LEDGER for where in entry.expected_in_maps]
@@ -22,10 +21,3 @@ def test_no_difference_is_explained_twice() -> None:
     assert len(places) == len(set(places))
     named = {where.map for where in PLACES}
     assert not [of.id for of in maps().values() if of.engines_differ and of.id in named]
-
-
-def test_findings_name_inputs_that_exist_each_once() -> None:
-    named = [name for entry in LEDGER for name in entry.expected_inputs]
-    assert named
-    assert len(named) == len(set(named))
-    assert set(named) <= {bad.id for bad in bad_inputs()}

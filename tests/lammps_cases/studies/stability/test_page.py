@@ -15,22 +15,16 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.findings.entry import MapDifference
 from lammps_cases.studies.stability import expected, page
 from lammps_cases.studies.stability.expected import ExpectedDifference
-from lammps_cases.studies.stability.inputs import InputRow
 from lammps_cases.studies.stability.model import MapCell
 from tests.support.made_atlas import MAP, TEXT, made_atlas
 
 pytestmark = pytest.mark.slow
 
-INPUTS = [
-    InputRow("a", "law", "gamma <0>", "gamma: must be positive", "silent acceptance", "pressure 1", ledger="known-one"),
-    InputRow("b", "fix rheo", "cut -1", "cut: must be positive", "crash", "died & gone", "cut > 0", candidate=True),
-]
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page")
-    page.write(made_atlas(out), out, {"made": MAP}, INPUTS)
+    page.write(made_atlas(out), out, {"made": MAP})
     return out
 
 
@@ -47,7 +41,7 @@ def test_the_page_names_no_part_twice_and_its_links_lead_somewhere(folder: Path)
 
 def test_text_is_escaped(folder: Path) -> None:
     text = (folder / "report.html").read_text()
-    for raw in (TEXT, MAP.title, MAP.about, MAP.layers[1], "gamma <0>", "died & gone"):
+    for raw in (TEXT, MAP.title, MAP.about, MAP.layers[1]):
         assert html.escape(raw) in text
         assert raw not in text
 
@@ -88,16 +82,6 @@ def test_a_map_says_where_engines_differ_without_a_finding(folder: Path, monkeyp
     ]
 
 
-def test_inputs_can_be_filtered_by_what_lammps_does(folder: Path) -> None:
-    text = (folder / "report.html").read_text().partition('id="inputs"')[2]
-    assert re.findall(r'<tr data-result="([^"]+)" class="([^"]*)"', text) == [
-        ("silent acceptance", ""),
-        ("crash", "open"),
-    ]
-    assert '<option value="crash">crash (1)</option>' in text
-    assert "against the manual" in text
-
-
 def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
     text = (folder / "report.html").read_text()
     cell = MapCell("made", 1.6, 0.1, "plain")
@@ -110,7 +94,7 @@ def test_particles_are_shown_where_a_failure_begins(folder: Path) -> None:
 
 
 def test_page_pictures_and_decks_are_the_same_bits_twice(folder: Path, tmp_path: Path) -> None:
-    page.write(made_atlas(tmp_path), tmp_path, {"made": MAP}, INPUTS)
+    page.write(made_atlas(tmp_path), tmp_path, {"made": MAP})
     files = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file() and p.suffix != ".npz")
     assert {"report.html", "figures/made.svg", "figures/made.png"} <= {str(f) for f in files}
     for file in files:
@@ -122,7 +106,6 @@ def test_a_map_that_is_gone_is_still_shown(tmp_path: Path) -> None:
     text = (tmp_path / "report.html").read_text()
     assert "A &lt;made&gt; map" in text
     assert "decks/" not in text
-    assert 'id="inputs"' not in text
 
 
 # --- names

@@ -1,0 +1,144 @@
+"""What follows from a scene that is drawn: a time step within its limits, lists that miss no neighbour, room."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.consistent import consistent_model, consistent_state
+from eos_ref.model.parameters import Model, State
+from eos_ref.model.units import UNITS
+from lammps_cases.fuzz.chance import Chance, rounded
+from lammps_cases.fuzz.scope import Content
+from lammps_cases.fuzz.units import in_own_units
+from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.setup import reference_side
+from lammps_cases.studies.stability.kinds import moment_matrices
+from lammps_cases.studies.stability.limits import numbers
+
+Prepare = Callable[[Content], PreparedCase]
+BUILDS = ("every", "delay")  # settings by which lists may be older than the last step
+DEFAULT_SKIN = 0.3
+CONDITION = 1e8  # of a moment matrix, beyond which rounding leaves few digits of a gradient
+
+
+def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content, PreparedCase]:
+    """Return a content whose kernel, time step, margins and rebuilding of lists suit its scene, and its case.
+
+    Raises
+    ------
+    InputError, ValidationError
+        It is no scene.
+    """
+    content = in_own_units(content)
+    ready = prepare(content)
+    if ready.case.scene.whole_model and not _has_gradients(ready):
+        content = content | {"rheo": content["rheo"] | {"kernel": chance.at("kernel").choice(["quintic", "RK0"])}}
+        ready = prepare(content)
+    content = _with_enough_neighbours(content, ready, chance.at("zmin"))
+    if "evolve" not in content:
+        return content, prepare(content)
+    limit, speed, sound = _limits(ready)
+    share = chance.weighted({(0.02, 0.5): 0.85, (0.5, 1.0): 0.13, (1.5, 4.0): 0.02})
+    step = rounded(limit * chance.number(*share), 2)
+    content = content | {"evolve": _with_time_step(content["evolve"], step)}
+    boost = max(map(abs, content.get("twin", {}).get("boost", [0.0])))
+    travel = content["evolve"]["steps"] * step * (3 * speed + boost + 0.2 * sound)
+    content = _with_room(content, travel)
+    return (content := _without_old_lists(content, travel)), prepare(content)
+
+
+def _with_time_step(evolve: Content, step: float) -> Content:
+    """Return time steps of a length, half of it from stops on that change it."""
+    stops = [stop | ({"timestep": rounded(step / 2)} if "timestep" in stop else {}) for stop in evolve.get("stops", ())]
+    return evolve | {"timestep": step} | ({"stops": stops} if stops else {})
+
+
+def _problem(ready: PreparedCase) -> tuple[Model, State]:
+    """Return model and state of a scene in consistent numbers."""
+    scene, units = ready.case.scene, UNITS[ready.case.scene.units]
+    model, state = reference_side.model(scene, ready.atoms, ""), reference_side.state(scene, ready.atoms)
+    return consistent_model(model, units), consistent_state(state, units)
+
+
+def _units(ready: PreparedCase) -> list[str]:
+    """Return the systems of units that LAMMPS is given a scene in."""
+    twin = ready.case.scene.twin
+    return [ready.case.scene.units, *([twin.units] if twin and twin.units else [])]
+
+
+def _has_gradients(ready: PreparedCase) -> bool:
+    """Return whether a reproducing kernel has gradients at all particles: the reference defines none without."""
+    model, state = _problem(ready)
+    if not model.corrects_gradients:
+        return True
+    box = reference_side.box(ready.case.scene, ready.atoms)
+    evaluator = ArrayEvaluator(model, box, state.type_n, state.solid_n)
+    evaluator.move(state.x_nc)
+    m_nbb, definite_n, used_n = moment_matrices(evaluator, state.rho_n)
+    if not definite_n[used_n].all():
+        return False
+    return bool((np.linalg.cond(m_nbb[used_n]) < CONDITION).all())
+
+
+def _with_enough_neighbours(content: Content, ready: PreparedCase, chance: Chance) -> Content:
+    """Return a content whose reproducing kernel is used by all particles, mostly; without, few values are defined."""
+    scene = ready.case.scene
+    model, state = _problem(ready)
+    if not (scene.whole_model and model.corrects_gradients and scene.rheo.zmin) or chance.coin(0.2):
+        return content
+    evaluator = ArrayEvaluator(model, reference_side.box(scene, ready.atoms), state.type_n, state.solid_n)
+    evaluator.move(state.x_nc)
+    fewest = int(np.asarray(evaluator.coordination_n).min())
+    return content | {"rheo": content["rheo"] | {"zmin": min(scene.rheo.zmin, fewest)}}
+
+
+def _limits(ready: PreparedCase) -> tuple[float, float, float]:
+    """Return the largest time step by sound, viscosity and heat, and the largest speeds of particles and of sound.
+
+    Findings may lack factors of the volume or the heat capacity of a particle, or of its units, in a force or a flow of
+    heat: the step is short enough for them too, where that makes it shorter.
+    """
+    model, state = _problem(ready)
+    speed = float(np.abs(state.v_nc).max(initial=0.0))
+    found = numbers(model, state, 1.0)
+    sound = max(found.c, float(model.cs.max()))
+    volume = float((ready.atoms.mass_n / state.rho_n).min())
+    capacity = min((model.mass[t] * each.specific_heat for t, each in enumerate(model.thermal or ())), default=1.0)
+    factor = min(1.0, volume) * min(1.0, capacity, *(1 / state.rho_n))
+    factor /= max(1.0, *(UNITS[name].energy for name in _units(ready)))
+    return factor / max(found.fraction, 4 * sound / found.h), speed, sound
+
+
+def _with_room(content: Content, travel: float) -> Content:
+    """Return a content whose particles stay in the box along axes that are not periodic."""
+    positions: Content = dict(content["positions"])
+    if all(positions.get("periodic") or [True]):
+        return content
+    if "lattice" in positions:
+        least = travel / positions["spacing"] + 0.6
+        positions["margin"] = max(positions.get("margin", 1.0), rounded(least))
+    else:
+        positions["low"] = [rounded(low - travel, 6) for low in positions["low"]]
+        positions["high"] = [rounded(high + travel, 6) for high in positions["high"]]
+    return content | {"positions": positions}
+
+
+def _without_old_lists(content: Content, travel: float) -> Content:
+    """Return a content without settings by which lists could miss a neighbour: not LAMMPS' fault, then."""
+    spacing = content["positions"].get("spacing", 1.0)
+    engine, twin = content.get("engine", {}), content.get("twin", {})
+    skin = min(engine.get("skin", DEFAULT_SKIN), twin.get("skin", np.inf))
+    if 2 * travel <= skin * spacing:
+        return content
+
+    def safe(settings: Content) -> Content:
+        return {key: value for key, value in settings.items() if key not in BUILDS}
+
+    changed: dict[str, Any] = {"engine": safe(engine)} if engine else {}
+    if "rebuild" in twin:
+        changed["twin"] = {"rebuild": safe(twin["rebuild"])}
+    return content | changed

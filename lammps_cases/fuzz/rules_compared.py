@@ -1,0 +1,170 @@
+"""How it is drawn what is compared: time steps, fields, settings of LAMMPS, twins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any
+
+from eos_ref.model.quantities import keyword_of
+from eos_ref.model.units import UNITS
+from lammps_cases.fuzz.chance import Chance, rounded
+from lammps_cases.fuzz.rules_particles import LEFT_OUT
+from lammps_cases.fuzz.scope import Content, Scope
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES
+
+SECONDS = 30.0  # that LAMMPS may take: a scene of some tens of particles and steps takes milliseconds
+TO_BE_SET = 1.0  # time step, which follows from the scene when it is complete; see `lammps_cases.fuzz.fit`
+
+
+def evolve(scope: Scope, chance: Chance) -> Any:
+    """Return few time steps, seldom none, compared at some of them."""
+    if not scope.evolves:
+        return LEFT_OUT
+    steps = chance.weighted({1: 0.3, 2: 0.2, 3: 0.15, 6: 0.2, 12: 0.15})
+    content: Content = {"steps": steps, "timestep": TO_BE_SET}
+    if scope.stops:
+        content["stops"] = stops = _stops(scope, chance.at("stops"), steps)
+        if chance.coin(0.3):
+            halts = sorted({*(stop["at"] for stop in stops), steps})
+            return content | {"every": chance.whole(1, steps), "compare_at": halts}
+    elif scope.whole and chance.coin(0.1):
+        return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
+    if chance.coin(0.4):
+        content["compare_at"] = [*chance.some(range(steps), 0.4), steps]
+    return content
+
+
+def _stops(scope: Scope, chance: Chance, steps: int) -> list[Content]:
+    """Return one or two steps at which the state goes somewhere and comes back."""
+    at = sorted({chance.whole(0, steps) for _ in range(chance.whole(1, 2))})
+    return [_stop(scope, chance.at(k), step) for k, step in enumerate(at)]
+
+
+def _stop(scope: Scope, chance: Chance, at: int) -> Content:
+    stop: Content = {"at": at}
+    if chance.coin(0.9):
+        stop["by"] = chance.choice(ROUTES)
+    if chance.coin(0.2):
+        stop["timestep"] = TO_BE_SET
+    if chance.coin(0.25):
+        stop["count"] = chance.choice([0, 7, 1000])
+    kept = stop.get("by") in ("restart", "other scene") and scope.content["rheo"].get("interface_reconstruct", False)
+    if chance.coin(0.25) and not kept:  # what a restart file holds of walls keeps displace_atoms from working
+        axes = "xy" if scope.planar else "xyz"
+        moved = {axis: chance.between(-0.05, 0.05) * scope.spacing for axis in axes if chance.coin(0.7)}
+        stop["displace"] = {axis: rounded(value) for axis, value in moved.items()}
+        if chance.coin():
+            stop["displace"]["types"] = str(chance.whole(1, scope.count))
+    return stop
+
+
+def compare(scope: Scope, chance: Chance) -> Any:
+    """Return some of the fields that the scene has, few or all; or the pressure alone."""
+    if not scope.whole:
+        return ["pressure"] if chance.coin() else LEFT_OUT
+    fields = chance.some([name for name in FIELDS if _has(scope, name)], chance.choice([0.15, 0.4, 0.7, 1.0]))
+    if "stress/t" in fields and "pressure" not in fields and chance.coin(0.9):
+        fields.append("pressure")  # without it most releases of LAMMPS crash
+    return [*fields, chance.choice(["f", "rho", "v", "x"])] if set(fields) <= {"pressure"} else fields
+
+
+def _has(scope: Scope, field: str) -> bool:
+    rheo = scope.content.get("rheo", {})
+    given = {
+        "interface/reconstruct": rheo.get("interface_reconstruct", False),
+        "shift": rheo.get("shift", False) is not False,
+        "surface/detection": "surface_detection" in rheo,
+        "thermal": scope.thermal,
+    }
+    keyword = keyword_of(field)
+    return keyword is None or not keyword or bool(given.get(keyword, True))
+
+
+def _rebuild(chance: Chance) -> Content:
+    every = chance.choice([1, 1, 2, 3])
+    content: Content = {"every": every} if every > 1 or chance.coin() else {}
+    content |= {"delay": every * chance.whole(0, 3)} if chance.coin(0.4) else {}
+    return content | ({"check": chance.coin(0.4)} if chance.coin(0.7) else {})
+
+
+def skin(scope: Scope, chance: Chance) -> float:
+    """Return a skin of neighbour lists, in spacings."""
+    return chance.number(0.05, 1.5)
+
+
+def engine(scope: Scope, chance: Chance) -> Content:
+    """Return settings that change nothing that is documented."""
+    content = _rebuild(chance.at("rebuild")) if chance.coin(0.4) else {}
+    if chance.coin(0.5):
+        content["newton"] = chance.coin(0.3)
+    if chance.coin(0.4):
+        content["skin"] = skin(scope, chance)
+    if chance.coin(0.3):
+        alone = any(stop.get("by") in FOR_EACH_ATOM for stop in scope.content.get("evolve", {}).get("stops", ()))
+        content["ranks"] = 2 if chance.coin(0.8) and not alone else 1
+    if content.get("ranks") == 2 and chance.coin(0.4):
+        content["processors"] = chance.choice([[2, 1, 1], [1, 2, 1]])
+    if chance.coin(0.25):  # tiled takes no box that is periodic and shorter than the cutoff
+        open_box = not any(scope.content["positions"].get("periodic", [True]))
+        content["communication"] = "tiled" if open_box and chance.coin(0.8) else "brick"
+        content |= {"balance": chance.whole(1, 3)} if content["communication"] == "tiled" and chance.coin() else {}
+    return content | ({"time_limit": SECONDS} if chance.coin(0.5) else {})
+
+
+def twin(scope: Scope, chance: Chance) -> Any:
+    """Return a second run of any kind that the scene can have."""
+    content = scope.content
+    if not scope.whole or scope.stops:
+        return LEFT_OUT
+    own, evolves = content.get("engine", {}), content.get("evolve", {})
+    shifts = content.get("rheo", {}).get("shift", False) is not False
+    kinds: dict[str, Callable[[], Any]] = {
+        "translate": lambda: _along_periodic(scope, chance),
+        "relabel": lambda: True,
+        "newton": lambda: not own.get("newton", True),
+        "skin": lambda: rounded(own.get("skin", 0.3) * chance.number(1.3, 3.0)),
+        "rebuild": lambda: _rebuild(chance),
+    }
+    kinds |= {"rescale": lambda: _scale(scope, chance)} if _can_be_rescaled(scope) else {}
+    if _can_be_rescaled(scope):
+        possible = [name for name in UNITS if UNITS[name].consistent or not scope.planar]
+        kinds["units"] = lambda: chance.choice([name for name in possible if name != content.get("units", "lj")])
+    kinds |= {} if shifts else {"boost": lambda: chance.vector(scope.d, 3 * scope.speed)}
+    kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 else {}
+    kinds |= {"ranks": lambda: 2} if own.get("ranks", 1) == 1 else {}
+    kind = chance.choice([*kinds, "rebuild", *["units"] * 3 * ("units" in kinds)])
+    return {kind: kinds[kind]()}
+
+
+def _along_periodic(scope: Scope, chance: Chance) -> list[float]:
+    """Return a displacement; along axes that are not periodic a small one, which the margin has room for."""
+    periodic = scope.content["positions"].get("periodic") or [True] * scope.d
+    size = scope.spacing
+    return [chance.between(-4 * size, 4 * size) if around else chance.between(0, 0.3 * size) for around in periodic]
+
+
+def _can_be_rescaled(scope: Scope) -> bool:
+    """Return whether all terms have a dimension: the repulsion of walls has one in 3D only, normals are softened."""
+    rheo = scope.content.get("rheo", {})
+    walls, surfaces = rheo.get("interface_reconstruct", False), "surface_detection" in rheo
+    laws = [each["viscosity"] for each in scope.content["types"] if isinstance(each.get("viscosity"), dict)]
+    exact = all(Fraction(law["n"]).denominator <= 2 for law in laws)
+    return exact and not (walls and scope.planar) and not surfaces
+
+
+def _scale(scope: Scope, chance: Chance) -> float:
+    """Return a power of two that every power law can be scaled by exactly."""
+    laws = [each["viscosity"] for each in scope.content["types"] if isinstance(each.get("viscosity"), dict)]
+    whole = math.lcm(*(Fraction(law["n"]).denominator for law in laws))
+    return 2.0 ** (whole * chance.choice([-3, -1, 1, 2]))
+
+
+RULES: Mapping[str, Callable[[Scope, Chance], Any]] = {
+    "evolve": evolve,
+    "compare": compare,
+    "engine": engine,
+    "twin": twin,
+}

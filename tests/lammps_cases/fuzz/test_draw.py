@@ -1,0 +1,136 @@
+"""Scenes drawn at random: the same for ever, valid by construction, over every key of the schema."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from lammps_cases.fuzz import rules, schema
+from lammps_cases.fuzz.chance import Chance, rounded
+from lammps_cases.fuzz.coverage import Coverage, argued
+from lammps_cases.fuzz.draw import Drawn, draw
+from lammps_cases.scene import Scene
+
+SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
+REJECTED = 0.02  # share of attempts that may be no scene
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list[Drawn]:
+    return [draw(5, number) for number in range(SCENES)]
+
+
+@pytest.mark.slow
+def test_every_choice_of_the_schema_is_drawn_or_argued(drawn: list[Drawn]) -> None:
+    """A key that is new to the schema is drawn from it at once; if it cannot be, this names it."""
+    coverage = Coverage()
+    for one in drawn:
+        coverage.add(one.choices)
+    missed = [choice for choice, count in coverage.counts().items() if not count]
+    assert not missed, f"never drawn: give them a rule, or a reason, in lammps_cases.fuzz.rules ({missed})"
+    pairs, possible = coverage.pairs()
+    assert pairs > 0.8 * possible
+
+
+@pytest.mark.slow
+def test_few_attempts_are_no_scene(drawn: list[Drawn]) -> None:
+    rejected = [reason for one in drawn for reason in one.rejected]
+    assert len(rejected) <= REJECTED * (SCENES + len(rejected)), rejected
+
+
+@pytest.mark.slow
+def test_scenes_are_small_and_their_steps_short(drawn: list[Drawn]) -> None:
+    assert max(len(one.ready.atoms) for one in drawn) <= 100
+    steps = [one.case.scene.evolve.steps for one in drawn if one.case.scene.evolve]
+    assert len(steps) > SCENES / 2 and max(steps) <= 20
+
+
+def test_a_draw_is_the_same_whatever_was_drawn_before_it() -> None:
+    alone = draw(7, 3)
+    assert [draw(7, number) for number in (1, 2)][-1].content != alone.content
+    assert draw(7, 3).content == alone.content
+    assert draw(8, 3).content != alone.content
+
+
+def test_streams_are_the_same_on_every_machine() -> None:
+    """The bits of the stream, and numbers that logarithms go into, after rounding."""
+    chance = Chance("1/2").at("rheo").at("kernel")
+    numbers = [chance.share(), chance.number(1e-3, 1e3), chance.between(-1.0, 1.0), chance.whole(1, 6)]
+    assert numbers == NUMBERS
+    assert rounded(0.012345) == 0.0123
+
+
+def test_a_key_has_a_stream_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So a key that is new, or drawn otherwise, leaves all others as they were."""
+    before = _settings(11)
+    monkeypatch.setitem(rules.RULES, "pair.rho_damp", lambda scope, chance: 0.123)
+    after = _settings(11)
+    assert sum(one != other for one, other in zip(before, after, strict=True)) >= 2
+    for one, other in zip(before, after, strict=True):
+        for each in (one, other):
+            (each["pair"] or {}).pop("rho_damp", None)
+    assert before == after
+
+
+def _settings(seed: int) -> list[dict[str, Any]]:
+    return [{key: draw(seed, k).content.get(key) for key in ("types", "pair", "rheo")} for k in range(12)]
+
+
+def test_choices_of_the_schema_are_those_of_the_models() -> None:
+    choices = schema.choices()
+    assert len(choices) == len(set(choices)) > 180
+    assert {"rheo.kernel=RK2", "twin.split=true", "positions.regions.type=null", "forces.vector=null"} <= set(choices)
+    taken = schema.taken(
+        {"dimension": 2, "rheo": {"shift": {"exclude": ["1", 2]}}, "forces": [{"vector": [None, 1.0]}]}
+    )
+    assert taken == {
+        *("dimension=2", "rheo", "rheo.shift", "rheo.shift.exclude", "forces"),
+        *("forces.vector", "forces.vector=null"),
+    }
+    assert taken <= set(choices)
+
+
+def test_reasons_are_of_keys_that_there_are() -> None:
+    places = {choice.partition("=")[0] for choice in schema.choices()}
+    assert set(rules.NEVER) <= places and all(rules.NEVER.values())
+    assert set(rules.GIVEN) | set(rules.HANDLED) | set(rules.RULES) <= places | {"dimension"}
+    assert argued("violate=rheo-twice") and argued("rho.table.csv") and not argued("rho")
+
+
+def test_a_new_key_is_drawn_without_a_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every kind, at the top and within what rules draw."""
+    made = json.loads(json.dumps(Scene.model_json_schema()))
+    made["properties"]["flavour"] = {"anyOf": [{"enum": ["sweet", "sour"]}, {"type": "null"}], "default": None}
+    made["$defs"]["EngineSettings"]["properties"]["cores"] = {"type": "integer", "minimum": 2, "maximum": 3}
+    made["$defs"]["AtomType"]["properties"]["size"] = {"type": "number", "exclusiveMinimum": 0}
+    monkeypatch.setattr(schema, "root", lambda: made)
+    assert set(schema.choices()) >= {"flavour=sweet", "flavour=sour", "engine.cores", "types.size"}
+    from lammps_cases.fuzz.draw import content_of
+
+    found: set[str] = set()
+    for k in range(40):
+        found |= schema.taken(content_of(Chance(f"new/{k}")))
+    assert {"flavour=sweet", "flavour=sour", "engine.cores", "types.size"} <= found
+
+
+def test_contents_are_plain_data_of_few_digits() -> None:
+    for number in range(10):
+        content = draw(2, number).content
+        assert json.loads(json.dumps(content)) == content
+        for value in _numbers(content):
+            assert len(re.sub(r"e.*|[-.]|^0\.0*", "", repr(value)).strip("0")) <= 8, value
+
+
+def _numbers(part: Any) -> Iterator[float]:
+    if isinstance(part, dict | list):
+        for each in part.values() if isinstance(part, dict) else part:
+            yield from _numbers(each)
+    elif isinstance(part, float):
+        yield part
+
+
+NUMBERS = [0.21412187934220184, 6.01, -0.105, 4]

@@ -1,0 +1,86 @@
+"""Random scenes against real LAMMPS: nothing unexplained, and what is red is kept so that it can be run alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lammps_cases.engine.installations import Engine
+from lammps_cases.findings import LEDGER, SEEN_ON
+from lammps_cases.fuzz import hunt
+from lammps_cases.fuzz.draw import draw
+from lammps_cases.fuzz.hunt import Hunt, known_gap
+from lammps_cases.fuzz.record import DOCUMENT
+from lammps_cases.records.run_record import Blame, CaseRecord
+from lammps_cases.scene import casefile
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+SEED, SCENES = 31, 8
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_nothing_is_unexplained(tmp_path: Path) -> None:
+    record = Hunt(Engine(), SEED, 600.0, 1, tmp_path, scenes=SCENES).run()
+    assert [red.message for red in record.red] == []
+    assert record.exit_code == 0 and not record.interrupted
+    assert record.drawn == sum(record.verdicts.values()) == SCENES
+    assert {"exact", "explained"} <= set(record.verdicts) and record.twins
+    assert sum(record.gaps.values()) <= SCENES // 4  # of what no variant reproduces
+    assert DOCUMENT.read(tmp_path / "fuzz.json") == record
+
+
+@pytest.mark.lammps
+def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
+) -> None:
+    judged = hunt._record
+
+    def faulty(drawn: Any, outcome: Any, engine: Any) -> CaseRecord:
+        blame = Blame(field="f", stage="pair", step=0, atom=1, lammps=1.0, reference=2.0, bound=1e-9, outside=1, of=1)
+        found = judged(drawn, outcome, engine)
+        return found.model_copy(update={"verdict": "differs", "blame": blame}) if found.verdict == "exact" else found
+
+    monkeypatch.setattr(hunt, "_record", faulty)
+    scenes = ((k, draw(3, k).case.scene) for k in range(200))
+    number = next(k for k, scene in scenes if scene.compare == ("pressure",) and scene.engine == type(scene.engine)())
+    left = eos_ref_command("fuzz", "--seed", 3, "--draw", number, "--jobs", 1, "--out", tmp_path, "--json")
+    record = json.loads(left.out)
+    assert (left.code, record["drawn"], record["verdicts"]) == (1, 1, {"differs": 1})
+    (red,) = record["red"]
+    assert (red["draw"], red["failure"]) == (number, "differs in f (stage pair)")
+    assert "must be red" in red["note"] and not red["small"]  # the fault is not LAMMPS', so that it is gone
+    (case,) = casefile.load((Path(red["file"]),))
+    assert case.scene == draw(3, number).case.scene
+    assert red["reproduce"] == f"eos-ref run --cases {red['file']} drawn-3-{number}"
+
+
+def test_gaps_are_of_findings_that_the_engine_has() -> None:
+    scene = next(
+        one.case.scene
+        for one in (draw(1, k) for k in range(200))
+        if (shift := one.case.scene.rheo.shifting)
+        and shift.scale_cross_type
+        and shift.scale_cross_type[0] != 1
+        and one.case.scene.rheo.kernel == "RK1"
+    )
+    record = CaseRecord(case="drawn", verdict="differs")
+    (has,) = {name for name in ("cross-type-normal",) if SEEN_ON[name]}
+    engine = SEEN_ON[has][-1]
+    assert known_gap(record, scene, engine) == has
+    assert known_gap(record.model_copy(update={"ended": "crashed", "verdict": "crashed"}), scene, engine) == ""
+    assert known_gap(record, scene, "2026.7.4") == ""
+    plain = scene.model_copy(update={"rheo": scene.rheo.model_copy(update={"shift": False, "zmin": 0})})
+    assert known_gap(record, plain.model_copy(update={"pair": type(plain.pair)()}), engine) == ""
+    assert {entry.id for entry in LEDGER if entry.gaps} >= {"cross-type-normal", "stale-gradient-below-zmin"}
+
+
+@pytest.mark.parametrize("arguments", [("--seconds", 0), ("--draw", -1), ("--seed", "one")])
+def test_wrong_numbers_are_refused(arguments: tuple[object, ...], tmp_path: Path, eos_ref_command: Run) -> None:
+    left = eos_ref_command("fuzz", *arguments, "--out", tmp_path / "out")
+    assert left.code == 2 and left.err.count("\n") == 1

@@ -32,6 +32,7 @@ Kind = Literal[
     "output",
     "reference",
     "wording",
+    "page",
 ]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 _FILES: dict[Page, str] = {"fix rheo": "rheo.yaml", "fix rheo/pressure": "pressure.yaml"}
@@ -46,10 +47,13 @@ class Claim(OfManual):
     page, section : where the manual makes it
     kind : what it is about
     text : the statement, paraphrased
+    consequence : what would be seen to be otherwise if the statement were false, and where the evidence looks for it
     cases : patterns of the cases, and of the probes (``probes.ID``), that would show it to be false
     fields : the fields of these cases that carry it; all by default
     refuted_by : ids of the findings that contradict it
     untestable : why no LAMMPS can show it; then without cases
+    argument : of kind page: why the statement stands or falls by the words of the page alone; then without cases
+    falls : whether it falls
     remark : what a reader of the verdict should know
     """
 
@@ -60,16 +64,23 @@ class Claim(OfManual):
     section: str
     kind: Kind
     text: str
+    consequence: str
     cases: tuple[str, ...] = ()
     fields: tuple[str, ...] = ()
     refuted_by: tuple[str, ...] = ()
     untestable: str = ""
+    argument: str = ""
+    falls: bool = False
     remark: str = ""
 
     @model_validator(mode="after")
     def _judged(self) -> Claim:
-        if bool(self.cases) == bool(self.untestable):
-            raise ValueError(f"claim {self.id} needs either cases or untestable")
+        if sum(map(bool, (self.cases, self.untestable, self.argument))) != 1:
+            raise ValueError(f"claim {self.id} needs one of cases, untestable and argument")
+        if bool(self.argument) != (self.kind == "page") or (self.falls and not self.argument):
+            raise ValueError(f"claim {self.id}: an argument goes with the kind page, and what falls has one")
+        if not self.consequence:
+            raise ValueError(f"claim {self.id} needs a consequence")
         return self
 
 

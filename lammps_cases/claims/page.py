@@ -97,7 +97,16 @@ def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:
     ]
     cases = tuple((name, _link(name, columns, folder)) for name in of[0].cases)
     remarks = tuple(dict.fromkeys(remark for judged in of for remark in judged.remarks))
-    words = (claim.id, claim.page, claim.section, claim.kind, claim.text, *claim.refuted_by, *of[0].cases)
+    words = (
+        claim.id,
+        claim.page,
+        claim.section,
+        claim.kind,
+        claim.text,
+        claim.consequence,
+        *claim.refuted_by,
+        *of[0].cases,
+    )
     verdicts = tuple(judged.verdict for judged in of)
     more = max(len(judged.evidence) - SHOWN for judged in of)
     return ClaimView(
@@ -107,7 +116,7 @@ def _row(at: int, columns: Sequence[Column], folder: Path) -> ClaimView:
 
 def _link(case: str, columns: Sequence[Column], folder: Path, engine: str = "") -> str:
     """Return the place where the report of a run shows a case; nothing for a probe."""
-    if case.startswith(PREFIX):
+    if not case or case.startswith(PREFIX):
         return ""
     for column in columns:
         if column.report is not None and engine in ("", column.engine):

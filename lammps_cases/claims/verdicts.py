@@ -1,8 +1,9 @@
 """Return whether a claim holds on an engine, from the records of its cases and probes.
 
-A claim is refuted by a finding that its data name as contradicting it, or by a difference that no finding explains. A
-finding that explains a case otherwise is a remark: LAMMPS then agrees, on every atom, with the reference that has that
-fault alone, so the case still shows what the claim says.
+A claim of the kind page is judged by its argument. Another one is refuted by a finding that its data name as
+contradicting it, or by a difference that no finding explains. A finding that explains a case otherwise is a remark:
+LAMMPS then agrees, on every atom, with the reference that has that fault alone, so the case still shows what the claim
+says.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a fi
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a case says of a claim; ``findings`` is empty where no finding explains it."""
+    """What a case says of a claim; ``findings`` is empty where no finding explains it.
+
+    Without a case it is what the page says itself.
+    """
 
     case: str
     field: str
@@ -125,6 +129,8 @@ def judge(
 def _judged(claim: Claim, ran: Names, every: Names, records: Mapping[str, CaseRecord], complete: bool) -> Judged:
     if claim.untestable:
         return Judged(claim, "cannot be tested", remarks=(claim.untestable,))
+    if claim.argument:
+        return Judged(claim, "does not hold" if claim.falls else "holds", evidence=(Evidence("", "", claim.argument),))
     names, here = every.of(claim), ran.of(claim)
     heard = _Heard()
     for name in here:
@@ -242,7 +248,7 @@ class Summary:
 
 def summary(run: RunRecord) -> Summary | None:
     """Return the claims by the cases of a run; None if it has no case of any claim, as that of an audit."""
-    judged = of_run(claims(), run)
+    judged = of_run([claim for claim in claims() if not claim.argument], run)
     found = counts(judged)
     refuted = tuple(one for one in judged if one.verdict == "does not hold")
     if not refuted and not found.get("holds"):

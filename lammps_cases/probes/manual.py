@@ -7,28 +7,29 @@ cases.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import TypeAdapter, model_validator
 
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import explain_outcome
 from lammps_cases.probes import PREFIX, run
-from lammps_cases.probes.probe import Edits, Input, Probe, edited, load
+from lammps_cases.probes.probe import FOLDER, Edits, Input, Probe, edited
 from lammps_cases.probes.run import Reply
 from lammps_cases.records import wording
 from lammps_cases.records.manuals import OfManual
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, Mismatch, Verdict
+from lammps_cases.records.yaml_files import read_yaml
 
 TIME_LIMIT = 30.0  # seconds that LAMMPS has for a deck; they take 0.1
 FILE = "probes.yaml"
 
 
 class ManualProbe(OfManual, Probe):
-    """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks`` and ``same``.
+    """A deck and what must become of it: exactly one of ``refused``, ``accepted``, ``lacks``, ``same``, ``measured``.
 
     Attributes
     ----------
@@ -41,6 +42,8 @@ class ManualProbe(OfManual, Probe):
     same_base : the deck that is edited for that; by default the base
     times : but for these factors
     fields : the arrays compared; all by default
+    measured : what the deck measures: its variable ``found`` must be ``expected``, but for ``within``
+    bound : how ``within`` is derived
     control : the deck edited in this way must *not* pass: without it a probe could be blind
     """
 
@@ -53,15 +56,19 @@ class ManualProbe(OfManual, Probe):
     same_base: str = ""
     times: dict[str, float] | None = None
     fields: tuple[str, ...] = ()
+    measured: str = ""
+    bound: str = ""
     control: Edits | None = None
 
     @model_validator(mode="after")
     def _one_expectation(self) -> ManualProbe:
-        given = [self.refused != "", self.accepted, self.lacks != "", self.same is not None]
+        given = [self.refused != "", self.accepted, self.lacks != "", self.same is not None, self.measured != ""]
         if sum(given) != 1:
-            raise ValueError(f"{self.id}: needs exactly one of refused, accepted, lacks, same")
-        if (self.lacks or self.same is not None) and self.control is None:
+            raise ValueError(f"{self.id}: needs exactly one of refused, accepted, lacks, same, measured")
+        if (self.lacks or self.same is not None or self.measured) and self.control is None:
             raise ValueError(f"{self.id}: needs a control")
+        if bool(self.measured) != bool(self.bound):
+            raise ValueError(f"{self.id}: what is measured needs a bound, and nothing else has one")
         return self
 
     @property
@@ -78,8 +85,22 @@ class ManualProbe(OfManual, Probe):
 
 @functools.cache
 def probes() -> tuple[ManualProbe, ...]:
-    """Return all probes, in the order of the file."""
-    return load(FILE, ManualProbe)
+    """Return all probes, in the order of the file.
+
+    An entry with ``each`` stands for several, named ``ID.NAME``, with more edits by NAME.
+    """
+    entries: list[dict[str, Any]] = read_yaml(FOLDER / FILE, "probes")
+    return TypeAdapter(tuple[ManualProbe, ...]).validate_python([one for entry in entries for one in _each(entry)])
+
+
+def _each(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    several: dict[str, Any] | None = entry.get("each")
+    if several is None:
+        yield entry
+        return
+    shared = {key: value for key, value in entry.items() if key != "each"}
+    for name, edits in several.items():
+        yield shared | {"id": f"{entry['id']}.{name}", "edits": [*entry.get("edits", ()), *edits]}
 
 
 # --- judged
@@ -138,6 +159,10 @@ def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:
     """Return how a deck that ran breaks its expectation; None if it does not."""
     if probe.lacks:
         return Mismatch(kind="logged", text=probe.lacks) if probe.lacks in reply.log else None
+    if probe.measured:
+        found, expected, within = (float(reply.arrays[name][0]) for name in run.MEASURED)
+        inside = abs(found - expected) <= within
+        return None if inside else Mismatch(kind="measured", fields=[probe.measured], values=[found, expected, within])
     if probe.same is None:
         bad = [name for name, values_n in reply.arrays.items() if not np.isfinite(values_n).all()]
         return Mismatch(kind="not finite", fields=bad) if bad else None
@@ -160,9 +185,19 @@ def _worst(name: str, ours: Any, theirs: Any) -> Mismatch:
 def put(chosen: Sequence[ManualProbe], workers: Workers, progress: Progress = SILENT) -> list[CaseRecord]:
     """Put probes to LAMMPS and judge them; ``progress`` advances with every probe."""
     inputs = [probe.inputs for probe in chosen]
-    replies = run.put(workers, [given for of in inputs for given in of], TIME_LIMIT)
+    once = list({_key(given): given for of in inputs for given in of}.values())  # decks compared are often the same
+    replies, heard = run.put(workers, once, TIME_LIMIT), dict[Any, Reply]()
+    asked = iter(map(_key, once))
     records = []
     for done, (probe, of) in enumerate(zip(chosen, inputs, strict=True), 1):
-        records.append(judge(probe, [next(replies) for _ in of]))
+        keys = [_key(given) for given in of]
+        while not heard.keys() >= set(keys):
+            heard[next(asked)] = next(replies)
+        records.append(judge(probe, [heard[key] for key in keys]))
         progress.advance(done, len(chosen), "probes")
     return records
+
+
+def _key(given: Input) -> Any:
+    """Return what two inputs share if they are the same: commands are compared, a scene is only itself."""
+    return given if isinstance(given, tuple) else id(given)

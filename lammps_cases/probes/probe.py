@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from eos_ref import InputError
-from lammps_cases.engine.session import Job
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.scene import atoms, casefile
 from lammps_cases.setup import reference_side
@@ -79,7 +79,7 @@ def commands(given: Input) -> Commands:
     """List all commands, run commands included, in order."""
     if not isinstance(given, Job):
         return given
-    return *given.setup, *given.commands, *(run.command for run in given.runs)
+    return *given.setup, *given.commands, *(run.command for run in given.runs if isinstance(run, RunCommand))
 
 
 def replaced(lines: Commands, edits: Edits) -> Commands:
@@ -105,7 +105,10 @@ def edited(name: str, edits: Edits) -> Input:
             raise InputError(f"edit {old!r}", f"must stand once in the commands of {name}", text.count(old))
     if not isinstance(given, Job):
         return replaced(given, edits)
-    runs = (replace(run, command="\n".join(replaced((run.command,), edits))) for run in given.runs)
+    runs = (
+        replace(run, command="\n".join(replaced((run.command,), edits))) if isinstance(run, RunCommand) else run
+        for run in given.runs
+    )
     setup, physics = replaced(given.setup, edits), replaced(given.commands, edits)
     return replace(given, setup=setup, commands=physics, runs=tuple(runs))
 

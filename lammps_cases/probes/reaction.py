@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,7 +13,19 @@ from lammps_cases.probes.probe import Probe, base, commands, replaced
 from lammps_cases.probes.run import Reply
 from lammps_cases.records.wording import error_text, one_line
 
-Reaction = Literal["clear error", "misleading error", "silent acceptance", "silent NaN", "crash", "hang"]
+Reaction = Literal[
+    "clear error",
+    "vague error",
+    "misleading error",
+    "warning",
+    "no effect",
+    "silent acceptance",
+    "silent NaN",
+    "crash",
+    "hang",
+]
+REACTIONS: tuple[Reaction, ...] = get_args(Reaction)
+ERRORS: tuple[Reaction, ...] = ("clear error", "vague error", "misleading error")
 
 
 def said(error: str) -> str:
@@ -43,11 +55,22 @@ def names_it(text: str, names: Sequence[str]) -> bool:
     return any(map(held, names))
 
 
-def reaction(reply: Reply, names: Sequence[str]) -> tuple[Reaction, str]:
+def reaction(
+    reply: Reply, names: Sequence[str], others: Sequence[str] = (), control: Reply | None = None
+) -> tuple[Reaction, str]:
     """Return the class of what LAMMPS did with an input, and its text.
 
-    An error is clear if it holds one of the names of what is wrong, else misleading; silence is NaN if any number of
-    the particles after the last step is not finite.
+    An error is *clear* if it holds one of the names of what is wrong; *misleading* if instead it holds one of the words
+    by which it speaks of something else; else *vague*. Where LAMMPS goes on, it is a *warning* if its log has one that
+    the control's has not, *silent NaN* if any number of the particles after the last step is not finite, *no effect* if
+    all numbers are those of the control, to the last bit, and *silent acceptance* if they are others.
+
+    Parameters
+    ----------
+    names, others : sequence of str
+        What is wrong, and what is not, in the manual's words.
+    control : Reply, optional
+        To the same input without what is wrong; without it nothing has no effect.
 
     Raises
     ------
@@ -56,7 +79,7 @@ def reaction(reply: Reply, names: Sequence[str]) -> tuple[Reaction, str]:
     """
     match reply.ended:
         case "answered":
-            return _silent(reply.arrays)
+            return _accepted(reply, control)
         case "crashed":
             return "crash", reply.error
         case "timeout":
@@ -66,16 +89,36 @@ def reaction(reply: Reply, names: Sequence[str]) -> tuple[Reaction, str]:
     text = said(reply.error)
     if text.startswith("LAMMPS kept"):  # the harness counts atoms; LAMMPS itself said nothing
         return "silent acceptance", text
-    return "clear error" if names_it(text, names) else "misleading error", text
+    if names_it(text, names):
+        return "clear error", text
+    return "misleading error" if names_it(text, others) else "vague error", text
 
 
-def _silent(arrays: dict[str, Any]) -> tuple[Reaction, str]:
-    numbers = {name.removeprefix("q."): np.asarray(values, float) for name, values in arrays.items() if name != "id"}
+def warnings(reply: Reply) -> list[str]:
+    """Return the warnings of a log, in its order, without the place in LAMMPS' source."""
+    lines = [line for line in reply.log.splitlines() if line.startswith("WARNING")]
+    return [one_line(re.sub(r"WARNING( on proc \d+)?:|\([^()]*\.(cpp|h):\d+\)", "", line)) for line in lines]
+
+
+def _accepted(reply: Reply, control: Reply | None) -> tuple[Reaction, str]:
+    numbers = {name.removeprefix("q."): np.asarray(v, float) for name, v in reply.arrays.items() if name != "id"}
     wrong = {name: ~np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for name, v in numbers.items()}
     bad = {name: int(wrong_n.sum()) for name, wrong_n in wrong.items() if wrong_n.any()}
+    p_n = numbers.get("pressure", np.zeros(0))
+    text = f"pressure {p_n.min():.4g} to {p_n.max():.4g}" if p_n.size else "no atoms"
     if bad:
         counts = ", ".join(f"{name} of {count}" for name, count in sorted(bad.items()))
-        return "silent NaN", f"not finite: {counts} of {len(arrays['id'])} atoms"
-    p_n = numbers.get("pressure", np.zeros(0))
-    spread = f"pressure {p_n.min():.4g} to {p_n.max():.4g}" if p_n.size else "no atoms"
-    return "silent acceptance", spread
+        text = f"not finite: {counts} of {len(next(iter(numbers.values())))} atoms"
+    given = warnings(control) if control else []
+    if new := [line for line in warnings(reply) if line not in given]:
+        return "warning", f"{new[0]}; {text}"
+    if bad:
+        return "silent NaN", text
+    if control is not None and same(reply.arrays, control.arrays):
+        return "no effect", text
+    return "silent acceptance", text
+
+
+def same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Return whether arrays are the same to the last bit."""
+    return one.keys() == other.keys() and all(np.array_equal(one[name], other[name]) for name in one)

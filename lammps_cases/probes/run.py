@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lammps_cases.engine import session
+from lammps_cases.engine import apart, session
 from lammps_cases.engine.session import Array, Job
 from lammps_cases.engine.workers import Failure, Workers
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.probes.probe import Input
     from lammps_cases.records.run_record import Failed
 
+MEASURED = ("found", "expected", "within")  # variables of a deck that measures
 PROPERTIES = ("type", "x", "v", "f", "rho", "pressure", "drho", "esph")  # read where the atom style has them
 
 
@@ -40,18 +41,32 @@ class Reply:
     log: str = ""
 
 
-def put(workers: Workers, inputs: Sequence[Input], time_limit: float) -> Iterator[Reply]:
+def put(workers: Workers, inputs: Sequence[Input], time_limit: float, alone: bool = False) -> Iterator[Reply]:
     """Put inputs to LAMMPS, all at once, and yield the replies in order.
 
     Parameters
     ----------
     time_limit : float
         Seconds that LAMMPS has for each.
+    alone : bool
+        Each in a process of its own, which no other input has touched.
     """
-    futures = [workers.call(ask, given, time_limit=time_limit) for given in inputs]
+    if alone:  # the worker outlives the input, and says itself that it takes too long
+        futures = [workers.call(ask_apart, given, time_limit, time_limit=10 * time_limit) for given in inputs]
+    else:
+        futures = [workers.call(ask, given, time_limit=time_limit) for given in inputs]
     for future in futures:
         outcome = workers.outcome(future, time_limit)
         yield Reply(outcome.verdict, outcome.message) if isinstance(outcome, Failure) else outcome
+
+
+def ask_apart(site: str | None, given: Input, time_limit: float) -> Reply:
+    """Task: run an input in a fork of this process, which has loaded LAMMPS and not opened it."""
+    session.load(site)
+    try:
+        return apart.call(ask, site, given, time_limit=time_limit)
+    except apart.TimedOut as error:
+        return Reply("timeout", str(error))
 
 
 def ask(site: str | None, given: Input) -> Reply:
@@ -59,22 +74,36 @@ def ask(site: str | None, given: Input) -> Reply:
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         lmp = session.open_lammps(site)
         try:
-            if isinstance(given, Job):
-                return Reply("answered", arrays=session.run(lmp, given).arrays)
-            return _deck(lmp, given)
+            return _job(lmp, given) if isinstance(given, Job) else _deck(lmp, given)
         except session.EngineRefused as error:
             return Reply("refused", str(error))
+        except UnicodeDecodeError as error:  # LAMMPS' module cannot read a message that breaks a character in two
+            return Reply("refused", error.object.decode(errors="replace"))
         finally:
             lmp.close()
+
+
+def _job(lmp: Any, given: Job) -> Reply:
+    lmp.command("log deck.log")
+    arrays = session.run(lmp, given).arrays
+    lmp.command("log none")
+    return Reply("answered", arrays=arrays, log=Path("deck.log").read_text(errors="replace"))
 
 
 def _deck(lmp: Any, lines: tuple[str, ...]) -> Reply:
     with session.translated():
         lmp.command("log deck.log")
         lmp.commands_string("\n".join(lines))
-        arrays = _arrays(lmp)
+        arrays = _arrays(lmp) | _measured(lmp)
         lmp.command("log none")
     return Reply("answered", arrays=arrays, log=Path("deck.log").read_text(errors="replace"))
+
+
+def _measured(lmp: Any) -> dict[str, Array]:
+    """Return the number that a deck has measured, that expected, and the bound of their difference, if it has them."""
+    if not all(lmp.has_id("variable", name) for name in MEASURED):
+        return {}
+    return {name: np.array([lmp.extract_variable(name)]) for name in MEASURED}
 
 
 def _arrays(lmp: Any) -> dict[str, Array]:

@@ -56,17 +56,14 @@ def _failures(run: RunRecord) -> str:
     cases = wording.unaccepted(run)
     if not cases:
         return ""
-    head = ("case", "verdict", "field", "stage", "worst atom", "difference/bound", "message")
+    head = ("case", "verdict", "field", "stage", "first atom", "largest difference/bound", "message")
     more = f"\n\n… and {len(cases) - LISTED} more, see report.html." if len(cases) > LISTED else ""
     return f"### Not as expected\n\n{table(head, map(_failure, cases[:LISTED]))}{more}"
 
 
 def _failure(case: CaseRecord) -> Sequence[str]:
-    field = wording.worst_field(case)
-    blame = ("", "", "")
-    if field is not None:
-        atom = "" if field.worst_id is None else str(field.worst_id)
-        blame = (text(field.field), text(field.stage), atom)
+    first = case.headline
+    blame = (text(first.field), text(first.stage), str(first.atom)) if first else ("", "", "")
     message = case.message if len(case.message) <= LONGEST else case.message[:LONGEST] + "…"
     return (code(case.case), wording.kind(case), *blame, wording.number(wording.worst_ratio(case)), text(message))
 

@@ -19,6 +19,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, findings, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
+from lammps_cases.rules import RULES
 
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
@@ -67,6 +68,7 @@ def render(
         scripts=[_plotly(), ASSETS / "plots.js"],
         run=run,
         wording=wording,
+        rules=RULES,
         entries=[_entry(case, run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases],
         tags={tag: tags[tag] for tag in sorted(tags)},
         matrices=agreement.matrices(run),

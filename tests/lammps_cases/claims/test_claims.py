@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import get_args
+from dataclasses import replace
+from typing import Any, get_args
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 
 from eos_ref import InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.claims import model
 from lammps_cases.claims.model import KINDS, Claim, Page, claims
 from lammps_cases.claims.trace import trace
 from lammps_cases.claims.verdicts import Names
+from lammps_cases.comparison.trajectory import predict
 from lammps_cases.findings import LEDGER
+from lammps_cases.run import campaign
+from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.model_cases import problem_of
 from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, fields_of
 
 NAMES = Names(KNOWN)
 BY_ID = {claim.id: claim for claim in claims()}
+MADE: dict[str, Any] = {
+    "id": "x",
+    "page": "fix rheo",
+    "section": "s",
+    "kind": "syntax",
+    "text": "T.",
+    "consequence": "Nothing would.",
+}
 
 
 def test_list() -> None:
@@ -42,6 +59,7 @@ def test_findings_can_be_met() -> None:
         for entry in (by_id[id] for id in claim.refuted_by):
             covered = [name for name in NAMES.of(claim) if entry.covers(name)]
             assert covered or entry.model_variant is not None, (claim.id, entry.id)
+            assert not set(covered) & set(PROBES) or entry.outcome, (claim.id, entry.id)
 
 
 def test_traceable_both_ways() -> None:
@@ -53,7 +71,7 @@ def test_traceable_both_ways() -> None:
 
 
 def test_trace_names_what_leads_nowhere() -> None:
-    lost = Claim(id="x", page="fix rheo", section="s", kind="syntax", text="T.", cases=("near-rho0.gone", "nowhere.*"))
+    lost = Claim(**MADE, cases=("near-rho0.gone", "nowhere.*"))
     leads = trace([lost], ["near-rho0.linear.2d", "brand-new.case"])
     assert leads.dangling == {"x": ["near-rho0.gone", "nowhere.*"]}
     assert leads.unclaimed == {"brand-new.case": "", "near-rho0.linear.2d": ""}
@@ -77,13 +95,53 @@ def test_formulas_are_told_apart(id: str) -> None:
     assert not scenes or any(1.0 not in (*(s.rho0 or (1.0,)), *(s.cs or (1.0,))) for s in scenes)
 
 
-def test_claim_needs_cases_or_a_reason() -> None:
-    with pytest.raises(ValueError, match="either cases or untestable"):
-        Claim(id="x", page="fix rheo", section="s", kind="syntax", text="T.")
+def test_every_claim_says_by_which_consequence_it_is_held() -> None:
+    """In a sentence; few claims share one, and none of another kind do."""
+    shared: dict[str, set[str]] = {}
+    for claim in claims():
+        assert claim.consequence[0].isupper() and claim.consequence.endswith("."), claim.id
+        assert claim.consequence != claim.text, claim.id
+        shared.setdefault(claim.consequence, set()).add(claim.kind)
+    assert all(len(kinds) == 1 for kinds in shared.values())
+    assert len(shared) > 0.7 * len(claims())
+    with pytest.raises(ValueError, match="needs a consequence"):
+        Claim(**MADE | {"consequence": ""}, cases=("near-rho0.linear.2d",))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"cases": ("near-rho0.linear.2d",), "untestable": "so"},
+        {"argument": "so"},
+        {"kind": "page", "untestable": "so"},
+        {"cases": ("near-rho0.linear.2d",), "falls": True},
+    ],
+)
+def test_claim_is_judged_in_one_way(more: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"needs one of|goes with the kind page"):
+        Claim(**MADE | more)
+
+
+def test_zmin_of_the_scenes_is_a_number_of_neighbours_that_occurs() -> None:
+    """Particles with one neighbour less, as many, and one more are in them: *fewer than* and *at most* differ."""
+    for kernel in ("rk1", "rk2"):
+        case = CASES[f"zmin.some.{kernel}"]
+        zmin = case.scene.rheo.zmin
+        counts = set(coordination(case).tolist())
+        assert {zmin - 1, zmin, zmin + 1} <= counts, (kernel, zmin, sorted(counts))
+
+
+def coordination(case: Case) -> npt.NDArray[Any]:
+    """The numbers of neighbours at the start, by the reference."""
+    problem = problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0,))
+    return np.asarray(
+        predict(replace(problem, fields=("coordination",)), ArrayEvaluator, Simulation).fields[0]["coordination"]
+    )
 
 
 def test_unknown_key_is_refused() -> None:
-    whole = {"id": "x", "page": "fix rheo", "section": "s", "kind": "syntax", "text": "T.", "untestable": "so"}
+    whole = MADE | {"untestable": "so"}
     assert model._checked([whole], tuple[Claim, ...], "rheo.yaml")[0].id == "x"
     with pytest.raises(InputError, match="refuted: Extra inputs are not permitted"):
         model._checked([whole | {"refuted": []}], tuple[Claim, ...], "rheo.yaml")
@@ -93,7 +151,7 @@ def test_selection() -> None:
     assert [c.id for c in model.select(["pressure-linear"])] == ["pressure-linear"]
     assert all(c.kind == "unit" for c in model.select(["unit"]))
     assert {c.page for c in model.select(["fix rheo/pressure"])} == {"fix rheo/pressure"}
-    assert "rheo-fix-modify" in [c.id for c in model.select(["probes.rheo-fix-modify-temp"])]
+    assert "rheo-fix-modify" in [c.id for c in model.select(["probes.rheo-fix-modify.temp"])]
     assert len(model.select([])) == len(claims())
     with pytest.raises(InputError, match="did you mean 'pressure-linear"):
         model.select(["pressure-liner"])

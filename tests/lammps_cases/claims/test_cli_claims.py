@@ -14,7 +14,7 @@ from tests.support.outcome import Outcome
 pytestmark = pytest.mark.lammps
 
 Command = Callable[..., Outcome]
-CHOSEN = ("pressure-linear", "pressure-background-unit", "pressure-a3-unit", "rheo-exclude-list", "rheo-versionadded")
+CHOSEN = ("pressure-linear", "pressure-gamma-unit", "pressure-a3-unit", "rheo-exclude-list", "rheo-versionadded")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_run(eos_ref_command: Command, folder: Path) -> None:
     rows = document(done)
     assert {id: row["verdict"] for id, row in rows.items()} == {
         "pressure-linear": "holds",
-        "pressure-background-unit": "holds",
+        "pressure-gamma-unit": "holds",
         "pressure-a3-unit": "does not hold",
         "rheo-exclude-list": "does not hold",
         "rheo-versionadded": "cannot be tested",

@@ -12,9 +12,10 @@ from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, a
 
 NEW = "2025.7.22.4.0"
 IN_FORCE = [claim for claim in claims() if claim.made_in(manual_of(NEW))]
+BY_CASES = [claim for claim in IN_FORCE if not claim.argument]
 NAMES = Names(KNOWN)
 GOOD = all_good()
-TESTABLE = [claim.id for claim in claims() if not claim.untestable]
+TESTABLE = [claim.id for claim in claims() if claim.cases]
 BY_ID = {claim.id: claim for claim in claims()}
 
 
@@ -23,9 +24,20 @@ def one(claim: Claim, records: dict[str, CaseRecord]) -> Judged:
 
 
 def test_all_hold_on_a_lammps_that_keeps_its_manual() -> None:
-    found = counts(judge(IN_FORCE, GOOD, KNOWN))
-    testable = sum(not claim.untestable for claim in IN_FORCE)
-    assert found == {"holds": testable, "cannot be tested": len(IN_FORCE) - testable}
+    found = counts(judge(BY_CASES, GOOD, KNOWN))
+    testable = sum(not claim.untestable for claim in BY_CASES)
+    assert found == {"holds": testable, "cannot be tested": len(BY_CASES) - testable}
+
+
+def test_claims_of_the_page_stand_and_fall_by_their_argument() -> None:
+    """On a LAMMPS of which nothing is known, too, and without a finding."""
+    pages = [claim for claim in claims() if claim.argument]
+    assert {claim.falls for claim in pages} == {True, False}
+    for claim in pages:
+        judged = one(claim, {})
+        assert judged.verdict == ("does not hold" if claim.falls else "holds")
+        assert not judged.unexplained and not judged.cases
+        assert [evidence.text for evidence in judged.evidence] == [claim.argument]
 
 
 @pytest.mark.parametrize("id", TESTABLE)
@@ -44,7 +56,7 @@ def test_finding_that_contradicts_refutes(id: str) -> None:
     claim = BY_ID[id]
     name = NAMES.of(claim)[0]
     for finding in claim.refuted_by:
-        flipped = one(claim, GOOD | {name: wrong(name, claim.fields, ["force-per-volume", finding])})
+        flipped = one(claim, GOOD | {name: wrong(name, claim.fields, ["unheard-of", finding])})
         assert flipped.verdict == "does not hold" and not flipped.unexplained
         assert flipped.evidence[0].findings == (finding,)
 
@@ -145,7 +157,7 @@ def test_summary_of_a_run() -> None:
     assert {judged.claim.id for judged in whole.refuted} >= {"rheo-sum", "rheo-sum-formula"}
     # every claim of cases alone was run, but for the one with the case that is red on purpose
     assert whole.not_run - whole.probes == 1
-    assert whole.holds + whole.not_run + whole.untestable + len(whole.refuted) == len(IN_FORCE)
+    assert whole.holds + whole.not_run + whole.untestable + len(whole.refuted) == len(BY_CASES)
     assert summary(run_of({"in.deck": CaseRecord(case="in.deck", verdict="pass")})) is None
 
 

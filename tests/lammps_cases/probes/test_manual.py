@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from itertools import pairwise, permutations
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER
-from lammps_cases.probes import PREFIX, manual
+from lammps_cases.probes import PREFIX, manual, run
 from lammps_cases.probes.manual import ManualProbe, judge, put
 from lammps_cases.probes.run import Reply
 from lammps_cases.records.run_record import CaseRecord
@@ -19,11 +23,54 @@ from tests.support.progress import Steps
 BY_ID = {probe.id: probe for probe in manual.probes()}
 # Probes of statements that the manual makes and that are wrong.
 REFUTED = {
+    "density-diffuses": "no-mass-diffusion",
+    "order-zero-3d.rk0": "kernel-corrects-gradients-only",
+    "order-zero.rk0": "kernel-corrects-gradients-only",
+    "pressure-gas-hybrid": "gas-on-other-atoms",
+    "pressure-types-list": "pressure-takes-one-range",
+    "rheo-cut-of-pair": "pair-cutoff-unsaid",
+    "rheo-respa": "respa-refused",
+    "rheo-self-mass-keyword": "self-mass-missing",
+    "rheo-unit-rmin": "rmin-unit",
+    "solid-density-floor": "wall-density-stored",
+    "solid-density-of-every-pair": "wall-density-shared",
+    "solid-density-summed": "solids-summed",
+    "solid-density-temporary": "wall-density-stored",
+    "sound-3d": "force-per-volume",
+    "sound-gas-adiabatic": "gas-without-work",
+    "sound.background": "force-per-volume",
+    "sound.cubic": "force-per-volume",
+    "sound.linear": "force-per-volume",
+    "sound.tait-general": "force-per-volume",
+    "sound.tait-water": "force-per-volume",
+    "sum-of-constant.rk0": "kernel-corrects-gradients-only",
+    "sum-of-constant.rk1": "kernel-corrects-gradients-only",
+    "sum-of-constant.rk2": "kernel-corrects-gradients-only",
+    "sum-of-neighbours": "sum-includes-self",
+    "walls-do-not-attract": "walls-attract",
     "rheo-sound-cs0-to-csn": "speed-sound-count",
     "rheo-unit-wmin": "support-unit",
     "pressure-taitwater": "style-taitwater",
     "pressure-unit-a3": "cubic-unit",
     "specific-heat-zero": "specific-heat-zero",
+    "rheo-kernel-wendland": "kernel-wendland-c4",
+    "pair-harmonic-of-zeros": "harmonic-mean-undefined",
+    "pair-harmonic-of-zero-conductivities": "harmonic-mean-undefined",
+    "property-nbond-shell": "nbond-shell-segfault",
+    "property-component-of-three": "component-names-unchecked",
+    "property-component-of-two": "component-names-unchecked",
+    "viscosity-consistency-negative": "power-law-unchecked",
+    "viscosity-rate-negative": "power-law-unchecked",
+    "pair-damping-negative": "magnitudes-unchecked",
+    "pair-viscosity-negative": "magnitudes-unchecked",
+    "compute-component-stars": "component-stars-crash",
+    "rheo-density-zero": "scales-unchecked",
+    "rheo-density-negative": "scales-unchecked",
+    "rheo-sound-zero": "scales-unchecked",
+    "rheo-shiftscale-negative": "shiftscale-no-fraction",
+    "rheo-shiftscale-above-1": "shiftscale-no-fraction",
+    "pressure-tait-general-zero": "law-arguments-unchecked",
+    "pressure-gas-below-1": "law-arguments-unchecked",
 }
 
 
@@ -32,11 +79,11 @@ def planted() -> list[ManualProbe]:
     found = []
     for probe in manual.probes():
         if probe.refused:
-            changes: dict[str, Any] = {"id": f"{probe.id}-planted", "edits": ()}
+            changes: dict[str, Any] = {"id": f"planted-{probe.id}", "edits": ()}
         elif probe.accepted:
-            changes = {"id": f"{probe.id}-planted", "edits": (("run 3", "fix 9 all nosuchstyle\nrun 3"),)}
+            changes = {"id": f"planted-{probe.id}", "edits": (("run 3", "fix 9 all nosuchstyle\nrun 3"),)}
         else:
-            changes = {"id": f"{probe.id}-planted", "edits": probe.control}
+            changes = {"id": f"planted-{probe.id}", "edits": probe.control}
         found.append(probe.model_copy(update=changes))
     return found
 
@@ -65,12 +112,14 @@ def test_probe(id: str, records: dict[str, CaseRecord]) -> None:
 @pytest.mark.lammps
 @pytest.mark.parametrize("id", BY_ID)
 def test_probe_sees_its_fault(id: str, records: dict[str, CaseRecord]) -> None:
-    assert not records[f"{id}-planted"].as_expected, id
+    assert not records[f"planted-{id}"].as_expected, id
 
 
 def test_no_finding_of_a_probe_is_stale() -> None:
-    named = {p.removeprefix(PREFIX) for e in LEDGER for p in e.applies_to if p.startswith(PREFIX)}
-    assert named == set(REFUTED)
+    named = {p: e.id for e in LEDGER for p in e.applies_to if p.startswith(PREFIX)}
+    spoken_of = {id: entry for pattern, entry in named.items() for id in BY_ID if fnmatchcase(PREFIX + id, pattern)}
+    assert spoken_of == REFUTED
+    assert all(any(fnmatchcase(PREFIX + id, pattern) for id in BY_ID) for pattern in named)
 
 
 def test_error_is_lammps_words_alone() -> None:
@@ -85,6 +134,10 @@ def test_probe_needs_one_expectation_and_a_control() -> None:
         ManualProbe(id="x", about="X.", accepted=True, refused="no")
     with pytest.raises(ValueError, match="control"):
         ManualProbe(id="x", about="X.", same=())
+    with pytest.raises(ValueError, match="needs a bound"):
+        ManualProbe(id="x", about="X.", measured="a speed", control=())
+    with pytest.raises(ValueError, match="nothing else has one"):
+        ManualProbe(id="x", about="X.", accepted=True, bound="so")
 
 
 def ran(log: str = "", **arrays: list[float]) -> Reply:
@@ -142,6 +195,66 @@ def test_numbers_must_be_finite() -> None:
     accepted = ManualProbe(id="x", about="X.", accepted=True)
     assert judge(accepted, [ran(p=[1.0])]).verdict == "pass"
     assert said(accepted, ran(p=[np.inf])) == "p come out as NaN or infinite"
+
+
+MEASURED = ManualProbe(id="x", about="X.", measured="a speed", bound="as it is", control=())
+
+
+def measured(found: float, expected: float = 5.0, within: float = 0.25) -> Reply:
+    """A deck that has measured."""
+    return ran(found=[found], expected=[expected], within=[within])
+
+
+@pytest.mark.parametrize("number", [4.75, 5.25])
+def test_number_is_measured_within_its_bound(number: float) -> None:
+    assert judge(MEASURED, [measured(number), measured(9.0)]).verdict == "pass"
+
+
+@pytest.mark.parametrize("number", [4.7, 5.3, math.nan, math.inf])
+def test_number_is_measured_outside_its_bound(number: float) -> None:
+    record = judge(MEASURED, [measured(number), measured(9.0)])
+    assert record.verdict == "differs" and record.mismatch is not None and record.mismatch.fields == ["a speed"]
+    assert record.message == f"a speed is measured as {number:.6g}, where 5 within 0.25 is expected"
+
+
+def test_control_of_a_measurement_must_be_outside() -> None:
+    assert "the probe is blind" in judge(MEASURED, [measured(5.0), measured(5.1)]).message
+
+
+def test_entry_with_instances_stands_for_several_probes() -> None:
+    several = [id for id in BY_ID if id.startswith("rheo-fix-modify.")]
+    assert len(several) == 6 and "rheo-fix-modify" not in BY_ID
+    assert BY_ID["sound.cubic"].edits == (("* linear", "* cubic 2.0"),)
+    assert BY_ID["sound.cubic"].control == BY_ID["sound.linear"].control
+
+
+def test_every_keyword_stands_right_behind_every_other_one() -> None:
+    """In the orders that are tried."""
+    words = {"thermal", "interface/reconstruct", "surface/detection", "shift", "rho/sum", "density", "speed/sound"}
+    behind = set()
+    for probe in (probe for id, probe in BY_ID.items() if id.startswith("rheo-keyword-order.")):
+        order = [word for word in probe.edits[-1][1].split() if word in words]
+        assert sorted(order) == sorted(words)
+        behind |= set(pairwise(order))
+    assert behind == set(permutations(words, 2))
+
+
+def test_decks_that_are_the_same_are_put_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each reply still reaches its probe."""
+    asked: list[Any] = []
+
+    def answer(workers: Any, inputs: Any, limit: float) -> Iterator[Reply]:
+        asked.extend(inputs)
+        return (ran(log=" ".join(given)) for given in inputs)
+
+    monkeypatch.setattr(run, "put", answer)
+    heard: list[tuple[str, list[str]]] = []
+    monkeypatch.setattr(manual, "judge", lambda probe, of: heard.append((probe.id, [reply.log for reply in of])))
+    chosen = [probe for id, probe in BY_ID.items() if id.startswith(("sound.", "rheo-exclude", "rheo-unit"))]
+    put(chosen, cast("Workers", None))
+    decks = [given for probe in chosen for given in probe.inputs]
+    assert len(asked) == len(set(asked)) == len(set(decks)) < len(decks)
+    assert [logs for _, logs in heard] == [[" ".join(map(str, given)) for given in probe.inputs] for probe in chosen]
 
 
 def test_log_must_not_hold_a_text() -> None:

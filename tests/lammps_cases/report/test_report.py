@@ -248,6 +248,8 @@ def example(folder: Path) -> RunRecord:
         *ended(),
     ]
     cases[5].message = "pressure of atom 6 at stage eos is NaN"
+    values = {"lammps": np.nan, "reference": 0.5, "bound": 1e-14}
+    cases[5].blame = Blame(field="pressure", stage="eos", atom=6, outside=1, of=400, **values)
     cases += [model(folder, "model.flat", 2), model(folder, "model.cube", 3), model(folder, f"hostile2.{NAME}", 2)]
     cases[-1].twin, cases[-1].unseen, cases[-1].fields[1].field = HOSTILE, [HOSTILE], HOSTILE
     cases[-2].unseen = ["gone"]

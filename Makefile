@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
-.PHONY: help setup validate quick fast test browser check bench claims versions engines power clean
+.PHONY: help setup validate quick fast test browser check bench claims versions engines power judge fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -57,7 +58,15 @@ engines: $(READY) ## every LAMMPS with RHEO, or ENGINES='path:BUILD ...': baseli
 power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long)
 	$(BIN)/eos-ref power
 
+judge: $(READY) ## mutate the code that judges; its tests have to notice (long)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[judge]'
+	$(BIN)/mutmut run --max-children 2
+	$(BIN)/python -m lammps_cases.studies.mutation.judge
+
+fuzz: $(READY) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others
+	$(BIN)/eos-ref fuzz $(FUZZ)
+
 clean: ## remove the environment, caches and reports (not the accepted baselines)
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	find reports -mindepth 1 -maxdepth 1 ! -name accepted ! -name '*.png' -exec rm -rf {} +

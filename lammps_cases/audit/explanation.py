@@ -8,7 +8,7 @@ from typing import Any
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings import Finding
+from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import combined
 
 # The fields outside their bounds by some stages; if the flag is set, values without a bound are left out.
@@ -43,11 +43,8 @@ def explain(
         classes = combined(variants, problem, dict(snapshot))
         return outside(classes[0], any(v.undefined for v in variants)) if classes else frozenset(snapshot)
 
-    def applies(entry: Finding) -> bool:
-        variant = entry.model_variant
-        return variant is not None and variant.stages is not None and variant.applies(problem)
-
-    return _as_before(last, before, after) or _smallest([e for e in listed if applies(e)], before, after)
+    apply = [e for e in applicable(problem) if e in listed and e.model_variant and e.model_variant.stages is not None]
+    return _as_before(last, before, after) or _smallest(apply, before, after)
 
 
 def _as_before(last: Explained, before: frozenset[str], after: _After) -> Explained:

@@ -44,6 +44,11 @@ class Variant:
         """Return whether it says something where no lists were read."""
         return self.undefined or not self.lists
 
+    def within(self, other: Variant) -> bool:
+        """Return whether another variant builds on this one, so that beside it this one changes nothing."""
+        own = [(a, b) for a, b in ((self.stages, other.stages), (self.stepping, other.stepping)) if a is not None]
+        return bool(own) and all(b is not None and issubclass(b, a) for a, b in own)
+
 
 def combined(
     variants: Sequence[Variant], problem: Problem, snapshot: Snapshot

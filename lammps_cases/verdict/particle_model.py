@@ -63,13 +63,20 @@ def judge(
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = [entry.id for entry in entries]
-    others = [entry for entry in listed if entry not in entries] if entries or not first else []
+    others = [entry for entry in listed if not _contained(entry, entries)] if entries or not first else []
     unseen = [entry for entry in others if trial.shows(entry)]
     comparisons = [over_steps(table[field], problem.steps) for field in in_step_order(problem.fields)]
     if problem.steps[0] == 0:
         _add_digits_lost(predictor.precise(problem), table, comparisons)
     lint = _unseen(problem, random, predictor) if problem.steps[0] == 0 else []
     return ModelVerdict(comparisons, entries, unseen, first, explanation.beyond, lint)
+
+
+def _contained(entry: Finding, entries: Sequence[Finding]) -> bool:
+    """Return whether a finding is one of several, or what one of them builds on."""
+    own = entry.model_variant
+    variants = [other.model_variant for other in entries if other.model_variant]
+    return entry in entries or (own is not None and any(own.within(variant) for variant in variants))
 
 
 def _unseen(problem: Problem, random: int, predictor: Predictor) -> list[str]:

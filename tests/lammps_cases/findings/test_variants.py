@@ -64,6 +64,14 @@ def test_what_builds_on_another_stands_for_both(problem: Problem) -> None:
         assert made[0].__bases__ == (Fitted,)
 
 
+def test_beside_one_that_builds_on_it_a_variant_changes_nothing() -> None:
+    assert variant(HeatOverDensity).within(variant(Fitted, stepping=Steps))
+    assert variant(stepping=Simulation).within(variant(Fitted, stepping=Steps))
+    assert not variant(Fitted).within(variant(HeatOverDensity))
+    assert not variant(HeatOverDensity, stepping=Steps).within(variant(Fitted))
+    assert not variant().within(variant(Fitted)), "a case that LAMMPS ends is no part of another"
+
+
 def test_a_variant_is_fitted_to_the_first_snapshot_with_the_others_in_place(problem: Problem) -> None:
     given: list[tuple[Problem, tuple[type, ...], dict[str, Any]]] = []
 

@@ -362,7 +362,7 @@ class RunRecord(_Record):
     @property
     def exit_code(self) -> int:
         """Exit code: 0 all as expected, 1 something differs (or is explained, if strict), 2 a bad case, 3 a failure."""
-        if any(case.unexercised for case in self.cases):
+        if any(case.unexercised and case.verdict == "error" for case in self.cases):
             return 2
         verdicts = {case.verdict for case in self.cases if not case.as_expected}
         if verdicts & {"refused", "crashed", "timeout", "error"}:

@@ -275,7 +275,7 @@ def message(case: CaseRecord, findings: bool = True) -> str:
     """
     if case.verdict in INSIDE:
         return ""
-    parts = [unexercised(case), blame(case, findings), end(case)]
+    parts = [blame(case, findings), end(case), unexercised(case)]
     return "; ".join(part for part in parts if part) or case.message
 
 

@@ -208,7 +208,7 @@ def judge(
             record.message = wording.message(record)
     record.exercises = exercises
     if record.unexercised:
-        record.verdict = "error"
+        record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first
         record.message = wording.message(record)
     return record, arrays
 

@@ -81,11 +81,11 @@ def test_a_case_that_does_not_do_what_it_says_is_an_error_of_the_case(
 
 def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
     bad = CaseRecord(case="a", verdict="error", dimension=3, exercises={"layer": 0, "shift": 7})
-    differs = CaseRecord(case="b", verdict="differs")
+    differs = CaseRecord(case="b", verdict="differs", exercises={"layer": 0})
     assert bad.unexercised == ["layer"]
     assert wording.message(bad) == "the case says it exercises layer, but nothing in its 3D scene does"
     assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs, bad]).exit_code == 2
-    assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code == 1
+    assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code == 1, "what it compares is wrong"
 
 
 def test_patterns_are_of_labels_and_rules_of_the_reference(written: Callable[..., Path]) -> None:

@@ -317,7 +317,7 @@ def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: P
     assert first.code == 1  # no case conducts heat
     found = json.loads(first.out)
     assert {fault["id"]: fault["caught_by"] for fault in found["faults"]} == {
-        "told.cs-off": [LAW],
+        "told.cs-off": [LAW, FLUID],
         "told.power-n": [FLUID],
         "told.kappa-off": [],
     }

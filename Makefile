@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
-.PHONY: help setup validate quick fast test browser check bench claims versions engines power judge fuzz clean
+.PHONY: help setup validate quick fast test browser check bench claims docs versions engines power judge fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -46,6 +46,11 @@ bench: $(READY) ## speed against peers, in one run, as ratios
 
 claims: $(READY) ## every statement of the manual: does it hold
 	$(BIN)/eos-ref claims
+
+docs: $(READY) ## build the pages of docs/ as a site in reports/site, to read offline
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(BIN)/mkdocs build --strict --quiet
+	@echo 'reports/site/index.html'
 
 versions: $(READY) ## every LAMMPS with RHEO against every other (some minutes)
 	$(BIN)/eos-ref compare $(ENGINES)

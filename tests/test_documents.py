@@ -11,7 +11,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("eos_ref", "lammps_cases")
-DOCUMENTS = ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md")
+PAGES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))
+DOCUMENTS = ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "eos_ref/NUMERICS.md", *PAGES)
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 FOREIGN = ("np", "numpy", "math", "pow", "llvmlite", "numba", "scipy", "pytest", "pandas")
 
@@ -109,6 +110,20 @@ def test_names_in_documents_exist(document: str) -> None:
     missing += [name for name in files if not (ROOT / name).exists()]
     missing += [link for link in links if not ((ROOT / document).parent / link).exists() and not (ROOT / link).exists()]
     assert missing == []
+
+
+def test_every_page_is_linked() -> None:
+    """A page of the documentation can be reached from the README."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    of_findings = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    linked = {f"docs/{link}" for link in re.findall(r"\]\((findings/[\w-]+\.md)\)", of_findings)}
+    linked |= set(re.findall(r"\]\((docs/[\w-]+\.md)\)", text)) | {"docs/index.md"}
+    assert linked == set(PAGES)
+
+
+def test_the_readme_is_short() -> None:
+    """What a newcomer reads first fits a few screens."""
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 120
 
 
 def test_the_tree_of_the_architecture_is_the_tree() -> None:

@@ -21,7 +21,7 @@ from lammps_cases.records.progress import Bar
 def adopt_command(engine: str, jobs: int, out: Path | None, baselines: Path, dry_run: bool, as_json: bool) -> int:
     """Take a LAMMPS in: run every case, claim and bad input on it, and write down what is there, gone and new.
 
-    Then the list of engines of every finding, the baseline and the table of the README are brought up to date. Exit
+    Then the list of engines of every finding, the baseline and the table of findings are brought up to date. Exit
     code 1 if a difference is left without an explanation.
 
     \b

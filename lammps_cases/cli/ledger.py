@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 
 import click
 
 from lammps_cases.cli import shared
-
-MOST_NAMES = 8  # of cases that show a finding, beyond which they are counted
+from lammps_cases.records.wording import by_file
 
 
 @click.command("ledger")
@@ -52,10 +50,5 @@ def ledger_command(names: tuple[str, ...], as_json: bool) -> int:
 
 
 def _cases(cases: Sequence[str], applies_to: Sequence[str]) -> str:
-    """Name cases, or count them by their files if they are many; without any, name what the finding applies to."""
-    if not cases:
-        return f"{', '.join(applies_to) or 'no case'} (in no accepted run)"
-    if len(cases) <= MOST_NAMES:
-        return ", ".join(cases)
-    counts = Counter(case.partition(".")[0] for case in cases)
-    return f"{len(cases)} cases ({', '.join(f'{count} {file}.*' for file, count in counts.most_common())})"
+    """Name cases, or count them by their files; without any, name what the finding applies to."""
+    return by_file(cases) if cases else f"{', '.join(applies_to) or 'no case'} (in no accepted run)"

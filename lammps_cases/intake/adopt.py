@@ -165,7 +165,7 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
     InputError
         This is not a checkout.
     """
-    if not (evidence.ROOT / "pyproject.toml").exists() or not evidence.README.exists():
+    if not (evidence.ROOT / "pyproject.toml").exists() or not evidence.TABLE.exists():
         raise InputError("adopt", "must run in a checkout of eos-ref to bring it up to date (--dry-run does not)")
     version = adoption.engine.distribution
     seen_on = {entry.id: seen(SEEN_ON.get(entry.id, ()), version, adoption.findings, entry.id) for entry in LEDGER}
@@ -173,7 +173,7 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
     accepted = accept(run, f"taken in: {adoption.sentence}", baselines, adoption.command, with_failures=True)
     # Another process: this one has read the list of engines as it was.
     subprocess.run([sys.executable, "-m", evidence.__name__], check=True, cwd=evidence.ROOT)
-    return [engines.FILE, accepted.folder, SHOWN_BY, evidence.README]
+    return [engines.FILE, accepted.folder, SHOWN_BY, evidence.TABLE]
 
 
 def seen(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from lammps_cases.records.run_record import (
 
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
+MOST_NAMES = 8  # of cases, beyond which they are counted
 
 
 def verdict_kind(verdict: str, expected: bool) -> str:
@@ -92,6 +93,14 @@ def carried_rows(of: CarriedOver) -> list[tuple[str, str, int]]:
 def counted(count: int, noun: str) -> str:
     """Count things: 1 case, 2 cases."""
     return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def by_file(cases: Sequence[str]) -> str:
+    """Name cases; count them by their files if they are many."""
+    if len(cases) <= MOST_NAMES:
+        return ", ".join(cases)
+    counts = Counter(case.partition(".")[0] for case in cases)
+    return f"{counted(len(cases), 'case')} ({', '.join(f'{count} {file}.*' for file, count in counts.most_common())})"
 
 
 def plain(item: Any) -> Any:

@@ -1,8 +1,8 @@
 """What the accepted runs show of the findings: ``python -m lammps_cases.regression.evidence`` writes it down.
 
 ``findings/shown_by.json`` holds the cases that show each finding, ``findings/engines.json`` the versions it was seen
-on, README.md a table of all findings. `eos-ref accept` and `eos-ref adopt` write them anew after they have changed the
-baselines of this repository.
+on, ``docs/findings.md`` a table of all findings, ``docs/findings/`` a page of each. `eos-ref accept` and `eos-ref
+adopt` write them anew after they have changed the baselines of this repository.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from packaging.version import Version
 from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, engines
 from lammps_cases.findings.entry import Severity
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.wording import by_file
 from lammps_cases.regression import baseline
 
 ROOT = Path(__file__).parents[2]
 BASELINES = ROOT / "reports" / "accepted"
-README = ROOT / "README.md"
+TABLE = ROOT / "docs" / "findings.md"
+PAGES = ROOT / "docs" / "findings"
 BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
 
 
@@ -80,26 +82,57 @@ def table(evidence: Evidence, ledger: Sequence[Finding] = LEDGER) -> str:
         some = ", ".join(engine.removeprefix("2025.7.22") for engine in seen_on)
         versions = "all" if seen_on == evidence.engines else some
         count = len(evidence.cases[entry.id])
-        lines.append(f"| {entry.severity} | {entry.title} (`{entry.id}`) | {versions} | {count} |\n")
+        link = f"[`{entry.id}`]({PAGES.name}/{entry.id}.md)"
+        lines.append(f"| {entry.severity} | {entry.title} ({link}) | {versions} | {count} |\n")
     return "".join(lines)
+
+
+def page(entry: Finding, evidence: Evidence) -> str:
+    """Return the page of a finding in Markdown."""
+    cases = evidence.cases[entry.id]
+    parts = [
+        f"# {entry.title}\n\n`{entry.id}`, severity {entry.severity}\n",
+        f"## What is documented\n\n{entry.documented}\n",
+        f"## What LAMMPS does\n\n{entry.observed}\n",
+        f"## Why that cannot be right\n\n{entry.argument}\n",
+        f"## What to do meanwhile\n\n{entry.workaround}\n",
+        f"## Versions\n\n{_versions(evidence.seen_on[entry.id], evidence.engines)}\n",
+        "## Show it\n",
+        f"`eos-ref report-bug {entry.id}` writes an input deck for LAMMPS alone and the text of an issue.\n",
+        *([f"Shown by {by_file(cases)}.\n"] if cases else []),
+    ]
+    return "\n".join(parts)
+
+
+def _versions(seen_on: Sequence[str], tried: Sequence[str]) -> str:
+    """Say on which versions a finding was seen, and on which not."""
+    others = [version for version in tried if version not in seen_on]
+    if not others:
+        return f"Seen on every version tried: {', '.join(tried)}."
+    return f"Seen on {', '.join(seen_on) or 'none'}; not on {', '.join(others)}."
 
 
 def documents(baselines: Path = BASELINES, ledger: Sequence[Finding] = LEDGER) -> dict[Path, str]:
     """Return the files that follow from the ledger and the accepted runs, with their content."""
     evidence = collect(baselines, ledger)
-    head, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)
+    head, _, rest = TABLE.read_text(encoding="utf-8").partition(BEGIN)
     tail = rest.partition(END)[2]
     return {
         SHOWN_BY: json.dumps(evidence.cases, indent=1) + "\n",
         engines.FILE: engines.document(evidence.engines, evidence.seen_on),
-        README: f"{head}{BEGIN}{table(evidence, ledger)}{END}{tail}",
+        TABLE: f"{head}{BEGIN}{table(evidence, ledger)}{END}{tail}",
+        **{PAGES / f"{entry.id}.md": page(entry, evidence) for entry in ledger},
     }
 
 
 def publish() -> None:
     """Write the files that follow from the ledger and the accepted runs of this repository."""
-    for path, content in documents().items():
+    files = documents()
+    for path, content in files.items():
+        path.parent.mkdir(exist_ok=True)
         write_atomically(path, content)
+    for path in set(PAGES.glob("*.md")) - set(files):
+        path.unlink()
 
 
 if __name__ == "__main__":

@@ -175,7 +175,7 @@ def _judged(name: str) -> CaseRecord:
 def test_a_new_finding_is_a_record_and_a_class(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
 ) -> None:
-    """From its record alone: the explanation of a case, the report, the shown-by list, the README, the command."""
+    """From its record alone: the explanation of a case, the report, the shown-by list, the documents, the command."""
     ledger = ledger_of((LEDGER, (HALVED,)))
     monkeypatch.setattr(findings, "LEDGER", ledger)
     record = _judged("images.quintic.two")
@@ -189,7 +189,9 @@ def test_a_new_finding_is_a_record_and_a_class(
     (tmp_path / "run" / "run.json").write_text(run.counted().to_json())
     acceptance.accept(tmp_path / "run", "has the finding", tmp_path / "accepted")
     documents = evidence.documents(tmp_path / "accepted", ledger)
-    assert "| low | Forces are halved (`halved`) | 2099.1.1 | 1 |\n" in documents[evidence.README]
+    row = "| low | Forces are halved ([`halved`](findings/halved.md)) | 2099.1.1 | 1 |\n"
+    assert row in documents[evidence.TABLE]
+    assert documents[evidence.PAGES / "halved.md"].startswith("# Forces are halved\n\n`halved`, severity low\n")
     assert '"halved": ["2099.1.1"]' in documents[engines.FILE]
 
     (tmp_path / "shown_by.json").write_text(documents[findings.SHOWN_BY])

@@ -1,4 +1,4 @@
-"""The API of a notebook: laws on arrays, ASE Atoms in and out, tables of a run; the README's example as it stands."""
+"""The API of a notebook: laws on arrays, ASE Atoms in and out, tables of a run; its page as it stands."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.lammps
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = Path(__file__).parents[3] / "docs" / "python.md"
 
 
-def test_example_of_the_readme(
+def test_examples_of_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Callable[..., Outcome]
 ) -> None:
-    """Every Python block of the README runs, and prints what its comments say."""
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    assert blocks, "the README shows no example"
+    """Every Python block of the page runs, and prints what its comments say."""
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
+    assert blocks, "the page shows no example"
     eos_ref_command("run", "near-rho0", "--out", tmp_path / "reports" / "latest")
     monkeypatch.chdir(tmp_path)
     for block in blocks:
         with contextlib.redirect_stdout(io.StringIO()) as printed:
-            exec(compile(block, "README.md", "exec"), {})
+            exec(compile(block, PAGE.name, "exec"), {})
         assert printed.getvalue().splitlines() == re.findall(r"print\(.*\)  # (.*)", block)
 
 

@@ -56,6 +56,8 @@ class CompiledEvaluator(Evaluator):
         super().__post_init__()
         announce_first_use(loops.quintic_geometry)
         model, box = self.model, self.box
+        if box.tilted:
+            raise InputError("tilt of the box", "must be 0 for compiled sums: take ArrayEvaluator", box.tilt)
         self.like = (0.0,) * model.dimension
         self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if self.skin is None else self.skin)
         self.edge = tuple(edge if p else 0.0 for edge, p in zip(box.edge_c, box.periodic, strict=True))

@@ -21,8 +21,8 @@ class AtCutoff(ArrayEvaluator):
         cut = self.model.cut
         # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
         # on either side; so are the squares, their sum and the root.
-        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + max(self.box.edge_c)
-        width = 8 * bounds.EPS * (reach + cut)
+        reach = float(np.abs(value(x_nc)).max(initial=0.0)) + np.abs(self.box.cell_cc).sum(axis=0).max()
+        width = 8 * bounds.EPS * (reach + cut) + 4 * self.box.rounding(cut).max()
         i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
         x = value(x_nc)
         r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))

@@ -39,22 +39,22 @@ def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, In
     import vesin
 
     n, d = x_nc.shape
-    edge = np.array(box.edge_c)
     # Periodic images are counted from inside the box; vesin needs a third axis and some extent along open ones.
-    low = np.array(box.low_c)
-    wrap_nc = np.where(box.periodic, -np.floor((x_nc - low) / edge), 0.0) * edge
+    image_nc = box.images(x_nc)
     points, extent = np.zeros((n, 3)), np.full(3, 4.0 * cut)
-    points[:, :d] = x_nc + wrap_nc
+    points[:, :d] = x_nc - box.shift(image_nc)
     for a in (a for a in range(d) if not box.periodic[a] and n):
         points[:, a] = compacted(points[:, a], cut)
     span = points[:, :d].max(axis=0, initial=0.0) + 4 * cut  # from 0 on along open axes
-    extent[:d] = np.where(box.periodic, edge, span)
+    extent[:d] = np.where(box.periodic, box.edge_c, span)
+    cell = np.diag(extent)
+    cell[:d, :d] += np.tril(box.cell_cc, -1)
     periodic = [*box.periodic, *([False] * (3 - d))]
     unit = search_unit(cut)
     wide = vesin.NeighborList(cutoff=cut / unit * (1 + 1e-9), full_list=True, sorted=True, n_threads=1)
-    i, j, s_pc = wide.compute(points / unit, np.diag(extent / unit), periodic, "ijS")
+    i, j, s_pc = wide.compute(points / unit, cell / unit, periodic, "ijS")
     i, j = i.astype(np.int64), j.astype(np.int64)
-    shift_pc = s_pc[:, :d] * edge + (wrap_nc[j] - wrap_nc[i])
+    shift_pc = box.shift(s_pc[:, :d] + (image_nc[i] - image_nc[j]))
     r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
     near = r < cut
     i, j, shift_pc = i[near], j[near], shift_pc[near]

@@ -291,20 +291,22 @@ class Simulation:
 
     def rounded(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """Return the last evaluation once more in `Rounded` arrays: every field with its rounding bound."""
-        return self._evaluated_in(Rounded, evaluator)
+        x_nc = Rounded(self.evaluated.x_nc, self.box.rounding(self.model.cut))
+        return self._evaluated_in(Rounded, evaluator, x_nc)
 
     def precise(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """Return the last evaluation once more in longdoubles, where these have more digits than doubles.
 
         The inverse of an equation of state, which walls need, stays in doubles.
         """
-        return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator)
+        x_nc = np.asarray(self.evaluated.x_nc, np.longdouble)
+        return self._evaluated_in(lambda array: np.asarray(array, np.longdouble), evaluator, x_nc)
 
-    def _evaluated_in(self, number: Callable[[Any], Array], evaluator: MakeEvaluator) -> Simulation:
+    def _evaluated_in(self, number: Callable[[Any], Array], evaluator: MakeEvaluator, x_nc: Array) -> Simulation:
         s = self.evaluated
         twin: Simulation = copy.copy(self)
         energy_n = None if s.energy_n is None else number(s.energy_n)
-        twin.state = State(number(s.x_nc), number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n)
+        twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n)
         twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
         twin.other_nc = number(self.other_nc)
         twin.setup() if self.fresh else twin.evaluate()

@@ -28,6 +28,7 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.integer[Any]]
 
 
+TILTED = ((0, 1), (0, 2), (1, 2))  # xy, xz and yz: along which axis the edge of which leans
 SMALLEST = float(np.finfo(float).tiny)  # the least number with all its digits
 
 
@@ -43,11 +44,19 @@ def _check_not_negative(what: str, number: float) -> None:
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangular box; ``periodic`` holds one flag per axis. In 2D the third axis is without meaning."""
+    """A box with the edges (lx, 0, 0), (xy, ly, 0) and (xz, yz, lz); in 2D the third axis is without meaning.
+
+    Attributes
+    ----------
+    low_c, high_c : one corner, and that of the upright box, in which the edges lean by nothing
+    periodic : one flag per axis
+    tilt : by how much the edges lean, xy or xy, xz, yz, between periodic axes alone; empty: the box is rectangular
+    """
 
     low_c: tuple[float, ...]
     high_c: tuple[float, ...]
     periodic: tuple[bool, ...]
+    tilt: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.low_c) == len(self.high_c) == len(self.periodic) in (2, 3):
@@ -55,11 +64,73 @@ class Box:
         for low, high in zip(self.low_c, self.high_c, strict=True):
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise InputError("box", "needs finite edges with low < high", (low, high))
+        if self.tilt and len(self.tilt) != (1 if len(self.low_c) == 2 else 3):
+            raise InputError("tilt of the box", "must be xy in 2D, xy, xz and yz in 3D", self.tilt)
+        for tilt, (one, other) in zip(self.tilt, TILTED, strict=False):
+            if not math.isfinite(tilt) or (tilt and not (self.periodic[one] and self.periodic[other])):
+                raise InputError("tilt of the box", "must be finite, and 0 but between periodic axes", self.tilt)
 
     @property
     def edge_c(self) -> tuple[float, ...]:
-        """Return the edge lengths."""
+        """Return the edge lengths, of the upright box."""
         return tuple(high - low for low, high in zip(self.low_c, self.high_c, strict=True))
+
+    @property
+    def tilted(self) -> bool:
+        """Return whether an edge leans."""
+        return any(self.tilt)
+
+    @property
+    def cell_cc(self) -> FloatArray:
+        """Return the edges as rows."""
+        cell_cc = np.diag(self.edge_c)
+        for tilt, (to, of) in zip(self.tilt, TILTED, strict=False):
+            cell_cc[of, to] = tilt
+        return cell_cc
+
+    def upright(self, distance_nc: FloatArray) -> FloatArray:
+        """Return distances, (n, d), without what they lean: in a rectangular box the same."""
+        if not self.tilted:
+            return distance_nc
+        upright_nc, cell_cc = np.array(distance_nc, float), self.cell_cc
+        for axis in reversed(range(1, len(self.edge_c))):
+            upright_nc[:, :axis] -= (upright_nc[:, axis] / self.edge_c[axis])[:, None] * cell_cc[axis, :axis]
+        return upright_nc
+
+    def images(self, x_nc: FloatArray) -> FloatArray:
+        """Return by how many edges positions, (n, d), lie outside, in whole numbers; 0 along open axes."""
+        fraction_nc = self.upright(x_nc - np.array(self.low_c)) / self.edge_c
+        return np.where(self.periodic, np.floor(fraction_nc), 0.0)
+
+    def periods(self, distance_nc: FloatArray) -> FloatArray:
+        """Return the whole numbers of edges nearest to distances, (n, d); 0 along open axes."""
+        return np.where(self.periodic, np.round(self.upright(distance_nc) / self.edge_c), 0.0)
+
+    def shift(self, image_nc: FloatArray) -> FloatArray:
+        """Return whole numbers of edges as distances, (n, d)."""
+        return np.asarray(image_nc @ self.cell_cc if self.tilted else image_nc * np.array(self.edge_c))
+
+    def outside(self, x_nc: FloatArray) -> BoolArray:
+        """Return which positions, (n, d), lie beyond a face, (n,)."""
+        low_c, high_c = np.array(self.low_c), np.array(self.high_c)
+        upright_nc = low_c + self.upright(x_nc - low_c) if self.tilted else x_nc
+        return np.asarray(((upright_nc < low_c) | (upright_nc > high_c)).any(axis=1))
+
+    def rounding(self, reach: float) -> FloatArray:
+        r"""Return how far the same position may lie in two codes, (d,), up to a reach outside; 0 if rectangular.
+
+        A position in a tilted box goes to fractions of its edges and back, :math:`\mathbf x=\mathbf x_0+H(H^{-1}
+        (\mathbf x-\mathbf x_0))`, whenever neighbour lists are built. Roundings of the absolute terms of both products:
+        the difference 1, an element of the inverse 5, its products and sums 3, the number of an image 1, the products
+        and sums back 3, the corner 1.
+        """
+        if not self.tilted:
+            return np.zeros(len(self.low_c))
+        cell_cc = np.abs(self.cell_cc)
+        lean_cc = cell_cc / np.array(self.edge_c)[:, None]  # of H = E (1 + N), N being triangular: 1 + |N|
+        inverse_cc = np.linalg.inv(2 * np.eye(len(lean_cc)) - lean_cc)  # 1 + |N| + |N|^2
+        terms_c = np.abs(self.low_c) + (cell_cc.sum(axis=0) + reach) @ inverse_cc @ lean_cc
+        return np.asarray(14 * 2.0**-53 * terms_c)
 
 
 @dataclass(frozen=True)
@@ -401,11 +472,10 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     if not model.fix.rho_sum and not (state.rho_n > 0).all():
         k = int(np.argmin(state.rho_n > 0))
         raise InputError("density", f"must be positive, but is not for particle {k + 1}", float(state.rho_n[k]), where)
-    low_c, high_c = np.array(box.low_c), np.array(box.high_c)
-    outside = ((state.x_nc < low_c) | (state.x_nc > high_c)).any(axis=1)
-    if outside.any():
+    if (outside := box.outside(state.x_nc)).any():
         k = int(np.argmax(outside))
         raise InputError("position", f"of particle {k + 1} must lie in the box", tuple(state.x_nc[k].tolist()), where)
+    low_c, high_c = np.array(box.low_c), np.array(box.high_c)
     wrapped_nc = np.where(np.array(box.periodic) & (state.x_nc == high_c), low_c, state.x_nc)  # one spot, two names
     unique, first = np.unique(wrapped_nc, axis=0, return_index=True)
     if len(unique) < n:

@@ -60,7 +60,7 @@ class Setting:
 
     deck: Deck
     units: str
-    triclinic: bool = False
+    open_tilt: bool = False  # whether the box leans along an axis that is not periodic
     between: str = ""  # a command that run executes in between and that may change the model
 
 
@@ -99,7 +99,9 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         return f"run executes commands in between that may change the model ({setting.between})"
     if name != "rho" and not needs(name, "pairs", model):
         return ""
-    hidden = setting.deck.hides_pairs() or ("the box is not rectangular" if setting.triclinic else "")
+    hidden = setting.deck.hides_pairs() or (
+        "the box leans along an axis that is not periodic" if setting.open_tilt else ""
+    )
     return hidden or _of_pairs(name, model, setting)
 
 

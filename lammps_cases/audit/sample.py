@@ -157,8 +157,10 @@ def particles(lmp: Any, model: Model, n: int, x_nc: Array) -> tuple[State, Box]:
         solid_n=atoms.extract_atom("rheo_status")[:n] & SOLID != 0,
         energy_n=atoms.extract_atom("esph")[:n].copy() if model.thermal is not None else None,
     )
-    low, high, *_, periodic, _ = lmp.extract_box()
-    return state, Box(tuple(low[:d]), tuple(high[:d]), tuple(bool(flag) for flag in periodic[:d]))
+    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+    tilt = (xy, xz, yz)[: d * (d - 1) // 2]
+    ends = tuple(low[:d]), tuple(high[:d])
+    return state, Box(*ends, tuple(bool(flag) for flag in periodic[:d]), tilt if any(tilt) else ())
 
 
 def drop(lmp: Any) -> None:

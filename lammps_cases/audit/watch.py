@@ -19,7 +19,7 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Model
+from eos_ref.model.parameters import TILTED, Model
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample
 from lammps_cases.audit.deck import HARMLESS, Deck
@@ -152,8 +152,11 @@ class DeckWatch:
         model = self._model(table, mass_t)
         words = values[values.index("every") + 2 :] if "every" in values else []
         between = next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
-        _, _, *tilts, _, _ = self.lmp.extract_box()
-        setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), any(tilts), between)
+        _, _, xy, yz, xz, periodic, _ = self.lmp.extract_box()
+        open_tilt = any(
+            tilt and not all(periodic[axis] for axis in axes) for tilt, axes in zip((xy, xz, yz), TILTED, strict=True)
+        )
+        setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), open_tilt, between)
         choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.DEFAULT:
             return choice, None

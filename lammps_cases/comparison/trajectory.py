@@ -140,8 +140,8 @@ def evaluations(problem: Problem) -> int:
 
 
 def own_stages(problem: Problem) -> type[Evaluator]:
-    """Return the reference's own evaluator: compiled if there are more than `COMPILED_ABOVE` evaluations."""
-    if evaluations(problem) <= COMPILED_ABOVE:
+    """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright box."""
+    if problem.box.tilted or evaluations(problem) <= COMPILED_ABOVE:
         return ArrayEvaluator
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
@@ -234,7 +234,8 @@ class Shaken(Simulation):
         """Move the state by one unit of the last place and by a fraction of every value, with random signs."""
         s = self.state
         reach_c = np.maximum(np.abs(self.box.low_c), np.abs(self.box.high_c))  # a coordinate that wraps rounds so
-        s.x_nc = s.x_nc + self._signs(s.x_nc) * (EPS * reach_c + relative * np.abs(s.x_nc))
+        size_nc = EPS * reach_c + self.box.rounding(self.model.cut) + relative * np.abs(s.x_nc)
+        s.x_nc = s.x_nc + self._signs(s.x_nc) * size_nc
         s.v_nc = s.v_nc * (1 + (EPS + relative) * self._signs(s.v_nc))
         s.rho_n = s.rho_n * (1 + (EPS + relative) * self._signs(s.rho_n))
         if s.energy_n is not None:

@@ -68,19 +68,14 @@ class FollowingLists(ArrayEvaluator):
         x, i, j, listed = value(x_nc).astype(float), self.i, self.j, self.lists[self.at]
         one_s, other_s = listed.pair_ps.T
         apart_pc = np.stack([value(x_p).astype(float) for x_p in self.x], axis=1)
-        image_pc = self._periods(x[i] - x[j] - apart_pc)
-        image_sc = self._periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
+        image_pc = self.box.periods(x[i] - x[j] - apart_pc).astype(np.int64)
+        image_sc = self.box.periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s]).astype(np.int64)
         own = np.column_stack([i, j, image_pc])
         other = np.column_stack([j, i, -image_pc])
         rows = listed.row_s[one_s], listed.row_s[other_s]
         entries = np.column_stack([*rows, image_sc[other_s] - image_sc[one_s]])
         self.forward_p, self.backward_p = _places(own, entries), _places(other, entries)
         self.reverse_p = _places(other, own)
-
-    def _periods(self, distance_nc: FloatArray) -> IntArray:
-        """Distances in whole periods, for particles that may have left the box; 0 along open axes."""
-        turns_nc = np.where(self.box.periodic, np.round(distance_nc / np.array(self.box.edge_c)), 0.0)
-        return np.asarray(turns_nc, np.int64)
 
 
 def _places(wanted: IntArray, known: IntArray) -> IntArray:

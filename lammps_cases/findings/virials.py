@@ -43,11 +43,11 @@ class VirialOfPlaces(FollowingLists):
         """Find the pairs, and the places of the particles that LAMMPS lists for them."""
         super().move(x_nc)
         x, listed = value(x_nc).astype(float), self.lists[self.at]
-        image_sc = self._periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
+        image_sc = self.box.periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
         forward_p = self.forward_p >= 0
         slots = listed.pair_ps[np.where(forward_p, self.forward_p, self.backward_p)]
         slot_p = np.where(forward_p, slots[:, 0], slots[:, 1])
-        shift_pc = image_sc[slot_p] * np.array(self.box.edge_c)
+        shift_pc = self.box.shift(image_sc[slot_p])
         self.place = [x_n[self.i] + shift_pc[:, a] for a, x_n in enumerate(axes(x_nc))]
 
     def virials(self, force: Axes) -> tuple[Array, Array]:

@@ -204,6 +204,7 @@ HANDLED: Mapping[str, frozenset[str]] = {
             "regions",
             "periodic",
             "margin",
+            "tilt",
             "extxyz",
             "x",
             "types",

@@ -10,7 +10,7 @@ from typing import Any
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS
 from lammps_cases.fuzz.chance import Chance, rounded
-from lammps_cases.fuzz.rules_particles import LEFT_OUT
+from lammps_cases.fuzz.rules_particles import LEFT_OUT, leaning
 from lammps_cases.fuzz.scope import Content, Scope
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES
@@ -121,19 +121,22 @@ def twin(scope: Scope, chance: Chance) -> Any:
         return LEFT_OUT
     own, evolves = content.get("engine", {}), content.get("evolve", {})
     shifts = content.get("rheo", {}).get("shift", False) is not False
+    positions = content["positions"]
     kinds: dict[str, Callable[[], Any]] = {
-        "translate": lambda: _along_periodic(scope, chance),
         "relabel": lambda: True,
         "newton": lambda: not own.get("newton", True),
         "skin": lambda: rounded(own.get("skin", 0.3) * chance.number(1.3, 3.0)),
         "rebuild": lambda: _rebuild(chance),
     }
+    kinds |= {} if "tilt" in positions else {"translate": lambda: _along_periodic(scope, chance)}
     kinds |= {"rescale": lambda: _scale(scope, chance)} if _can_be_rescaled(scope) else {}
     if _can_be_rescaled(scope):
         possible = [name for name in UNITS if UNITS[name].consistent or not scope.planar]
         kinds["units"] = lambda: chance.choice([name for name in possible if name != content.get("units", "lj")])
     kinds |= {} if shifts else {"boost": lambda: chance.vector(scope.d, 3 * scope.speed)}
     kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 else {}
+    if any(edges := [can * chance.at("tilt").whole(1, 2) for can in leaning(positions.get("periodic"), scope.d)]):
+        kinds["tilt"] = lambda: edges
     kinds |= {"ranks": lambda: 2} if own.get("ranks", 1) == 1 else {}
     kind = chance.choice([*kinds, "rebuild", *["units"] * 3 * ("units" in kinds)])
     return {kind: kinds[kind]()}

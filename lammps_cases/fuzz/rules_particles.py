@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from eos_ref.model.parameters import TILTED
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.scope import Content, Scope
 
@@ -72,7 +73,19 @@ def _thermal(chance: Chance, size: float, energy: float) -> Content:
 
 def positions(scope: Scope, chance: Chance) -> Content:
     """Return particles on a lattice, or one by one."""
-    return _listed(scope, chance) if scope.listed else _lattice(scope, chance)
+    if scope.listed:
+        return _listed(scope, chance)
+    content = _lattice(scope, chance)
+    if any(can_lean := leaning(content.get("periodic"), scope.d)) and chance.coin(0.25):
+        lean = chance.at("tilt")
+        content["tilt"] = [rounded(can * lean.between(-4.0, 4.0) * scope.spacing) for can in can_lean]
+    return content
+
+
+def leaning(periodic: list[bool] | None, dimension: int) -> list[bool]:
+    """Return which edges may lean: those of periodic axes, along periodic axes."""
+    around = periodic or [True] * dimension
+    return [around[one] and around[other] for one, other in TILTED if max(one, other) < dimension]
 
 
 def _periodic(scope: Scope, chance: Chance) -> list[bool] | None:

@@ -55,9 +55,7 @@ def _other_neighbours(at: Evaluated) -> Any:
 
 def _crossed(at: Evaluated) -> Any:
     """Return the particles that have left the box through a periodic boundary."""
-    box, x_nc = at.sim.box, at.sim.state.x_nc
-    outside_nc = ((x_nc < np.array(box.low_c)) | (x_nc >= np.array(box.high_c))) & np.array(box.periodic)
-    return outside_nc.any(axis=1) & (at.step > 0)
+    return at.sim.box.images(at.sim.state.x_nc).any(axis=1) & (at.step > 0)
 
 
 def _force(name: str, sentence: str, which: Any, *faults: str) -> Rule:

@@ -18,6 +18,13 @@ def _across(at: Evaluated) -> Any:
     return (np.abs(apart_pc - joined(at.evaluator.x)) > 0.5 * min(at.sim.box.edge_c)).any(axis=1)
 
 
+def _displaced(at: Evaluated) -> Any:
+    """Return the pairs whose image is across an edge that leans."""
+    box, x_nc = at.sim.box, at.sim.evaluated.x_nc
+    image_pc = box.periods(x_nc[at.i] - x_nc[at.j] - joined(at.evaluator.x))
+    return (box.shift(image_pc) != image_pc * box.edge_c).any(axis=1)
+
+
 def _several_images(at: Evaluated) -> Any:
     """Return the pairs of two particles that meet in several images."""
     both = at.i * at.evaluator.n + at.j
@@ -80,6 +87,13 @@ RULES = (
         "Neighbours are met across periodic boundaries.",
         _across,
         "formula.pairs-no-images",
+        needs="kernel",
+    ),
+    pair_rule(
+        "images-displaced",
+        "Images across a face of a tilted box are displaced along it.",
+        _displaced,
+        "formula.pairs-upright-images",
         needs="kernel",
     ),
     pair_rule(

@@ -53,8 +53,10 @@ def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
     """
     import ase
 
-    low_c, high_c = arrays["box"]
-    atoms = ase.Atoms(numbers=arrays["type"], positions=arrays["x"], cell=high_c - low_c, pbc=True)
+    low_c, high_c, *tilt = arrays["box"]
+    (lx, ly, lz), (xy, xz, yz) = high_c - low_c, tilt[0] if tilt else (0.0, 0.0, 0.0)
+    cell = [[lx, 0.0, 0.0], [xy, ly, 0.0], [xz, yz, lz]]
+    atoms = ase.Atoms(numbers=arrays["type"], positions=arrays["x"], cell=cell, pbc=True)
     for name in sorted(arrays):
         if name not in ("box", "x"):
             atoms.set_array(name.replace(".", "_"), np.asarray(arrays[name]))

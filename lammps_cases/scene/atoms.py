@@ -5,14 +5,14 @@ from __future__ import annotations
 import csv
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref import EOSTable, InputError
+from eos_ref import Box, EOSTable, InputError
 from eos_ref.eos.table import FloatArray
 from lammps_cases.scene import FromFile, Lattice, Listed, Scene, Values
 from lammps_cases.scene.casefile import Case
@@ -32,7 +32,7 @@ _BASIS: dict[str, tuple[tuple[float, ...], ...]] = {
 class Atoms:
     """Particles sorted by id; ``energy_n`` is that of the whole particle, as LAMMPS stores it.
 
-    ``rho_n`` is None where LAMMPS sums the density. ``periodic`` holds one flag per axis.
+    ``rho_n`` is None where LAMMPS sums the density. ``periodic`` holds one flag per axis, ``tilt`` xy, xz and yz.
     """
 
     id_n: IntArray
@@ -46,9 +46,16 @@ class Atoms:
     v_nc: FloatArray | None = None
     rho_n: FloatArray | None = None
     energy_n: FloatArray | None = None
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.id_n)
+
+    def box(self, dimension: int = 3) -> Box:
+        """Return the box along some axes."""
+        tilt = self.tilt[: dimension * (dimension - 1) // 2]
+        low_c, high_c = (tuple(end_c[:dimension].tolist()) for end_c in (self.low_c, self.high_c))
+        return Box(low_c, high_c, self.periodic[:dimension], tilt if any(tilt) else ())
 
 
 def seed(name: str) -> int:
@@ -92,11 +99,16 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
     _check_fields(case, eos, type_n, rho_n, e_n)
-    if scene.interacts:
-        _check_positions(case, x_nc, low_c, high_c, periodic)
     v_nc = _velocities(case, type_n)
     energy_n = None if e_n is None else mass_n * e_n
-    return Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
+    atoms = Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
+    if tilt := getattr(scene.positions, "tilt", None):
+        atoms = replace(atoms, tilt=(*tilt, *(0.0,) * (3 - len(tilt))))
+        if isinstance(scene.positions, Lattice):  # which fills the upright box
+            atoms = replace(atoms, x_nc=x_nc - atoms.box().shift(atoms.box().images(x_nc)))
+    if scene.interacts:
+        _check_positions(case, atoms)
+    return atoms
 
 
 def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
@@ -172,11 +184,10 @@ def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
     return v_nc
 
 
-def _check_positions(
-    case: Case, x_nc: FloatArray, low_c: FloatArray, high_c: FloatArray, periodic: tuple[bool, ...]
-) -> None:
+def _check_positions(case: Case, atoms: Atoms) -> None:
     """Check that particles that interact lie in the box, and not on top of one another."""
-    outside = np.flatnonzero(((x_nc < low_c) | (x_nc > high_c)).any(axis=1))
+    x_nc, low_c, high_c, periodic = atoms.x_nc, atoms.low_c, atoms.high_c, atoms.periodic
+    outside = np.flatnonzero(atoms.box().outside(x_nc))
     if outside.size:
         place = f"{case.where}, atom {outside[0] + 1}"
         raise InputError("position", "must lie in the box (margin)", x_nc[outside[0]].tolist(), place)

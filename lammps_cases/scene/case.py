@@ -18,7 +18,7 @@ from eos_ref.syntax.ranges import type_range
 from lammps_cases.scene.fields import FieldName
 from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
-from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity
+from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity, check_tilt
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
 from lammps_cases.scene.stops import FOR_EACH_ATOM
@@ -122,6 +122,10 @@ class Scene(SceneModel):
             raise ValueError("twin compares fields of the whole model: it needs more in compare than pressure")
         if twin.boost is not None and self.rheo.shift:
             raise ValueError("twin.boost: shifting follows the speed of each particle, which depends on the frame")
+        if twin.translate is not None and getattr(self.positions, "tilt", None):
+            raise ValueError("twin.translate needs a box without tilt: take twin.tilt")
+        if twin.tilt is not None:
+            check_tilt(twin.tilt, getattr(self.positions, "periodic", None), self.dimension)
         if twin.split and (self.evolve is None or self.evolve.steps < 2):
             raise ValueError("twin.split needs two time steps or more")
         if twin.kind in ("newton", "skin", "ranks") and getattr(twin, twin.kind) == getattr(self.engine, twin.kind):

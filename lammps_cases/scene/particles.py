@@ -6,10 +6,28 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from eos_ref.model.parameters import TILTED
 from lammps_cases.scene.values import Finite, LocalFile, NonNegative, Positive, SceneModel, Vector
 
 LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]
 PLANAR = ("sq", "hex")
+
+
+Tilt = Annotated[
+    tuple[Finite] | tuple[Finite, Finite, Finite],
+    Field(description="by how much the edges of the box lean: xy in 2D; xy, xz and yz in 3D"),
+]
+
+
+def check_tilt(tilt: tuple[float, ...] | None, periodic: tuple[bool, ...] | None, dimension: int) -> None:
+    """Check that edges lean between periodic axes alone, and that there are as many numbers as edges can lean."""
+    if tilt is None:
+        return
+    if len(tilt) != dimension * (dimension - 1) // 2:
+        raise ValueError(f"tilt needs {dimension * (dimension - 1) // 2} numbers in {dimension}D, found {len(tilt)}")
+    for lean, axes in zip(tilt, TILTED, strict=False):
+        if lean and periodic and not all(periodic[axis] for axis in axes):
+            raise ValueError(f"tilt must be 0 but between periodic axes, found {tilt}")
 
 
 class Region(SceneModel):
@@ -32,6 +50,7 @@ class Lattice(SceneModel):
     regions: tuple[Region, ...] = Field((), description="applied in order to the sites, before disorder")
     periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
     margin: NonNegative = Field(1.0, description="empty space beyond faces that are not periodic, in spacings")
+    tilt: Tilt | None = None
 
     @model_validator(mode="after")
     def _size(self) -> Lattice:
@@ -47,6 +66,7 @@ class Lattice(SceneModel):
                 raise ValueError(f"low and high of a region need {wanted} numbers for {self.lattice}")
             if not all(low < high for low, high in zip(region.low, region.high, strict=True)):
                 raise ValueError(f"a region needs low < high, found {region.low} and {region.high}")
+        check_tilt(self.tilt, self.periodic, wanted)
         return self
 
 
@@ -69,6 +89,7 @@ class Listed(SceneModel):
     high: Vector = Field(description="opposite corner")
     periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis; default: all true")
     spacing: Positive = Field(1.0, description="distance that the cutoff and the skin are given in by default")
+    tilt: Tilt | None = None
 
     @model_validator(mode="after")
     def _size(self) -> Listed:
@@ -81,6 +102,7 @@ class Listed(SceneModel):
             raise ValueError(f"types needs one value per particle ({len(self.x)}), found {len(self.types)}")
         if self.periodic is not None and len(self.periodic) != d:
             raise ValueError(f"periodic needs {d} flags, found {len(self.periodic)}")
+        check_tilt(self.tilt, self.periodic, d)
         return self
 
 

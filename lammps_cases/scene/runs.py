@@ -58,6 +58,9 @@ class EngineSettings(Rebuild):
         return self.newton, self.newton if self.newton_bond is None else self.newton_bond
 
 
+Edges = Annotated[int, Field(ge=-8, le=8, strict=True)]
+
+
 class TwinSettings(SceneModel):
     """A second run of LAMMPS, its own first one the reference: exactly one of the keys; see `lammps_cases.setup`."""
 
@@ -71,6 +74,9 @@ class TwinSettings(SceneModel):
     rebuild: Rebuild | None = Field(None, description="neighbour lists built at other steps")
     split: Literal[True] | None = Field(None, description="one run against two, the second with pre no")
     ranks: Literal[2] | None = Field(None, description="two processes against one")
+    tilt: tuple[Edges] | tuple[Edges, Edges, Edges] | None = Field(
+        None, description="by how many whole edges those of the box lean more: xy in 2D; xy, xz and yz in 3D"
+    )
 
     @model_validator(mode="after")
     def _exactly_one(self) -> TwinSettings:
@@ -81,6 +87,8 @@ class TwinSettings(SceneModel):
             raise ValueError(f"rescale must lie within 2^-20 to 2^20, found {self.rescale!r}")
         if self.rescale is not None and (math.frexp(self.rescale)[0] != 0.5 or self.rescale == 1):
             raise ValueError(f"rescale must be a power of two other than 1, found {self.rescale!r}")
+        if self.tilt is not None and not any(self.tilt):
+            raise ValueError(f"tilt must be other than 0 for some edge, found {self.tilt}")
         return self
 
     @property

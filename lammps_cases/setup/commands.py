@@ -105,8 +105,8 @@ def _interlude(stop: Stop, scene: Scene, atoms: Atoms, plan: Plan) -> Interlude:
 def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     yield from _style(scene, atoms)
     yield from _neighbours(scene, atoms, plan)
-    edges = zip(atoms.low_c, atoms.high_c, strict=True)
-    yield "region box block " + " ".join(_numbers(pair) for pair in edges)
+    edges = " ".join(_numbers(pair) for pair in zip(atoms.low_c, atoms.high_c, strict=True))
+    yield f"region box prism {edges} {_numbers(atoms.tilt)}" if any(atoms.tilt) else f"region box block {edges}"
     yield f"create_box {len(scene.types)} box"
     if scene.engine.communication == "tiled":
         yield "comm_style tiled"
@@ -119,6 +119,8 @@ def _style(scene: Scene, atoms: Atoms) -> Iterable[str]:
     if not all(scene.engine.newton_flags):
         yield "newton " + " ".join("on" if flag else "off" for flag in scene.engine.newton_flags)
     yield "boundary " + " ".join("p" if periodic else scene.engine.boundary for periodic in atoms.periodic)
+    if any(atoms.tilt):
+        yield "box tilt large"
     if scene.engine.processors:
         yield f"processors {' '.join(map(str, scene.engine.processors))}"
     if scene.engine.sort is not None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
@@ -97,8 +98,7 @@ def _thermal(atom_type: AtomType) -> Thermal:
 
 def box(scene: Scene, atoms: Atoms) -> Box:
     """Return the box of a scene, with as many axes as dimensions."""
-    d = scene.dimension
-    return Box(tuple(atoms.low_c[:d].tolist()), tuple(atoms.high_c[:d].tolist()), atoms.periodic[:d])
+    return atoms.box(scene.dimension)
 
 
 def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
@@ -159,15 +159,18 @@ def simulation(
     fields : iterable of str
         What is wanted of an evaluation, by LAMMPS' names; none: what time steps need.
     evaluator : class, optional
-        The compiled one by default.
+        The compiled one by default, but in a tilted box.
 
     Raises
     ------
     InputError
         See `model` and `state`.
     """
+    around = box(scene, atoms)
+    if evaluator is None and around.tilted:
+        evaluator = ArrayEvaluator
     if evaluator is None:
         from eos_ref.compiled.evaluator import CompiledEvaluator
 
         evaluator = CompiledEvaluator
-    return Simulation(model(scene, atoms, where), box(scene, atoms), state(scene, atoms, where), fields, evaluator)
+    return Simulation(model(scene, atoms, where), around, state(scene, atoms, where), fields, evaluator)

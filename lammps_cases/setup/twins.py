@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from eos_ref import InputError
+from eos_ref import Box, InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.quantities import QUANTITIES, Dimension
 from eos_ref.model.units import UNITS, Units
@@ -48,6 +48,7 @@ WHY = {
     "rebuild": "when neighbour lists are built anew is bookkeeping, as long as no neighbour is missed",
     "split": "a run continued with pre no is the same run",
     "ranks": "which process owns a particle is bookkeeping",
+    "tilt": "edges that lean by whole edges make the same lattice of periodic images",
 }
 
 
@@ -179,6 +180,8 @@ def make(case: Case, atoms: Atoms) -> Twin:
         return _translated(same, settings.translate, case.where)
     if settings.boost is not None:
         return _boosted(same, settings.boost)
+    if settings.tilt is not None:
+        return _tilted(same, settings.tilt)
     if settings.relabel is not None:
         return _relabelled(same, case.name)
     if settings.rescale is not None:
@@ -206,17 +209,39 @@ def _translated(same: Twin, by: Sequence[float], where: str) -> Twin:
     x_nc, by_c = gridded(atoms.x_nc[:, :d], np.array(by))
     periodic = np.array(atoms.periodic[:d])
     x_nc = np.where(periodic & (x_nc >= high_c), x_nc - (high_c - low_c), x_nc)
-    turns_nc = np.where(periodic, np.floor((x_nc + by_c - low_c) / (high_c - low_c)), 0.0)
-    moved_nc = (x_nc + by_c) - turns_nc * (high_c - low_c)
+    moved_nc, turned_nc = _wrapped(x_nc + by_c, atoms.box(d))
     outside = np.flatnonzero(((moved_nc < low_c) | (moved_nc > high_c) | ((moved_nc == high_c) & periodic)).any(axis=1))
     if outside.size:
         rule = "must leave particles in the box along axes that are not periodic"
         raise InputError("twin.translate", rule, tuple(by), f"{where}, atom {outside[0] + 1}")
-    returned_nc = moved_nc.astype(np.longdouble) + turns_nc * (high_c - low_c) - by_c
-    if (returned_nc != x_nc).any():
+    if ((moved_nc.astype(np.longdouble) + turned_nc) - by_c != x_nc).any():
         raise InputError("twin.translate", "no double holds the moved positions exactly", tuple(by), where)
     original, other = (replace(atoms, x_nc=_with_plane(array_nc, atoms.x_nc)) for array_nc in (x_nc, moved_nc))
     return replace(same, atoms=original, other_atoms=other, displacement_c=by_c)
+
+
+def _wrapped(x_nc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
+    """Return positions moved into a box, and by what, both (n, d)."""
+    turned_nc = box.shift(box.images(x_nc))
+    return x_nc - turned_nc, turned_nc
+
+
+def _tilted(same: Twin, by: Sequence[int]) -> Twin:
+    """Return the twin whose edges lean by whole edges more, which lie on the grid of the positions."""
+    d, atoms = same.scene.dimension, same.atoms
+    box = atoms.box(d)
+    tilt = np.resize(box.tilt or 0.0, len(by))
+    x_nc, numbers = gridded(atoms.x_nc[:, :d], np.array([*box.low_c, *box.high_c, *tilt]))
+    low_c, high_c = (
+        _with_plane(ends[None], full_c[None])[0]
+        for ends, full_c in zip(np.split(numbers[: 2 * d], 2), (atoms.low_c, atoms.high_c), strict=True)
+    )
+    (lx, ly, _), (xy, xz, yz) = high_c - low_c, (*numbers[2 * d :], 0.0, 0.0)[:3]
+    by_xy, by_xz, by_yz = (*by, 0, 0)[:3]
+    leaning = (xy + by_xy * lx, xz + by_xz * lx + by_yz * xy, yz + by_yz * ly)
+    original, other = (replace(atoms, low_c=low_c, high_c=high_c, tilt=tilt) for tilt in ((xy, xz, yz), leaning))
+    original, other = (replace(a, x_nc=_with_plane(_wrapped(x_nc, a.box(d))[0], atoms.x_nc)) for a in (original, other))
+    return replace(same, atoms=original, other_atoms=other)
 
 
 def _boosted(same: Twin, by: Sequence[float]) -> Twin:
@@ -354,6 +379,7 @@ def rescaled_atoms(atoms: Atoms, scale: Scale) -> Atoms:
         x_nc=atoms.x_nc * length,
         low_c=atoms.low_c * length,
         high_c=atoms.high_c * length,
+        tilt=(atoms.tilt[0] * length, atoms.tilt[1] * length, atoms.tilt[2] * length),
         spacing=atoms.spacing * length,
         mass_n=atoms.mass_n * scale.of("mass"),
         v_nc=None if atoms.v_nc is None else atoms.v_nc * scale.of("v"),

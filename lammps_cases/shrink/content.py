@@ -40,6 +40,8 @@ def written_out(case: Case) -> Content:
         "periodic": [bool(flag) for flag in atoms.periodic[:d]],
         "spacing": float(atoms.spacing),
     }
+    if any(atoms.tilt):
+        content["positions"]["tilt"] = list(atoms.box(d).tilt)
     per_atom = {"rho": atoms.rho_n, "velocity": None if atoms.v_nc is None else atoms.v_nc[:, :d]}
     if scene.thermal:
         per_atom["energy"] = None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n

@@ -222,7 +222,7 @@ def simpler_box(content: Content, fails: Fails) -> Content:
     positions = content["positions"]
     d = len(positions["low"])
     periodic = list(positions.get("periodic") or [True] * d)
-    if not any(periodic):
+    if not any(periodic) or positions.get("tilt"):  # an edge leans between periodic axes alone
         return content
     x_nc, around = np.array(positions["x"], float), 2.0 * positions.get("spacing", 1.0)
     x_nc = x_nc - x_nc[0]

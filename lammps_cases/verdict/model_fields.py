@@ -46,9 +46,7 @@ def derived(step: int) -> str:
 
 def nearest_image(problem: Problem, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
     """Positions moved by whole periods to where the reference, which does not wrap, has them."""
-    edge_c = np.array(problem.box.edge_c)
-    turns_nc = np.where(problem.box.periodic, np.round((reference_nc - x_nc) / edge_c), 0.0)
-    return np.asarray(x_nc + turns_nc * edge_c)
+    return np.asarray(x_nc + problem.box.shift(problem.box.periods(reference_nc - x_nc)))
 
 
 def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:

@@ -137,9 +137,9 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
 
 
 def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
-    """Return the arrays of ``fields/CASE.npz``: the atoms, and of each field both sides and the bound."""
+    """Return the arrays of ``fields/CASE.npz``: the atoms, their box, and both sides and the bound of fields."""
     arrays: Arrays = {"id": got["id"], "type": got["type"], "x": got["x"], "rho": got["rho"]}
-    arrays["box"] = np.stack([atoms.low_c, atoms.high_c])
+    arrays["box"] = np.stack([atoms.low_c, atoms.high_c, *[atoms.tilt] * any(atoms.tilt)])
     for comparison in comparisons:
         name = comparison.record.field
         arrays[f"{name}.lammps"] = comparison.lammps_n

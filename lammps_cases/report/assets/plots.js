@@ -194,8 +194,11 @@ const Plots = (() => {
 
   function outline(data, look) {
     if (!data.box) return [];
-    const lo = data.box.slice(0, 3), hi = data.box.slice(3);
-    const corner = (bits) => [0, 1, 2].map((c) => ((bits >> c) & 1 ? hi[c] : lo[c]));
+    const lo = data.box.slice(0, 3), hi = data.box.slice(3, 6), [xy, xz, yz] = data.box.length > 6 ? data.box.slice(6) : [0, 0, 0];
+    const corner = (bits) => {
+      const at = [0, 1, 2].map((c) => (bits >> c) & 1), [x, y, z] = at.map((end, c) => (end ? hi[c] : lo[c]));
+      return [x + at[1] * xy + at[2] * xz, y + at[2] * yz, z];
+    };
     // A walk along the edges that meets them all; in 2D the first five corners are the rectangle.
     const walk = [0, 1, 3, 2, 0, ...(data.x.length === 3 ? [4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4] : [])].map(corner);
     const [x, y, z] = [0, 1, 2].map((c) => walk.map((point) => point[c]));

@@ -117,7 +117,7 @@ ONLY = {
 # search lie, which of two forms of a logarithm is taken), or what its rounding bound will be.
 EXCLUDED_ASSIGNMENTS = {
     "numbers.elementary:powm1": ("normal",),
-    "evaluation.pairs:directed_pairs": ("wrap_nc", "points, extent", "span"),
+    "evaluation.pairs:directed_pairs": ("image_nc", "points, extent", "span"),
     "evaluation.time_step:Simulation._start": ("self.fresh",),
     "evaluation.time_step:Simulation.step": ("self.fresh",),
 }

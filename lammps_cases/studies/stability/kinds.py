@@ -108,9 +108,8 @@ def kinetic_energy(mass_n: FloatArray, v_nc: FloatArray) -> float:
 
 def wrapped(box: Box, x_nc: FloatArray) -> FloatArray:
     """Return the positions moved into the box along its periodic axes, shape (n, d)."""
-    low_c, edge_c = np.array(box.low_c), np.array(box.edge_c)
     with np.errstate(all="ignore"):
-        return np.where(box.periodic, x_nc - np.floor((x_nc - low_c) / edge_c) * edge_c, x_nc)
+        return x_nc - box.shift(box.images(x_nc))
 
 
 def moment_matrices(evaluator: ArrayEvaluator, rho_n: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:

@@ -173,6 +173,13 @@ def test_number_of_threads_is_refused(threads: Any) -> None:
         CompiledEvaluator(built.model, built.box, built.state.type_n, built.state.solid_n, threads=threads)
 
 
+def test_a_tilted_box_is_refused() -> None:
+    built = scene()
+    tilted = replace(built, box=replace(built.box, tilt=(0.5,)))
+    with pytest.raises(InputError, match="tilt of the box: must be 0 for compiled sums: take ArrayEvaluator"):
+        tilted.simulate(evaluator=CompiledEvaluator)
+
+
 def test_relabelling() -> None:
     """Shuffled particles, which get an internal order, and ordered ones, which do not."""
     order_n = np.random.default_rng(6).permutation(72 * 60)

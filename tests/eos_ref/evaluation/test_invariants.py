@@ -393,6 +393,17 @@ def test_short_boxes_are_replicated_ones(name: str, dimension: int) -> None:
 
 
 @DIMENSIONS
+@pytest.mark.parametrize("name", RECIPES)
+def test_edges_that_lean_by_whole_edges(name: str, dimension: int) -> None:
+    """They make the same lattice of images."""
+    built = recipe(name, dimension)
+    box = replace(built.box, periodic=(True,) * dimension)
+    lx, ly = box.edge_c[:2]
+    tilt = (2 * lx,) if dimension == 2 else (-lx, lx, ly)
+    assert_same(bounded(replace(built, box=replace(box, tilt=tilt))), bounded(replace(built, box=box)))
+
+
+@DIMENSIONS
 def test_a_particle_and_its_own_images(dimension: int) -> None:
     """One particle in a box of edge 1: every image is a neighbour, no force by symmetry."""
     built = scene(dimension, thermal=HOT)

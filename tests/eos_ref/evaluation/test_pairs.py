@@ -18,7 +18,7 @@ def all_pairs(x_nc: Any, box: Box, cut: float) -> set[tuple[Any, ...]]:
     turns = [range(-3, 4) if periodic else (0,) for periodic in box.periodic]
     for (i, a_c), (j, b_c) in itertools.product(enumerate(x_nc), repeat=2):
         for turn in itertools.product(*turns):
-            shift_c = np.array(turn) * np.array(box.edge_c)
+            shift_c = np.array(turn) @ box.cell_cc
             r = np.sqrt(((a_c - (b_c + shift_c)) ** 2).sum())
             if r < cut and (i != j or any(turn)):
                 found.add((i, j, *shift_c.tolist()))
@@ -40,6 +40,39 @@ def test_pairs_and_images_are_those_of_counting(periodic: tuple[bool, bool], cut
     assert as_set(found) == all_pairs(x_nc, box, cut)
     assert len(found[0]) == len(as_set(found))
     assert any(i == j for i, j in zip(*found[:2], strict=True)) == (periodic[0] and cut > 2)
+
+
+@pytest.mark.parametrize("tilt", [(0.75, 0.0, 0.0), (-0.5, 0.25, 1.25), (2.25, 0.0, -3.25)])
+def test_images_of_a_tilted_box(tilt: tuple[float, float, float]) -> None:
+    """Shorter than two cutoffs, with particles outside; the last leans by more than an edge."""
+    box = Box((-1.0, 0.0, 0.5), (1.0, 3.0, 4.5), (True, True, True), tilt)
+    x_nc = np.random.default_rng(4).uniform([-2.0, 0.0, 0.0], [1.5, 3.0, 4.0], (10, 3))
+    found = as_set(directed_pairs(x_nc, box, 1.75))
+    assert found and found == all_pairs(x_nc, box, 1.75)
+    upright = Box(box.low_c, box.high_c, box.periodic)
+    assert found != as_set(directed_pairs(x_nc, upright, 1.75))
+    inside_nc = x_nc - box.shift(box.images(x_nc))
+    assert not box.outside(inside_nc).any() and box.outside(x_nc).any()
+    assert (box.periods(x_nc - inside_nc) == box.images(x_nc)).all()
+
+
+def test_an_open_axis_beside_an_edge_that_leans() -> None:
+    box = Box((0.0, 0.0, 0.0), (2.0, 3.0, 4.0), (True, True, False), (1.25, 0.0, 0.0))
+    x_nc = np.random.default_rng(5).uniform([-2.0, 0.0, 0.0], [2.0, 3.0, 4.0], (15, 3)) * [1, 1, 4]
+    found = as_set(directed_pairs(x_nc, box, 1.25))
+    assert found and found == all_pairs(x_nc, box, 1.25)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rounding_of_fractions_of_a_tilted_box(seed: int) -> None:
+    """Positions as fractions of the edges and back, in doubles: within the bound, and not far below it."""
+    random = np.random.default_rng(seed)
+    low_c, edge_c = random.uniform(-9, 9, 3), random.uniform(2, 9, 3)
+    box = Box(tuple(low_c.tolist()), tuple((low_c + edge_c).tolist()), (True,) * 3, tuple(random.uniform(-9, 9, 3)))
+    x_nc = low_c + random.random((5000, 3)) @ box.cell_cc
+    back_nc = (x_nc - low_c) @ np.linalg.inv(box.cell_cc) @ box.cell_cc + low_c
+    worst_c = (np.abs(back_nc - x_nc) / box.rounding(0.0)).max(axis=0)
+    assert (worst_c <= 1).all() and worst_c.max() > 0.02
 
 
 @pytest.mark.parametrize("size", [2.0**-40, 2.0**-10, 2.0**30])

@@ -36,6 +36,9 @@ def one_line(caught: Any) -> str:
         (((0, 2), (1, 1), (True, True)), r"box: .* found \(2, 1\)"),
         (((0, NAN), (1, 1), (True, True)), r"box: .* found \(nan, 1\)"),
         (((0, 0), (INF, 1), (True, True)), r"box: .* found \(0, inf\)"),
+        (((0, 0), (1, 1), (True, True), (0.5, 0.0)), r"tilt of the box: must be xy in 2D, .* found \(0.5, 0.0\)"),
+        (((0, 0), (1, 1), (True, True), (NAN,)), r"tilt of the box: must be finite, .* found \(nan,\)"),
+        (((0, 0), (1, 1), (False, True), (0.5,)), r"tilt of the box: .* 0 but between periodic axes, found \(0.5,\)"),
     ],
 )
 def test_boxes(arguments: Any, message: str) -> None:

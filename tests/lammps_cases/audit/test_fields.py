@@ -45,6 +45,7 @@ FOUND: dict[str, tuple[set[str], dict[str, str]]] = {
         dict.fromkeys(("grad/v", "stress/v", "stress/t"), MOVED) | {"f": f"force-per-volume, {MOVED}"},
     ),
     "walls_corrected": (EVERYWHERE | {"viscosity", "chi", "shift/v"}, {}),
+    "tilted": (EVERYWHERE | STRESS | {"shift/v", "drho", "f"}, {"f": "force-per-volume"}),
     "power": (
         EVERYWHERE | SURFACE | STRESS | HEAT | {"heatflow", "drho", "f"},
         {"f": "force-per-volume", "heatflow": "heat-is-temperature-rate"},

@@ -71,6 +71,7 @@ KINDS: dict[str, Any] = {
     "rebuild": {"every": 1, "check": False},
     "split": True,
     "ranks": 2,
+    "tilt": [1],
 }
 BLAME = re.compile(r"LAMMPS against itself \(twin: (\w+)\): (\S+) \(stage twin\) leaves its bound at step (\d+) .*")
 

@@ -7,6 +7,7 @@ explained by those that are left.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +19,7 @@ from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import compare_field, excess
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
 from lammps_cases.findings import Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import Beyond, Blame
@@ -84,7 +85,7 @@ class Trial:
         """Yield every set of the findings that change the scene by themselves, the smallest first."""
         alone = [entry for entry in entries if self.shows(entry)]
         alone.sort(key=lambda entry: entry not in listed)
-        for size in range(1, len(alone) + 1):
+        for size, _ in enumerate(alone, 1):
             for chosen in itertools.combinations(alone, size):
                 yield tuple(sorted(chosen, key=lambda entry: entry.number))
 
@@ -102,14 +103,10 @@ class Trial:
         """Return the first value that findings together leave outside, None if there is none."""
         variants = [entry.model_variant for entry in entries if entry.model_variant]
         made = combined(variants, problem, self.snapshots[0])
-        prediction = None
-        if made is not None:
-            try:
-                prediction = self.predictor.predict(problem, made, self.random)
-            except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
-                prediction = None
-        undefined = prediction is not None and any(variant.undefined for variant in variants)
-        prediction = prediction or self.reference
+        undefined = any(variant.undefined for variant in variants)
+        prediction = self.reference
+        with contextlib.suppress(InputError):  # fitted to wrong numbers it runs away, and reproduces nothing
+            prediction = self.predictor.predict(problem, made, self.random) if made else self.reference
         for (at, step), name in itertools.product(enumerate(problem.steps), in_step_order(problem.fields)):
             lammps_n, variant_n, bound_n = sides(problem, name, self.snapshots[at], prediction, at)
             ratio_n = excess(lammps_n, variant_n, bound_n)[1]
@@ -144,18 +141,13 @@ class Trial:
     def shows(self, entry: Finding) -> bool:
         """Return whether a finding takes some field out of the reference's bound."""
         made = combined([entry.model_variant] if entry.model_variant else [], self.problem, self.snapshots[0])
-        if made is None:
-            return False
-        try:
-            changed = self.predictor.values(self.problem, made)
-        except InputError:
-            return False
-        for fields, reference, bounds in zip(changed, self.reference.fields, self.reference.bounds, strict=True):
-            for name in self.problem.fields:
-                changed_n, own_n = np.asarray(fields[name], float), np.asarray(reference[name], float)
-                if np.any(excess(changed_n, own_n, np.broadcast_to(bounds[name], own_n.shape))[1] > 1):
-                    return True
-        return False
+        changed: list[Fields] = []
+        with contextlib.suppress(InputError):
+            changed = self.predictor.values(self.problem, made) if made else []
+        return any(
+            bool(np.any(excess(*sides(self.problem, name, fields, self.reference, at))[1] > 1))
+            for (at, fields), name in itertools.product(enumerate(changed), self.problem.fields)
+        )
 
 
 def _defined_part_inside(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray, own_n: FloatArray) -> bool:

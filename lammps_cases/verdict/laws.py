@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from eos_ref import EOSTable
@@ -74,6 +76,5 @@ def _blame(comparisons: list[Comparison], state: EosState) -> Blame | None:
 
 def _lint(eos: EOSTable, state: EosState, pressure: Comparison) -> list[str]:
     every = slice(None, None, max(1, len(state.id_n) // LINT_ATOMS))
-    energy_n = None if state.energy_n is None else state.energy_n[every]
-    thinned = EosState(state.id_n[every], state.type_n[every], state.rho_n[every], state.mass_n[every], energy_n)
+    thinned = replace(state, **{name: side_n[every] for name, side_n in vars(state).items() if side_n is not None})
     return unseen(eos, thinned, pressure.reference_n[every], pressure.bound_n[every])

@@ -31,8 +31,7 @@ def sides(
     problem: Problem, field: str, snapshot: Snapshot, prediction: Prediction, at: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a field of LAMMPS, of the reference, and its bound, at one of the steps."""
-    lammps_n = np.asarray(snapshot[field], float)
-    reference_n = np.asarray(prediction.fields[at][field], float)
+    lammps_n, reference_n = snapshot[field], prediction.fields[at][field]
     if field == "x":
         lammps_n = nearest_image(problem, lammps_n, reference_n)
     return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
@@ -52,8 +51,7 @@ def nearest_image(problem: Problem, x_nc: FloatArray, reference_nc: FloatArray) 
 def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:
     """Return the comparison of the worst step, with the verdicts of all."""
     records = [comparison.record for comparison in comparisons]
-    ratios = [-1.0 if r.max_over_bound is None else r.max_over_bound for r in records]
-    at = int(np.argmax(ratios))
+    at = int(np.argmax([r.max_over_bound or 0.0 for r in records]))
     rows = [
         StepRecord(
             step=step,
@@ -66,9 +64,9 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
         for step, r in zip(steps, records, strict=True)
     ]
     verdict: Verdict = worst([r.verdict for r in records])
-    update = {"steps": rows, "worst_step": steps[at], "verdict": verdict}
-    update["digest"] = digest(*(r.digest for r in records))
+    update = {"steps": rows, "worst_step": steps[at], "digest": digest(*(r.digest for r in records))}
     picked = comparisons[at]
+    update["verdict"] = verdict
     if verdict == "explained":
         update["explained_by"] = next(r.explained_by for r in records if r.explained_by)
     record = picked.record.model_copy(update=update)

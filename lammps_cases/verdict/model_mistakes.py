@@ -132,8 +132,7 @@ def _blind(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> boo
     with np.errstate(all="ignore"):
         sim.setup()
         for field in problem.fields:
-            reference_n = np.asarray(prediction.fields[0][field], float)
-            bound_n = np.broadcast_to(prediction.bounds[0][field], reference_n.shape)
-            if not np.all(excess(np.asarray(sim.output(field), float), reference_n, bound_n)[1] <= 1):
+            reference_n, bound_n = np.broadcast_arrays(prediction.fields[0][field], prediction.bounds[0][field])
+            if not np.all(excess(sim.output(field), reference_n, bound_n)[1] <= 1):
                 return False
     return True

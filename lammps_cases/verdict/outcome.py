@@ -90,7 +90,7 @@ def explain_ending(record: CaseRecord, scene: Scene | None = None) -> None:
 def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> list[Comparison]:
     """Compare the input with what LAMMPS holds (stage `input`, bound 0), for arrays that have not changed since."""
     zero_n = np.zeros(len(atoms))
-    given = {"type": atoms.type_n.astype(float)}
+    given: Arrays = {"type": atoms.type_n}
     if unchanged and atoms.rho_n is not None and not case.scene.rho_sum:
         given["rho"] = atoms.rho_n
     if unchanged and atoms.energy_n is not None and "esph" in got:
@@ -100,7 +100,7 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
             f"{name} (given)" if case.scene.whole_model else name,
             "input",
             got["id"],
-            got[name].astype(float),
+            got[name],
             values_n,
             zero_n,
             derivation="the same doubles",
@@ -113,7 +113,7 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
     """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits."""
     comparisons = []
     stops = case.scene.evolve.stops if case.scene.evolve else ()
-    for stop, carried in zip(stops, answer.carried, strict=False):
+    for stop, carried in zip(stops, answer.carried, strict=True):
         text = stop.by in AS_TEXT
         half = 0.5 * 10.0 ** (1 - digits) if text else 0.0
         for name, before_n in carried.before.items():
@@ -127,8 +127,8 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
                     f"{name} ({stop.by} at {stop.at})",
                     "input",
                     atoms.id_n,
-                    after_n.astype(float),
-                    before_n.astype(float),
+                    after_n,
+                    before_n,
                     half * np.abs(before_n),
                     derivation=f"half a unit of the {digits}th digit of the text" if text else "the same doubles",
                 )

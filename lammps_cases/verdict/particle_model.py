@@ -99,10 +99,10 @@ def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], compar
 def digits(values: FloatArray, exact: Any) -> float:
     """Decimal digits lost by the worst particle: log10 of the error of its row over eps times the size of the row."""
     rows = len(values)
-    error_n, size_n = (np.abs(side.reshape(rows, -1)).max(axis=1).astype(float) for side in (values - exact, exact))
+    error_n, size_n = (np.abs(side.reshape(rows, -1)).max(axis=1) for side in (values - exact, exact))
     with np.errstate(all="ignore"):
         ratio_n = np.where(error_n == 0, 0.0, error_n / (EPS * size_n))
-    return round(min(float(np.log10(max(ratio_n.max(initial=1.0), 1.0))), 99.0), 2)
+    return round(min(float(np.log10(max(ratio_n.max(), 1.0))), 99.0), 2)
 
 
 def reason(

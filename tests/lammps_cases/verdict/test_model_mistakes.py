@@ -15,7 +15,6 @@ from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 from lammps_cases.verdict.model_mistakes import MUTANTS, unseen_in_model
 
-pytestmark = pytest.mark.slow
 # A scene that shows each mistake.
 SHOWN = {
     "masses ignored": "forces.all.quintic.2d",

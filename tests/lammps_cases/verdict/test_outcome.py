@@ -1,0 +1,185 @@
+"""What every judgement shares: the record of a case before it has run, its end, the state that stops carry over."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS, EOSTable
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.interlude import Carried
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, Predictions
+from lammps_cases.run import campaign
+from lammps_cases.scene import casefile
+from lammps_cases.scene.atoms import seed
+from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.outcome import blank_record, compare_carried, explain_ending, finish
+
+Write = Callable[..., Path]
+ENGINE = EngineRecord(name="pypi:2099.1.1", distribution="2099.1.1")
+
+
+def prepared(file: Path) -> campaign.PreparedCase:
+    return campaign.prepare(casefile.load((file,))[0])
+
+
+# --- before and after a run
+
+
+@pytest.mark.parametrize("shipped", [False, True])
+def test_the_record_of_a_case_says_what_it_is(case_file: Write, shipped: bool) -> None:
+    run = {"compare": ["f"], "evolve": {"steps": 7, "timestep": 0.001}, "twin": {"newton": False}, "units": "si"}
+    path = case_file(**run, types=[{"mass": 1.5, "rho0": 1.2, "cs": 3.1}, {"mass": 0.5, "rho0": 1.1, "cs": 2.5}])
+    ready = prepared(path)
+    case = replace(ready.case, tags=("one", "two"), shipped=shipped)
+    table = EOSTable([EOS("linear", 1.2, 3.1), EOS("cubic", 1.1, 2.5, 0.3, 0.7)])
+    file = [] if shipped else ["--cases", str(path)]
+    assert blank_record(case, table, ready.atoms, ENGINE) == CaseRecord(
+        case="mine",
+        tags=["one", "two"],
+        about="A scene of the tests.",
+        verdict="skipped",
+        ended="skipped",
+        natoms=20,
+        steps=7,
+        dimension=2,
+        units="si",
+        twin="newton",
+        laws=[
+            LawRecord(type=1, style="linear", rho0=1.2, cs=3.1, mass=1.5),
+            LawRecord(type=2, style="cubic", rho0=1.1, cs=2.5, parameter=0.3, background=0.7, mass=0.5),
+        ],
+        seed=seed("mine"),
+        source=path.name if shipped else str(path),
+        reproduce=" ".join(["eos-ref run", *file, "--engine pypi:2099.1.1 mine"]),
+    )
+
+
+def test_the_record_of_a_case_that_lammps_has_to_refuse_says_with_which_words(case_file: Write) -> None:
+    ready = prepared(case_file(violate="missing-argument", expect={"refused": "Invalid range"}))
+    record = blank_record(ready.case, ready.eos, ready.atoms, ENGINE)
+    assert (record.expects, record.laws, record.steps, record.twin) == ("Invalid range", [], 0, "")
+
+
+def test_a_record_ends_with_its_message_its_times_and_where_its_predictions_are_from() -> None:
+    blame = Blame(field="f", stage="pair", step=3, atom=7, lammps=2.0, reference=1.0, bound=0.5, outside=1, of=9)
+    record = CaseRecord(case="one", verdict="differs", blame=blame)
+    begin = time.perf_counter() - 100.0
+    finish(record, 2.5, begin, Predictor(computed=3, stored=4))
+    assert record.message.startswith("f (stage pair) leaves its bound at step 3")
+    assert record.seconds.lammps == 2.5
+    assert 100.0 <= record.seconds.reference <= time.perf_counter() - begin
+    assert record.seconds.total == 2.5 + record.seconds.reference
+    assert record.predictions == Predictions(computed=3, stored=4)
+
+
+@pytest.mark.parametrize(
+    ("compare", "ended", "words", "explained_by"),
+    [
+        (["stress/t"], "crashed", "SIGSEGV", ["stress-without-pressure-segfault"]),
+        (["stress/t", "pressure"], "crashed", "SIGSEGV", []),
+        (["stress/t"], "crashed", "SIGFPE", []),
+        (["stress/t"], "refused", "SIGSEGV", []),
+    ],
+)
+def test_an_end_is_foretold_by_the_scene(
+    case_file: Write, compare: list[str], ended: Any, words: str, explained_by: list[str]
+) -> None:
+    ready = prepared(case_file(compare=compare))
+    record, arrays = evaluate(ready.case, ready.eos, ready.atoms, Failure(ended, words), ENGINE)
+    assert (record.explained_by, arrays) == (explained_by, {})
+    assert record.verdict == ("explained" if explained_by else ended)
+    assert record.ended == ended
+
+
+def test_an_end_that_a_scene_foretells_is_the_verdict_too(case_file: Write) -> None:
+    """Another verdict on it, such as that of a refusal in other words, is not what the finding says."""
+    scene = prepared(case_file(compare=["stress/t"])).case.scene
+    record = CaseRecord(case="any", verdict="differs", ended="crashed", engine_error="SIGSEGV")
+    explain_ending(record, scene)
+    assert record.verdict == "differs"
+
+
+# --- stops
+
+STATE: dict[str, Any] = {
+    "id": np.arange(1, 21),
+    "type": np.ones(20, int),
+    "x": np.linspace(-1.0, 4.0, 60).reshape(20, 3),
+    "rho": np.linspace(0.9, 1.4, 20),
+    "rheo_status": np.arange(20) % 4,
+}
+HALF = 0.5e-15  # of a unit of the 16th digit, relative to a number of one
+
+
+def compared(case_file: Write, *stops: dict[str, Any], after: dict[str, Any] | None = None) -> list[tuple[Any, ...]]:
+    """Return field, verdict and bound of the state after stops, of which nothing but ``after`` has changed."""
+    ready = prepared(case_file(compare=["f"], evolve={"steps": 3, "timestep": 0.001, "stops": list(stops)}))
+    carried = tuple(Carried(STATE, STATE | (after or {})) for _ in stops)
+    fields = compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=carried), 16)
+    assert {comparison.record.stage for comparison in fields} <= {"input"}
+    return [(c.record.field, c.record.verdict, c.record.derivation, c.bound_n.max()) for c in fields]
+
+
+SAME = "the same doubles", 0.0
+
+
+def test_all_that_a_binary_file_carries_has_the_same_bits(case_file: Write) -> None:
+    assert compared(case_file, {"at": 0, "by": "restart"}, {"at": 2, "by": "run"}) == [
+        (f"{name} ({stop})", "exact", *SAME)
+        for stop in ("restart at 0", "run at 2")
+        for name in ("type", "x", "rho", "rheo_status")
+    ]
+
+
+def test_what_text_carries_has_its_digits(case_file: Write) -> None:
+    text = "half a unit of the 16th digit of the text"
+    assert compared(case_file, {"at": 1, "by": "data nofix"}) == [
+        (f"{name} (data nofix at 1)", "exact", text, pytest.approx(HALF * size, rel=1e-15))
+        for name, size in {"type": 1.0, "x": 4.0, "rho": 1.4, "rheo_status": 3.0}.items()
+    ]
+
+
+def test_positions_are_not_compared_where_particles_are_displaced(case_file: Write) -> None:
+    fields = compared(case_file, {"at": 1, "by": "run", "displace": {"x": 0.1}})
+    assert [field for field, *_ in fields] == [f"{name} (run at 1)" for name in ("type", "rho", "rheo_status")]
+
+
+@pytest.mark.parametrize("by", ["restart", "data", "set", "recreated"])
+@pytest.mark.parametrize(("changed", "seen"), [(2, False), (1, True)], ids=["surface", "phase"])
+def test_set_gives_the_phase_of_a_status_alone(case_file: Write, by: str, changed: int, seen: bool) -> None:
+    """The first bit of LAMMPS' status; the others follow from the next evaluation."""
+    fields = compared(case_file, {"at": 1, "by": by}, after={"rheo_status": STATE["rheo_status"] ^ changed})
+    red = [field for field, verdict, *_ in fields if verdict == "differs"]
+    assert red == ([f"rheo_status ({by} at 1)"] if seen or by in ("restart", "data") else [])
+
+
+@pytest.mark.parametrize(
+    ("by", "units", "verdict"), [("restart", 1, "differs"), ("data", 1, "pass"), ("data", 4, "differs")]
+)
+def test_the_state_after_a_stop_is_the_one_before_it(case_file: Write, by: str, units: int, verdict: str) -> None:
+    """Half a unit of the 16th digit of a number is 2.3 x 2^-52 of it, or more."""
+    fields = compared(case_file, {"at": 1, "by": by}, after={"rho": STATE["rho"] * (1 + units * 2.0**-52)})
+    assert {field: of for field, of, *_ in fields}[f"rho ({by} at 1)"] == verdict
+
+
+@pytest.mark.parametrize("stops", [0, 2])
+def test_what_was_read_at_other_stops_is_not_compared(case_file: Write, stops: int) -> None:
+    """An answer that lacks a stop, or has one too many, is a fault of the harness, and never a pass."""
+    evolve = {"steps": 3, "timestep": 0.001, "stops": [{"at": at} for at in range(stops)]}
+    ready = prepared(case_file(compare=["f"], evolve=evolve))
+    with pytest.raises(ValueError, match="zip"):
+        compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=(Carried(STATE, STATE),)), 16)
+
+
+def test_a_case_without_runs_carries_nothing_over(case_file: Write) -> None:
+    ready = prepared(case_file())
+    assert compare_carried(ready.case, ready.atoms, Answer({}, 0.0), 16) == []

@@ -1,0 +1,362 @@
+"""Which findings explain a difference, on findings made by hand: each moves some values of the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.eos.bounds import EPS
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from lammps_cases import findings
+from lammps_cases.comparison.predictor import Made, Predictor
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
+from lammps_cases.findings import LEDGER, NEWEST, Finding
+from lammps_cases.findings.variants import Snapshot, Variant
+from lammps_cases.records.run_record import Beyond, DigitsLost
+from lammps_cases.scene.atoms import seed
+from lammps_cases.verdict import particle_model
+from lammps_cases.verdict.particle_model import ModelVerdict, Reason
+
+NAN, INF = float("nan"), float("inf")
+ID = np.array([3, 5, 8])
+PROBLEM = Problem(None, None, None, 0.0, ("f", "coordination"), (0, 2, 5))  # coordination comes first in a step
+REFERENCE = 10.0
+Bounds = tuple[float, float, float]
+Effects = Mapping[str, tuple[int, str, float]]  # step, field and distance from the reference of a finding, or of some
+
+
+class Played(Predictor):
+    """What the reference predicts where findings move it; the bounds of three values are 1, or those of ``bounds``."""
+
+    def __init__(self, effects: Effects, bounds: Mapping[str, Bounds]) -> None:
+        super().__init__()
+        self.effects, self.bounds = effects, bounds
+        self.asked: list[tuple[str, tuple[int, ...]]] = []
+        self.told: list[Snapshot] = []  # what LAMMPS has
+
+    def fields(self, problem: Problem, names: frozenset[str]) -> tuple[Fields, ...]:
+        made = tuple({"f": np.full(3, REFERENCE), "coordination": np.full(3, int(REFERENCE))} for _ in problem.steps)
+        for together, (step, field, moved) in self.effects.items():
+            if set(together.split("+")) <= names and step in problem.steps:
+                made[problem.steps.index(step)][field][1] += moved
+        return made
+
+    def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
+        stages = made[0].__mro__ if made else ()
+        names = frozenset(stage.__name__ for stage in stages if stage.__module__ == __name__)
+        assert names or made is None, "the reference itself is not tried again"
+        assert seed == SEED, "the moved runs of a variant are those of the case"
+        self.asked.append(("+".join(sorted(names)), problem.steps))
+        if names & {"runaway", "RUNAWAY"}:
+            raise InputError("density", "must be finite", NAN)
+        bound_n = np.array(self.bounds.get("+".join(sorted(names)), (1.0, 1.0, 1.0)))
+        bounds = tuple(dict.fromkeys(problem.fields, bound_n) for _ in problem.steps)
+        return Prediction(self.fields(problem, names), bounds)
+
+    def values(self, problem: Problem, made: Made) -> list[Fields]:
+        return list(self.predict(problem, made, SEED).fields)
+
+    def precise(self, problem: Problem) -> Fields:
+        return {field: np.full(3, np.longdouble(REFERENCE)) for field in problem.fields}
+
+    def names(self, what: str, problem: Problem, compute: Callable[[], list[str]], seed: int) -> list[str]:
+        assert (what, seed) == ("unseen", SEED)
+        return compute()
+
+
+SEED = seed("a.case/moved runs")
+TEXTS = dict.fromkeys(("title", "documented", "observed", "argument", "workaround"), "")
+
+
+def finding(name: str, number: int, on: Finding | None = None, **variant: Any) -> Finding:
+    """A finding about every scene, maybe one that builds on another; capitals: known of the newest LAMMPS."""
+    stages = type(name, (on.model_variant.stages if on else ArrayEvaluator,), {"__module__": __name__})
+    engines = (NEWEST,) if name.isupper() else ("0",)
+    made = Variant(lambda problem: True, stages, **variant)
+    return Finding(name, number, severity="low", engines=engines, model_variant=made, **TEXTS)
+
+
+def mistakes(problem: Problem, prediction: Prediction) -> list[str]:
+    assert len(problem.steps) == len(prediction.fields)
+    return ["a mistake"]
+
+
+@pytest.fixture
+def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, Played]]:
+    """Judge a LAMMPS that has the effects of some findings, and values of its own."""
+
+    def judged(
+        has: str,
+        effects: Effects,
+        *also: tuple[Any, ...],
+        settings: Mapping[str, dict[str, Any]] = MappingProxyType({}),
+        bounds: Mapping[str, Bounds] = MappingProxyType({}),
+        lists: bool = False,
+        of: Problem = PROBLEM,
+    ) -> tuple[ModelVerdict, Played]:
+        names = list(dict.fromkeys(name for together in effects for name in together.split("+")))
+        entries: dict[str, Finding] = {}
+        for number, name in enumerate(names):
+            special = dict(settings.get(name, {}))
+            entries[name] = finding(name, number, entries.get(special.pop("on", "")), **special)
+        monkeypatch.setattr(findings, "LEDGER", (LEDGER[0], *entries.values()))
+        predictor = Played(effects, bounds)
+        predictor.told = list(predictor.fields(of, frozenset(has.split("+"))))
+        for step, field, moved, *row in also:
+            predictor.told[of.steps.index(step)][field][row or 1] += moved
+        if lists:
+            predictor.told[0]["lists"] = ()
+        monkeypatch.setattr(particle_model, "unseen_in_model", mistakes)
+        return particle_model.judge(of, "a.case", ID, predictor.told, NEWEST, predictor), predictor
+
+    return judged
+
+
+def explained(verdict: ModelVerdict) -> list[str]:
+    return [entry.id for entry in verdict.entries]
+
+
+def unseen(verdict: ModelVerdict) -> list[str]:
+    return [entry.id for entry in verdict.unseen]
+
+
+def verdicts(verdict: ModelVerdict) -> dict[str, str]:
+    return {comparison.record.field: comparison.record.verdict for comparison in verdict.comparisons}
+
+
+FORCE, COUNT = (2, "f", 4.0), (5, "coordination", 4.0)
+
+
+# --- what explains
+
+
+@pytest.mark.parametrize(
+    ("has", "effects", "explanation"),
+    [
+        ("A", {"A": FORCE, "B": COUNT}, ["A"]),
+        ("A+B", {"A": FORCE, "B": COUNT}, ["A", "B"]),
+        ("A+b", {"A": FORCE, "b": COUNT}, ["A", "b"]),
+        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, ["A"]),  # B is inside the bound: it is not needed
+        ("b", {"A": FORCE, "b": COUNT}, ["b"]),
+        ("a+b", {"a": FORCE, "b": COUNT, "c": (0, "f", 4.0)}, ["a", "b"]),
+        ("c", {"a": FORCE, "b": COUNT, "c": FORCE, "a+b": COUNT}, ["a"]),  # alike: the first of the ledger
+        ("a", {"a": FORCE, "B": FORCE, "C": COUNT}, ["B"]),  # alike: the one that the engine is known to have
+        ("a+b", {"a": (2, "f", 0.4), "b": (2, "f", 0.3), "a+b": FORCE}, ["a", "b"]),  # shown beside another alone
+        ("a", {"a": FORCE, "a+b": COUNT, "b": (0, "f", 0.5)}, ["a"]),
+        ("a", {"b": COUNT, "a": FORCE, "c": (0, "f", 4.0)}, ["a"]),
+        ("A", {"A": FORCE, "b": COUNT, "A+b": (2, "f", -4.0)}, ["A"]),
+    ],
+)
+def test_the_smallest_set_that_reproduces_every_value_explains(
+    judge: Any, has: str, effects: Effects, explanation: list[str]
+) -> None:
+    verdict, _ = judge(has, effects)
+    assert explained(verdict) == explanation and verdict.beyond is None
+    assert verdict.first is not None
+    for comparison in verdict.comparisons:
+        red = comparison.record.verdict == "explained"
+        assert comparison.record.explained_by == (explanation if red else [])
+    moved = {field for name in has.split("+") for _, field, by in [effects.get(name, FORCE)] if abs(by) > 1}
+    assert {field for field, of in verdicts(verdict).items() if of == "explained"} == (moved or {"f"})
+
+
+def test_without_a_difference_nothing_is_tried(judge: Any) -> None:
+    verdict, predictor = judge("", {"a": FORCE, "b": COUNT})
+    assert verdicts(verdict) == {"coordination": "exact", "f": "exact"}
+    assert (verdict.entries, verdict.first, verdict.unseen) == ([], None, [])
+    assert set(predictor.asked) == {("", PROBLEM.steps)}
+
+
+def test_most_sets_fail_at_the_first_step(judge: Any) -> None:
+    """The other steps of a run are not predicted for them."""
+    _, predictor = judge("a", {"a": FORCE, "b": COUNT}, (0, "f", 4.0))
+    assert {steps for names, steps in predictor.asked if "+" in names} == {(0,)}
+
+
+@pytest.mark.parametrize(("off", "explanation"), [(1.0, ["a"]), (1.5, [])])
+def test_a_variant_reproduces_lammps_within_its_bound(judge: Any, off: float, explanation: list[str]) -> None:
+    verdict, _ = judge("a", {"a": FORCE}, (2, "f", off))
+    assert explained(verdict) == explanation
+
+
+@pytest.mark.parametrize(
+    ("effect", "moved", "explanation"),
+    [
+        (NAN, NAN, ["a"]),
+        (NAN, 4.0, []),  # a number where the variant has none
+        (4.0, NAN, []),  # none where the variant has one
+    ],
+)
+def test_a_number_that_is_none_is_reproduced_by_none(
+    judge: Any, effect: float, moved: float, explanation: list[str]
+) -> None:
+    verdict, _ = judge("", {"a": (2, "f", effect)}, (2, "f", moved))
+    assert explained(verdict) == explanation
+
+
+# --- what is left
+
+
+@pytest.mark.parametrize(
+    ("has", "effects", "own", "beyond"),
+    [
+        ("a", {"a": FORCE}, COUNT, (["a"], 5, "coordination")),
+        ("a", {"a": (2, "coordination", 4.0)}, FORCE, (["a"], 2, "f")),
+        ("A", {"A": FORCE, "B": (2, "f", 0.5)}, COUNT, (["A", "B"], 5, "coordination")),  # known, whatever is needed
+        ("a", {"a": FORCE, "b": (5, "f", 4.0)}, COUNT, (["a"], 5, "coordination")),  # the fewest
+        ("a", {"a": FORCE, "b": FORCE}, COUNT, (["a"], 5, "coordination")),  # alike: the first of the ledger
+        ("a+b", {"b": (0, "f", 4.0), "a": FORCE}, COUNT, (["b", "a"], 5, "coordination")),
+        ("a", {"a": COUNT, "b": (0, "f", 4.0)}, (2, "coordination", 4.0), None),  # none comes further than without it
+        ("A", {"A": COUNT}, (2, "coordination", 4.0), (["A"], 2, "coordination")),  # but what is known is said
+        ("", {}, FORCE, None),
+    ],
+)
+def test_what_is_left_is_named_beside_the_findings_that_come_furthest(
+    judge: Any, has: str, effects: Effects, own: tuple[int, str, float], beyond: tuple[list[str], int, str] | None
+) -> None:
+    verdict, _ = judge(has, effects, own)
+    assert explained(verdict) == [] and "explained" not in verdicts(verdict).values()
+    assert "differs" in verdicts(verdict).values() and verdict.first is not None
+    left = verdict.beyond
+    assert (left and (left.findings, left.blame.step, left.blame.field)) == beyond
+    if left:
+        assert (left.blame.atom, left.blame.lammps) == (5, REFERENCE + own[2])
+
+
+# --- variants of a special kind
+
+
+def test_a_variant_is_fitted_to_lammps_first_snapshot(judge: Any) -> None:
+    given = []
+
+    def fit(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any]:
+        given.append((problem.fields, problem.steps[0], stages.__name__, snapshot["f"][1]))
+        return {}
+
+    verdict, _ = judge("a", {"a": (0, "f", 4.0)}, settings={"a": {"fit": fit}})
+    assert explained(verdict) == ["a"]
+    assert set(given) == {(PROBLEM.fields, 0, "Evaluator", REFERENCE + 4.0)}
+
+
+@pytest.mark.parametrize("undefined", [True, False])
+@pytest.mark.parametrize("settings", [{}, {"fit": lambda *given: None}], ids=["runs away", "does not fit"])
+def test_a_variant_that_predicts_nothing_explains_nothing(
+    judge: Any, settings: dict[str, Any], undefined: bool
+) -> None:
+    none = {"runaway": settings | {"undefined": undefined}}
+    verdict, _ = judge("runaway", {"runaway": FORCE, "b": COUNT}, settings=none)
+    assert (explained(verdict), verdict.beyond) == ([], None)
+    assert explained(judge("b", {"runaway": FORCE, "b": COUNT}, settings=none)[0]) == ["b"]
+    known, _ = judge("", {"RUNAWAY": FORCE}, COUNT, settings={"RUNAWAY": none["runaway"]})
+    assert known.beyond == Beyond(findings=["RUNAWAY"], blame=known.first), "with it as without it"
+
+
+NO_BOUND = (1.0, INF, 1.0)  # of the particle in the middle, which findings move
+
+
+@pytest.mark.parametrize(
+    ("undefined", "own", "of_variant", "row", "explanation"),
+    [
+        (True, (1.0,) * 3, NO_BOUND, 1, ["a"]),
+        (False, (1.0,) * 3, NO_BOUND, 1, []),
+        (True, (1.0,) * 3, NO_BOUND, 0, []),  # what has a bound is outside it
+        (True, (1.0,) * 3, (INF,) * 3, 1, []),  # a field of which nothing is left to compare
+        (True, NO_BOUND, NO_BOUND, 1, []),  # the reference has none itself
+        (True, (1.0,) * 3, (1.0,) * 3, 1, []),
+    ],
+)
+def test_a_variant_may_leave_values_without_a_bound(
+    judge: Any, undefined: bool, own: Bounds, of_variant: Bounds, row: int, explanation: list[str]
+) -> None:
+    settings, bounds = {"a": {"undefined": undefined}}, {"": own, "a": of_variant}
+    verdict, _ = judge("a", {"a": FORCE}, (2, "f", 30.0, row), settings=settings, bounds=bounds)
+    assert explained(verdict) == explanation
+
+
+@pytest.mark.parametrize(("lists", "explanation"), [(True, ["A"]), (False, [])])
+@pytest.mark.parametrize("of", [PROBLEM, replace(PROBLEM, steps=(2,))])
+def test_findings_that_follow_neighbour_lists_need_them(
+    judge: Any, of: Problem, lists: bool, explanation: list[str]
+) -> None:
+    follows = {"A": {"lists": True}}
+    assert explained(judge("A", {"A": FORCE}, settings=follows, lists=lists, of=of)[0]) == explanation
+    assert explained(judge("a", {"a": FORCE}, settings={"a": follows["A"]}, lists=lists, of=of)[0]) == (
+        ["a"] if lists else []
+    )
+    assert unseen(judge("", {"A": FORCE}, settings=follows, lists=lists, of=of)[0]) == explanation
+
+
+# --- beside the explanation
+
+
+@pytest.mark.parametrize(
+    ("has", "also", "names"),
+    [
+        ("", (), ["A", "B"]),  # all findings known of the engine are gone
+        ("A", (), ["B"]),
+        ("A+B", (), []),
+        ("a", (), ["A", "B"]),
+        ("", ((2, "coordination", 4.0),), []),  # of a difference without an explanation nothing is said
+    ],
+)
+def test_known_findings_that_would_show_are_named(judge: Any, has: str, also: Any, names: list[str]) -> None:
+    """Not one whose effect is inside the bound, nor one that runs away or cannot be fitted."""
+    effects = {"A": FORCE, "B": COUNT, "C": (2, "f", 0.5), "a": (0, "f", 4.0), "RUNAWAY": FORCE, "D": FORCE}
+    verdict, _ = judge(has, effects, *also, settings={"D": {"fit": lambda *given: None}})
+    assert unseen(verdict) == names
+
+
+def test_a_known_finding_that_another_builds_on_is_not_gone(judge: Any) -> None:
+    verdict, _ = judge("B+c", {"B": FORCE, "c": COUNT, "D": FORCE}, settings={"c": {"on": "B"}})
+    assert (explained(verdict), unseen(verdict)) == (["c"], ["D"])
+
+
+def test_digits_are_lost_in_the_first_evaluation(judge: Any) -> None:
+    """LAMMPS' only where it evaluates the same formula."""
+    lost = {
+        moved: {c.record.field: c.record.digits_lost for c in judge("", {}, (0, "f", moved))[0].comparisons}
+        for moved in (0.5, 4.0)
+    }
+    assert lost[0.5]["f"] == DigitsLost(lammps=round(np.log10(0.05 / EPS), 2), reference=0.0)
+    assert lost[4.0]["f"] == DigitsLost(reference=0.0)
+    assert lost[4.0]["coordination"] == DigitsLost(lammps=0.0, reference=0.0)
+
+
+def test_a_run_compared_later_has_neither_digits_nor_a_lint(judge: Any) -> None:
+    first, _ = judge("", {})
+    later, _ = judge("", {}, of=replace(PROBLEM, steps=(2, 5)))
+    assert (first.lint, later.lint) == (["a mistake"], [])
+    assert {comparison.record.digits_lost.reference for comparison in first.comparisons} == {0.0}
+    assert {comparison.record.digits_lost.reference for comparison in later.comparisons} == {None}
+
+
+@pytest.mark.parametrize(
+    ("values", "exact", "lost"),
+    [
+        ([1.0, 2.0], [1.0, 2.0], 0.0),
+        ([1.0, 2.0 + 2e-9], [1.0, 2.0], np.log10(1e-9 / EPS)),  # the worst
+        ([[3.0, 1e-9], [5.0, 0.0]], [[3.0, 0.0], [5.0, 0.0]], np.log10(1e-9 / 3 / EPS)),  # a row by its size
+        ([1.0, 1e-300], [1.0, 0.0], 99.0),
+        ([1.0, 0.0], [1.0, 0.0], 0.0),
+        ([1.0 + EPS / 2], [1.0], 0.0),
+    ],
+)
+def test_digits_lost_are_those_of_the_worst_row(values: Any, exact: Any, lost: float) -> None:
+    assert particle_model.digits(np.array(values), np.array(exact, np.longdouble)) == round(lost, 2)
+
+
+# --- the first difference of an answer read at every step
+
+
+def test_the_reason_is_the_first_difference_and_what_is_beyond_the_findings(judge: Any) -> None:
+    verdict, predictor = judge("a", {"a": FORCE}, COUNT)
+    found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, NEWEST, predictor)
+    assert found == Reason(verdict.first, verdict.beyond) and verdict.beyond is not None
+    right = predictor.fields(PROBLEM, frozenset())
+    assert particle_model.reason(PROBLEM, "a.case", ID, right, NEWEST, predictor) is None

@@ -56,7 +56,7 @@ def _blame(comparisons: list[Comparison], state: EosState) -> Blame | None:
     """Return the first stage, field and atom outside the bound, with the numbers."""
     for comparison in comparisons:
         record = comparison.record
-        if record.verdict not in ("differs", "explained") or record.first_id is None:
+        if record.first_id is None:
             continue
         at = int(np.searchsorted(state.id_n, record.first_id))
         return Blame(

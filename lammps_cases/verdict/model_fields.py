@@ -78,7 +78,7 @@ def first_outside(problem: Problem, table: dict[str, list[Comparison]], id_n: An
     for at, step in enumerate(problem.steps):
         for field in in_step_order(problem.fields):
             comparison = table[field][at]
-            if comparison.record.verdict == "differs" and comparison.record.first_id is not None:
+            if comparison.record.first_id is not None:
                 return blame_of(comparison, id_n, step)
     return None
 

@@ -189,9 +189,11 @@ def test_a_law_is_evaluated_in_the_precision_asked_for(table: EOSTable, scene: E
     assert max(errors) < EPS / 100, "what a double cannot hold"
 
 
-def test_a_density_without_a_pressure_is_no_number() -> None:
-    scene = EosState(np.array([1, 2]), np.array([2, 2]), array(-1.0, 1.2), np.ones(2))
-    np.testing.assert_array_equal(evaluate(TABLE, scene), [NAN, 0.0])
+def test_a_density_without_a_pressure_is_no_number_and_a_pressure_beyond_all_is_infinite() -> None:
+    """Neither is warned of: the comparison shows it."""
+    laws = EOSTable([TABLE[2], EOS("cubic", 1.2, parameter=0.5)])
+    scene = EosState(np.arange(1, 4), np.array([1, 1, 2]), array(-1.0, 1.2, 1e200), np.ones(3))
+    np.testing.assert_array_equal(evaluate(laws, scene), [NAN, 0.0, INF])
 
 
 def test_a_pressure_with_the_roundings_of_lammps_is_exact() -> None:

@@ -10,21 +10,38 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref.model.parameters import Box
 from lammps_cases import findings
 from lammps_cases.comparison import compare
-from lammps_cases.comparison.compare import EosState
+from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.findings import LEDGER, Finding
-from lammps_cases.records.run_record import CaseRecord, DigitsLost, EngineRecord, LostAtoms, OtherSteps
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.variants import Variant
+from lammps_cases.records.run_record import (
+    CaseRecord,
+    DigitsLost,
+    EngineRecord,
+    LostAtoms,
+    OtherSteps,
+    StepRecord,
+    digest,
+)
 from lammps_cases.run import campaign
 from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import casefile
+from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.settings import Evolve
 from lammps_cases.verdict import outcome
 from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.law_mistakes import MUTANTS
-from lammps_cases.verdict.model_cases import problem_of
+from lammps_cases.verdict.model_cases import asks_for_lists, first_step, problem_of, read_snapshots
+from lammps_cases.verdict.model_fields import derived, over_steps, sides
+from lammps_cases.verdict.model_mistakes import unseen_in_model
+from tests.support import made_answers
+from tests.support.made_findings import finding
 
 Write = Callable[..., Path]
 ENGINE = EngineRecord(distribution="2099.1.1")  # of which the ledger knows no finding
@@ -34,6 +51,7 @@ GAS: dict[str, Any] = {
 }
 LINEAR = [{"types": "*", "style": "linear"}]
 POSITIONS = {"lattice": "sq", "spacing": 0.8}
+EVERY_OTHER = Evolve(steps=2, timestep=0.001, compare_at=(0, 2))
 SIDES = ("lammps", "reference", "bound")
 MODEL = {"compare": ["coordination", "f"], "velocity": {"random": 0.3}}
 
@@ -51,20 +69,11 @@ def state_of(ready: PreparedCase) -> EosState:
 
 def answer_of(ready: PreparedCase) -> Answer:
     """What LAMMPS would answer if it were the reference."""
-    atoms, scene = ready.atoms, ready.case.scene
-    arrays: dict[str, Any] = {"id": atoms.id_n, "type": atoms.type_n, "x": atoms.x_nc, "rho": atoms.rho_n}
-    if atoms.energy_n is not None:
-        arrays["esph"] = atoms.energy_n
-    if scene.whole_model:
-        snapshots = []
-        problem = problem_of(scene, atoms, "", scene.snapshots)
-        for fields in Predictor().predict(problem).fields:
-            force_nc = np.hstack([fields["f"], np.zeros((len(atoms), 3 - scene.dimension))])
-            snapshots.append(arrays | {"q.coordination": fields["coordination"], "f": force_nc, "pressure": None})
-        return Answer(snapshots[-1], 0.5, tuple(snapshots), scene.snapshots)
+    if ready.case.scene.whole_model:
+        return made_answers.of_model(ready.case.scene, ready.atoms)
     assert ready.eos is not None
     p_n = compare.evaluate(ready.eos, state_of(ready))
-    return Answer(arrays | {"pressure": p_n, "q.pressure": p_n.copy()}, 0.5)
+    return Answer(made_answers.given(ready.atoms) | {"pressure": p_n, "q.pressure": p_n.copy()}, made_answers.SECONDS)
 
 
 def judged(ready: PreparedCase, outcome: Answer | Failure) -> CaseRecord:
@@ -164,8 +173,7 @@ def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
     law: PreparedCase, monkeypatch: pytest.MonkeyPatch, pattern: str, variant: str, verdict: str
 ) -> None:
     """A finding about the case, whose variant of the law is LAMMPS' on every atom; no case has one today."""
-    texts = dict.fromkeys(("title", "documented", "observed", "argument", "workaround"), "")
-    made = Finding("a-law", 1, severity="low", law_variant=MUTANTS[variant], applies_to=(pattern,), **texts)
+    made = finding("a-law", law_variant=MUTANTS[variant], applies_to=(pattern,))
     monkeypatch.setattr(findings, "LEDGER", (replace(LEDGER[0], applies_to=("mine",)), made))
     assert law.eos is not None
     wrong_n = MUTANTS["cs ignored"](law.eos, state_of(law))
@@ -177,6 +185,17 @@ def test_a_wrong_pressure_is_explained_by_a_finding_that_has_it(
     assert wrong_n is not None
     wrong_n[-1] *= 2  # an atom that it does not explain
     assert judged(law, changed(answer_of(law), pressure=wrong_n, q__pressure=wrong_n)).verdict == "differs"
+
+
+@pytest.mark.parametrize(("off", "explained"), [(1.0, True), (1.5, False)])
+def test_a_pressure_within_the_bound_of_a_finding_is_explained_by_it(
+    law: PreparedCase, monkeypatch: pytest.MonkeyPatch, off: float, explained: bool
+) -> None:
+    nowhere = finding("nowhere", law_variant=lambda table, state: np.zeros(2), applies_to=("mine",))
+    monkeypatch.setattr(findings, "LEDGER", (nowhere,))
+    comparison = compare_field("p", "eos", np.arange(2), np.array([0.0, off]), np.full(2, 7.0), np.ones(2))
+    entry = findings.explain_pressure("mine", law.eos, state_of(law), comparison)
+    assert (entry is nowhere) == explained
 
 
 @pytest.mark.parametrize(("cells", "seen"), [([5, 4], True), ([50, 79], True), ([50, 80], False)])
@@ -253,6 +272,145 @@ def test_other_steps_than_those_asked_for_are_not_compared(model: PreparedCase) 
     record = judged(model, replace(answer_of(model), steps=(0, 1, 3)))
     assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
     assert record.unusable == OtherSteps(counted=[0, 1, 3], asked=[0, 1, 2])
+
+
+@pytest.mark.parametrize(
+    ("changes", "given"),
+    [
+        ({}, ["type", "rho"]),
+        ({"evolve": {"compare_at": [1, 2]}}, ["type"]),
+        ({"rheo": {"interface_reconstruct": True}}, ["type"]),
+        ({"rheo": {"rho_sum": True}, "rho": None}, ["type"]),
+        ({"energy": {"range": [0.5, 2.5]}}, ["type", "rho", "esph"]),
+        ({"energy": {"range": [0.5, 2.5]}, "evolve": {"compare_at": [2]}}, ["type"]),
+        ({"evolve": {"stops": [{"at": 0, "by": "restart"}]}}, ["type", "rho"]),
+        ({"evolve": {"stops": [{"at": 0, "by": "data"}]}}, ["type"]),  # text has not all digits
+        ({"evolve": {"stops": [{"at": 1, "by": "data"}]}}, ["type", "rho"]),
+    ],
+)
+def test_what_lammps_was_given_is_compared_before_it_changes(
+    case_file: Write, changes: dict[str, Any], given: list[str]
+) -> None:
+    evolve = {"timestep": 0.001, "compare_at": [0, 1]} | changes.get("evolve", {})
+    evolve["steps"] = evolve["compare_at"][-1]
+    ready = prepared(case_file(**MODEL, **changes | {"evolve": evolve}))
+    record = judged(ready, answer_of(ready))
+    assert (record.verdict, record.ended) == ("exact", "answered")
+    carried = [f"rho ({stop['by']} at {stop['at']})" for stop in evolve.get("stops", ())]
+    assert [field.field for field in record.fields] == [f"{name} (given)" for name in given] + carried + MODEL[
+        "compare"
+    ]
+    assert {field.derivation for field in record.fields if "(given)" in field.field} == {"the same doubles"}
+
+
+def test_a_stop_moves_no_bit_that_a_file_carries(case_file: Write) -> None:
+    stops = [{"at": 1, "by": "data"}]
+    ready = prepared(case_file(**MODEL, evolve={"steps": 2, "timestep": 0.001, "compare_at": [0, 2], "stops": stops}))
+    record = judged(ready, made_answers.of_model(ready.case.scene, ready.atoms, carries=1 + 1e-15))
+    (carried,) = [field for field in record.fields if field.field == "rho (data at 1)"]
+    assert (carried.verdict, carried.stage) == ("differs", "input")
+    assert carried.derivation == "half a unit of the 16th digit of the text"
+
+
+def test_the_record_of_a_model_has_its_lint_its_bounds_and_the_findings_that_are_gone(model: PreparedCase) -> None:
+    engine = EngineRecord(distribution="2025.7.22.4.0")
+    record, arrays = evaluate(model.case, model.eos, model.atoms, answer_of(model), engine)
+    assert record.unseen == ["force-per-volume"], "this LAMMPS computes the force that the manual gives"
+    problem = problem_of(model.case.scene, model.atoms, "", (0, 1, 2))
+    prediction = Predictor().predict(problem, seed=seed("mine/moved runs"))
+    assert record.lint == unseen_in_model(problem, prediction) != []
+    force = next(field for field in record.fields if field.field == "f")
+    at = next(k for k, row in enumerate(force.steps) if row.step == force.worst_step)
+    np.testing.assert_array_equal(arrays["f.bound"], np.broadcast_to(prediction.bounds[at]["f"], (20, 2)))
+    assert record.predictions.computed > 0
+    assert [force.derivation for force in record.fields[-2:]] == [derived(0)] * 2
+    assert record.laws[0].style == "tait/general"
+
+
+def test_a_bound_is_derived_in_words() -> None:
+    one = "4 x 2^-53 per operation, carried through the formulas; a sum by its absolute terms"
+    assert derived(0) == one
+    assert derived(3) == f"{one}; plus the spread of runs moved by that in every one of 3 steps"
+
+
+def test_positions_are_compared_where_the_reference_has_them() -> None:
+    """LAMMPS wraps those that leave a periodic box; along an open axis a period is a difference."""
+    box = Box((0.0, 0.0), (4.0, 3.0), (True, False))
+    problem = Problem(None, box, None, 0.0, ("x", "v"), (0,))
+    theirs_nc = np.array([[0.5, 1.0], [3.5, 1.0], [1.0, 0.5]])
+    ours_nc = np.array([[4.5, 1.0], [-4.5, 1.0], [1.0, 3.5]])
+    for name, placed_nc in (("x", [[4.5, 1.0], [-4.5, 1.0], [1.0, 0.5]]), ("v", theirs_nc)):
+        prediction = Prediction(({name: ours_nc},), ({name: 0.25},))
+        lammps_nc, reference_nc, bound_nc = sides(problem, name, {name: theirs_nc}, prediction, 0)
+        np.testing.assert_array_equal(lammps_nc, placed_nc)
+        np.testing.assert_array_equal(reference_nc, ours_nc)
+        np.testing.assert_array_equal(bound_nc, np.full((3, 2), 0.25))
+
+
+def test_a_field_is_that_of_its_worst_step_with_the_rows_of_all() -> None:
+    at = {
+        step: compare_field("f", "pair", np.arange(1, 4), np.array([0.0, moved, 0.0]), np.zeros(3), np.ones(3))
+        for step, moved in {0: 0.0, 2: 0.5, 5: 0.25}.items()
+    }
+    records = [comparison.record for comparison in at.values()]
+    worst = over_steps(list(at.values()), list(at))
+    assert worst.lammps_n is at[2].lammps_n
+    assert worst.record == records[1].model_copy(
+        update={"steps": worst.record.steps, "worst_step": 2, "digest": digest(*(of.digest for of in records))}
+    )
+    assert worst.record.steps == [
+        StepRecord(step=step, verdict=verdict, max_abs=moved, max_over_bound=moved, worst_id=atom, digest=of.digest)
+        for (step, verdict, moved, atom), of in zip(
+            [(0, "exact", 0.0, 1), (2, "pass", 0.5, 2), (5, "pass", 0.25, 2)], records, strict=True
+        )
+    ]
+    with pytest.raises(ValueError, match="zip"):
+        over_steps(list(at.values()), [0, 2])
+    records[2].verdict, records[2].explained_by = "explained", ["a-finding"]
+    explained = over_steps(list(at.values()), list(at)).record
+    assert (explained.verdict, explained.explained_by, explained.worst_step) == ("explained", ["a-finding"], 2)
+
+
+# --- an answer read at every step, and LAMMPS' lists of neighbours
+
+
+def test_the_first_step_outside_is_found_in_an_answer_read_at_every_step(model: PreparedCase) -> None:
+    others = "2025.7.22.4.0", Predictor()
+    few = replace(model.case, scene=model.case.scene.model_copy(update={"evolve": EVERY_OTHER}))
+    answer = answer_of(model)
+    assert first_step(few, model.atoms, answer, *others) is None
+    wrong = dict(answer.snapshots[1])
+    wrong["f"] = wrong["f"] + [[0.0, 1.0, 0.0]]
+    found = first_step(few, model.atoms, replace(answer, snapshots=(answer.snapshots[0], wrong, wrong)), *others)
+    assert found is not None and found.beyond is not None
+    assert found.beyond.findings == ["force-per-volume"], "as the engine is known to have it"
+    assert (found.first.field, found.first.step, found.first.atom, found.first.of) == ("f", 1, 1, 20)
+    assert found.first.lammps == pytest.approx(found.first.reference + 1.0)
+
+
+def test_snapshots_are_those_of_the_steps_asked_for_and_the_first_has_the_lists(model: PreparedCase) -> None:
+    scene, answer = model.case.scene, answer_of(model)
+    every, last = read_snapshots(scene, answer), read_snapshots(scene, answer, (2,))
+    assert [list(snapshot) for snapshot in every] == [["coordination", "f"]] * 3
+    assert every[0]["f"].shape == (20, 2) and len(last) == 1
+    np.testing.assert_array_equal(last[0]["f"], every[2]["f"])
+    ids = answer.arrays | {"id": np.array([3, 5, 9])}
+    lists = [{"id_s": np.array([9, 3]), "x_sc": n, "pair_ps": [], "newton": []} for n in range(2)]
+    first, *others = read_snapshots(scene, replace(answer, arrays=ids, lists=tuple(lists)))
+    assert [(listed.row_s.tolist(), listed.x_sc) for listed in first["lists"]] == [([2, 0], 0), ([2, 0], 1)]
+    assert not any("lists" in snapshot for snapshot in others)
+
+
+@pytest.mark.parametrize(("lists", "applies"), [(True, True), (True, False), (False, True)])
+def test_lists_are_asked_for_where_a_finding_follows_them(
+    model: PreparedCase, monkeypatch: pytest.MonkeyPatch, lists: bool, applies: bool
+) -> None:
+    def of_the_scene(problem: Problem) -> bool:
+        return applies and problem.fields == model.case.scene.compare and problem.steps == (0, 1, 2)
+
+    follows = finding("a", model_variant=Variant(of_the_scene, lists=lists))
+    monkeypatch.setattr(findings, "LEDGER", (LEDGER[0], follows))
+    assert asks_for_lists(model.case, model.case.scene, model.atoms) == (lists and applies)
 
 
 # --- no numbers

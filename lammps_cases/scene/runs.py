@@ -41,7 +41,9 @@ class EngineSettings(Rebuild):
         None, description="steps after which particles are sorted in memory; 0: never"
     )
     search: Literal["bin", "nsq", "multi"] = Field("bin", description="how lists of neighbours are built")
-    boundary: Literal["f", "s", "m"] = Field("f", description="of faces that are not periodic")
+    boundary: Literal["f", "s", "m", "fs", "sf", "fm", "mf", "sm", "ms"] = Field(
+        "f", description="of faces that are not periodic: both alike, or the lower and the upper one"
+    )
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")
 
     @model_validator(mode="after")

@@ -18,9 +18,10 @@ from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.findings import severities
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import CaseRecord, EngineRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, fails
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -45,9 +46,9 @@ class Abandoned(Exception):
 class CaseJudge:
     """One LAMMPS process for all cases, and what judges them; ``folder`` takes the arrays of a report."""
 
-    def __init__(self, engine: Engine, store: Store, strict: bool) -> None:
+    def __init__(self, engine: Engine, store: Store, fail_on: FailOn) -> None:
         self.store = store
-        self.strict = strict
+        self.fail_on = fail_on
         self.folder: Path | None = None
         self.engine = EngineRecord(name=engine.name)
         self._engine = engine
@@ -90,7 +91,8 @@ class CaseJudge:
 
     def accepts(self, record: CaseRecord) -> bool:
         """Return whether a case leaves the session green."""
-        return record.as_expected and not (self.strict and record.verdict == "explained")
+        known = severities(record.findings)
+        return record.accepted([name for name, severity in known.items() if fails(severity, self.fail_on)])
 
     def stop(self, at_once: bool = False) -> None:
         """End LAMMPS; at once, if it may be computing."""

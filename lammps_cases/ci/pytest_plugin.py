@@ -16,7 +16,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     add("--eos-ref-shipped", action="store_true", help="run the cases that come with eos-ref, beside what is named")
     add("--eos-ref-engine", metavar="E", help="env, pypi:VERSION or path:DIR (default: env)")
     add("--eos-ref-tag", metavar="T", help="only cases with this tag")
-    add("--eos-ref-strict", action="store_true", help="differences that the ledger explains are failures")
+    levels = ("high", "medium", "low", "new")  # `FailOn` of the records, which would be imported for nothing
+    help_ = "known findings of at least this severity are failures; new: none of them (default: new)"
+    add("--eos-ref-fail-on", choices=levels, metavar="LEVEL", help=help_)
+    add("--eos-ref-strict", action="store_const", const="low", dest="eos_ref_fail_on", help="the same as low")
     add("--eos-ref-fresh", action="store_true", help="compute every prediction of the reference anew")
     add("--eos-ref-out", metavar="DIR", help="write the report of eos-ref run into this folder")
 

@@ -21,7 +21,6 @@ from eos_ref import InputError
 from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseJudge, CaseYaml, named
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import installations
-from lammps_cases.findings import LEDGER
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
@@ -47,7 +46,7 @@ class SessionPlugin:
         except InputError as error:
             raise pytest.UsageError(f"eos-ref: {error}") from None
         self._judge = config.stash[JUDGE] = CaseJudge(
-            engine, prediction_keys.open_store(option.eos_ref_fresh), option.eos_ref_strict
+            engine, prediction_keys.open_store(option.eos_ref_fresh), option.eos_ref_fail_on or "new"
         )
         self._engine = self._judge.engine
         self._output = ExitStack()
@@ -152,7 +151,7 @@ class SessionPlugin:
         """Return the run that these cases are."""
         command = shlex.join(["pytest", *map(str, self._config.invocation_params.args)])
         run = campaign.provenance(self._engine, command)
-        run.strict = self._judge.strict
+        run.fail_on = self._judge.fail_on
         run.cases = sorted(self._records, key=lambda record: record.case)
         run.carried = findings.carried_over(run)
         run.seconds = round(time.perf_counter() - self._begin, 3)
@@ -184,7 +183,7 @@ class SessionPlugin:
 
     def pytest_report_header(self) -> str:
         """Return the engine, and where predictions lie."""
-        strict = ", strict" if self._judge.strict else ""
+        strict = "" if self._judge.fail_on == "new" else f", fail on {self._judge.fail_on}"
         return f"eos-ref: engine {self._judge.engine.name}{strict}, predictions in {self._judge.store.folder}"
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
@@ -195,12 +194,15 @@ class SessionPlugin:
                 terminalreporter.line(line)
         if self._written:
             terminalreporter.line(self._written)
+        if self._run is not None:
+            of_run = findings.outcome(self._run)
+            terminalreporter.line(str(of_run.headline), bold=True, **{of_run.headline.look.terminal: True})
+            for line in of_run.closing():
+                terminalreporter.line(line)
 
 
 def _lines(run: RunRecord) -> list[str]:
-    lines = [f"{wording.engine(run)}: {wording.sentence(run)}"]
-    shown = [finding for finding in findings.of_run(run, LEDGER) if finding.status == "seen"]
-    lines += [f"finding {finding.entry.id}: {finding.entry.title} ({finding.words})" for finding in shown]
+    lines = [f"{wording.engine(run.engine)}: {wording.tally(run)}"]
     lines += [*([wording.carried(run.carried)] if run.carried else []), *run.notes]
     if run.predictions.stored:
         lines.append(f"{run.predictions} (--eos-ref-fresh computes them anew)")

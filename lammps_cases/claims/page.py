@@ -10,10 +10,13 @@ from pathlib import Path
 
 from lammps_cases.claims.model import KINDS, Claim
 from lammps_cases.claims.trace import Trace
-from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, worst
+from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, in_words, worst
 from lammps_cases.findings import LEDGER
 from lammps_cases.pages import frame
 from lammps_cases.probes import PREFIX
+from lammps_cases.records import wording
+from lammps_cases.records.headline import Headline
+from lammps_cases.records.run_record import EngineRecord
 
 ASSETS = Path(__file__).with_name("assets")
 SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
@@ -21,9 +24,10 @@ SHOWN = 4  # pieces of evidence per claim and engine; the rest is counted
 
 @dataclass(frozen=True)
 class Column:
-    """An engine: its name, the folder of its report, and its verdicts, one per claim."""
+    """An engine: its name, what it is, the folder of its report, and its verdicts, one per claim."""
 
     engine: str
+    who: EngineRecord
     report: Path | None
     judged: Sequence[Judged]
 
@@ -51,19 +55,21 @@ class ClaimView:
     text: str
 
 
-def write(columns: Sequence[Column], trace: Trace, path: Path) -> str:
+def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headline) -> str:
     """Return the page; links are relative to the folder of ``path``, where it will lie."""
     claims = [judged.claim for judged in columns[0].judged]
     rows = [_row(i, columns, path.parent) for i in range(len(claims))]
     grouped = itertools.groupby(rows, key=lambda row: (row.claim.page, row.claim.section))
     verdicts = {v: sum(row.verdict == v for row in rows) for v in VERDICTS}
     refuting = {e for c in columns for j in c.judged if j.verdict == "does not hold" for e in _findings(j)}
-    unexplained = any(judged.unexplained for column in columns for judged in column.judged)
     return frame.page(
         ASSETS,
         "claims",
-        "bad" if unexplained else "good",
+        headline.look.css,
         scripts=[frame.FILTER],
+        headline=headline,
+        described=[wording.engine(column.who) for column in columns],
+        in_words=in_words,
         engines=[column.engine for column in columns],
         totals=[counts(column.judged) for column in columns],
         verdicts=verdicts,

@@ -17,14 +17,17 @@ from typing import Literal, get_args
 
 from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.claims.model import Claim, claims
+from lammps_cases.findings import severities
 from lammps_cases.probes import PREFIX
-from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
+from lammps_cases.records.headline import HERE, Headline, headline
+from lammps_cases.records.run_record import CaseRecord, FailOn, FieldRecord, RunRecord
 from lammps_cases.records.wording import INSIDE, counted, number, own_words
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested", "not claimed"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
 # Over several engines, of which some may have a manual that does not make the claim.
 _WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested", "not claimed")
+_PLURAL: Mapping[ClaimVerdict, str] = {"holds": "hold", "does not hold": "do not hold"}
 BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a finding, says nothing of the manual
 
 
@@ -272,3 +275,33 @@ def counts(judged: Iterable[Judged]) -> dict[ClaimVerdict, int]:
     """Count the claims of each verdict."""
     found = Counter(one.verdict for one in judged)
     return {verdict: found[verdict] for verdict in VERDICTS if found[verdict]}
+
+
+def of_all(columns: Sequence[Sequence[Judged]], broken: Sequence[str] = (), fail_on: FailOn = "new") -> Headline:
+    """Return the headline over the verdicts of some engines; ``broken`` names what crashed or ended unforeseen."""
+    fallen = [one for of in columns for one in of if one.verdict == "does not hold"]
+    unexplained = {one.claim.id for one in fallen if one.unexplained}
+    known = {one.claim.id for one in fallen} - unexplained
+    holding = {one.claim.id for of in columns for one in of if one.verdict == "holds"}
+    new = [f"{_statements(unexplained, 'does not hold')}, unexplained"] if unexplained else []
+    new += [f"{counted(len(broken), 'case')} broken or unforeseen"] if broken else []
+    return headline(
+        severities(finding for one in fallen for evidence in one.evidence for finding in evidence.findings),
+        new,
+        differences=f"{_statements(known, 'does not hold')}, {'known' if unexplained else 'all known'}"
+        if known
+        else "",
+        same=_statements(holding, "holds"),
+        fail_on=fail_on,
+        compared=bool(holding),
+        whose=HERE if len(columns) == 1 else f"of these {len(columns)} LAMMPS seen",
+    )
+
+
+def in_words(count: int, verdict: ClaimVerdict) -> str:
+    """Return a verdict as so many claims have it: 1 holds, 2 hold."""
+    return verdict if count == 1 else _PLURAL.get(verdict, verdict)
+
+
+def _statements(claims_of: Collection[str], verdict: ClaimVerdict) -> str:
+    return f"{counted(len(claims_of), 'statement')} {in_words(len(claims_of), verdict)}"

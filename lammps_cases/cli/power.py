@@ -10,6 +10,7 @@ import click
 
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
+from lammps_cases.records.run_record import FailOn
 
 if TYPE_CHECKING:
     from lammps_cases.studies.mutation.record import Power
@@ -28,6 +29,7 @@ SECTIONS = ("faults", "resolution", "alarms")
 @click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
 @shared.folder_option("--out", "reports/power", "Folder of the report.")
 @shared.engine_option
+@shared.fail_on_option
 @shared.json_option
 def power_command(
     names: tuple[str, ...],
@@ -39,6 +41,7 @@ def power_command(
     fresh: bool,
     out: Path,
     engine: str,
+    fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Plant faults in LAMMPS' input, in its output and in the formulas, and report which case catches each.
@@ -69,12 +72,15 @@ def power_command(
             sections, patterns, family, sample, quick_only, every, engine, jobs, out, command_line(), bar
         )
         record.write(power, out)
-        page.write(power, out)
+        page.write(power, out, fail_on or "new")
     if as_json:
         click.echo(json.dumps(record.document(power), indent=1))
     else:
         _show(power, out)
-    return int(bool(power.complaints))
+    headline = power.headline(fail_on or "new")
+    if not as_json:
+        shared.say(headline)
+    return int(headline.state == "FAIL")
 
 
 def _show(power: Power, out: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
 
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import RunRecord
+from lammps_cases.records.run_record import FailOn, RunRecord
 
 
 @click.command("run")
@@ -26,7 +27,7 @@ from lammps_cases.records.run_record import RunRecord
     help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if the run does anything otherwise.",
 )
 @shared.report_option
-@shared.strict_option
+@shared.fail_on_option
 @shared.json_option
 def run_command(
     names: tuple[str, ...],
@@ -38,7 +39,7 @@ def run_command(
     shard: str | None,
     baseline: Path | None,
     out: Path,
-    strict: bool,
+    fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Run cases against LAMMPS, compare atom by atom, and write a report.
@@ -70,26 +71,30 @@ def run_command(
             jobs,
             out,
             campaign.command_line(),
-            strict,
+            fail_on or "new",
             shard or "",
             bar,
             prediction_keys.open_store(fresh),
         )
-    code = shared.finish(run, out, as_json)
-    if baseline is None or code == 3:  # an engine that failed is not held against anything
-        return code
-    return max(code, _against(baseline, run, out, {case.name for case in every}, as_json))
+    changes = () if baseline is None else _against(baseline, run, out, {case.name for case in every}, as_json)
+    return shared.finish(run, out, as_json, changes)
 
 
-def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> int:
-    """Print where a run differs from what was accepted; return the exit code."""
+def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:
+    """Hold a run against what was accepted, unless the engine failed; return lines, and keep in the run what counts."""
+    from lammps_cases import history
     from lammps_cases.regression import pairs
     from lammps_cases.regression.baseline import check
     from lammps_cases.report.annotations import announce_changes
+    from lammps_cases.report.findings import outcome
+    from lammps_cases.run import campaign
 
+    if outcome(run).exit_code == 3:
+        return ()
     changes = check(run, out, baseline, cases)
-    for line in pairs.checked(changes, str(out)):
-        click.echo(line, err=as_json)
+    run.changed = len(changes.faults)
+    if run.changed:
+        campaign.write_run(run, out, past=history.past(run))
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
-    return int(bool(changes.faults))
+    return pairs.checked(changes, str(out))

@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 import click
 
-from lammps_cases.records.run_record import RunRecord
+from lammps_cases.records.headline import Headline
+from lammps_cases.records.run_record import FAIL_ON, RunRecord
 
 Command = TypeVar("Command", bound=Callable[..., object])
 PATH = click.Path(path_type=Path)
@@ -43,7 +44,13 @@ def engine_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--engine", default="env", show_default=True, help=help_)(launcher_option(command))
 
 
-strict_option = click.option("--strict", is_flag=True, help="Exit 1 also for differences that the ledger explains.")
+def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say which known findings make the exit code 1; --strict is the same as the least level."""
+    strict = click.option("--strict", "fail_on", flag_value="low", help="The same as --fail-on low.")
+    help_ = "Exit 1 also for known findings of at least this severity; new: for none of them.  [default: new]"
+    return click.option("--fail-on", type=click.Choice(FAIL_ON), help=help_)(strict(command))
+
+
 tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
 jobs_option = click.option(
     "--jobs",
@@ -90,15 +97,36 @@ def page_folder(out: Path) -> None:
         raise InputError("output folder", f"cannot be written: {error.strerror}", str(out)) from None
 
 
-def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
-    """Print the verdict of a run and where its report is; return the exit code."""
+def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:
+    """Print the verdict of a run, what changed against a baseline, and where the report is; return the exit code."""
+    from lammps_cases.report.annotations import announce
+    from lammps_cases.report.findings import outcome
+
+    of_run = outcome(run)
+    for line in changes:
+        click.echo(line, err=as_json)
     if as_json:
         click.echo(run.to_json(), nl=False)
-        return run.exit_code
-    from lammps_cases.records.wording import carried, carried_rows, counted, triage_lines
+        return of_run.exit_code
+    _details(run)
+    click.echo(f"report: {directory / 'report.html'}")
+    announce(of_run, directory, os.environ)
+    say(of_run.headline)
+    for line in of_run.closing():
+        click.echo(line)
+    return of_run.exit_code
 
-    counts = ", ".join(f"{count} {verdict}" for verdict, count in run.summary.items())
-    click.secho(f"{counted(len(run.cases), 'case')}: {counts} ({run.seconds:.1f} s)", bold=True)
+
+def say(headline: Headline) -> None:
+    """Print a headline in its colour."""
+    click.secho(str(headline), fg=headline.look.terminal, bold=True)
+
+
+def _details(run: RunRecord) -> None:
+    """Print the cases of a run counted, then those not as expected, and whatever else concerns the run as a whole."""
+    from lammps_cases.records.wording import carried, carried_rows, counted, tally, triage_lines
+
+    click.echo(f"{tally(run)} ({run.seconds:.1f} s)")
     for case in run.cases:
         if not case.as_expected:
             click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")
@@ -107,9 +135,6 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
         click.echo(f"  {counted(cases, 'case')} skipped: {reason}")
     for line in triage_lines(run):
         click.echo(f"  {line}")
-    explained = sum(case.verdict == "explained" for case in run.cases)
-    if explained:
-        click.echo(f"  {explained} explained by the ledger of findings (eos-ref ledger)")
     if run.predictions.stored:
         click.echo(f"  {run.predictions} (--fresh computes them anew)")
     if run.carried:
@@ -118,11 +143,6 @@ def finish(run: RunRecord, directory: Path, as_json: bool) -> int:
             click.echo(f"    {finding:28s} {what}: {counted(cases, 'case')}")
     for note in run.notes:
         click.secho(f"  {note}", fg="yellow")
-    click.echo(f"report: {directory / 'report.html'}")
-    from lammps_cases.report.annotations import announce
-
-    announce(run, directory, os.environ)
-    return run.exit_code
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None) -> None:

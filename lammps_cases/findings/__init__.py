@@ -36,13 +36,13 @@ from lammps_cases.findings import (
 )
 from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
 from lammps_cases.findings.entry import Finding
-from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.run_record import SEVERITIES, CaseRecord, Severity
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
 __all__ = ["KNOWN", "LEDGER", "NEWEST", "SHOWN_BY", "Finding", "accepted_cases", "applicable", "explain_outcome"]
-__all__ += ["SEEN_ON", "explain_pressure", "ledger_of", "shown_by"]
+__all__ += ["SEEN_ON", "explain_pressure", "ledger_of", "severities", "shown_by"]
 
 SHOWN_BY = Path(__file__).with_name("shown_by.json")
 
@@ -75,6 +75,13 @@ def accepted_cases() -> dict[str, list[str]]:
     """Cases of the accepted runs that show each finding, as `lammps_cases.regression.evidence` found them."""
     cases: dict[str, list[str]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))
     return cases
+
+
+def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict[str, Severity]:
+    """Return findings with their severities, each once, the most severe first; one that is in no ledger is severe."""
+    known: dict[str, Severity] = {entry.id: entry.severity for entry in ledger}
+    found: dict[str, Severity] = {name: known.get(name, "high") for name in names}
+    return dict(sorted(found.items(), key=lambda item: SEVERITIES.index(item[1])))
 
 
 def applicable(problem: Problem, lists: bool = False) -> list[Finding]:

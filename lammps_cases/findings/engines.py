@@ -30,6 +30,12 @@ def nearest(version: str) -> str:
     return before[-1] if before else KNOWN[0]
 
 
+def since(engines: tuple[str, ...]) -> str:
+    """Return the first of some known engines, with a word if none before it was tried; empty of none."""
+    first = next((known for known in KNOWN if known in engines), "")
+    return f"{first} or before" if first == KNOWN[0] else first
+
+
 def document(engines: tuple[str, ...], seen_on: dict[str, tuple[str, ...]]) -> str:
     """Return the text of the file, a line for each finding."""
     order = sorted(engines, key=Version)

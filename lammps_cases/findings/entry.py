@@ -5,19 +5,18 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from eos_ref import EOSTable
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
-from lammps_cases.findings.engines import nearest
+from lammps_cases.findings.engines import nearest, since
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
+from lammps_cases.records.run_record import CaseRecord, Ended, Severity, Verdict
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene
 
-Severity = Literal["low", "medium", "high"]
 Law = Callable[[EOSTable, EosState], FloatArray]
 
 
@@ -60,6 +59,7 @@ class Finding:
     Attributes
     ----------
     number : place in the ledger, where variants are tried and named in the order in which they were added
+    effect : what it does to a user, in one line
     documented, observed : what the manual says (with its place), what LAMMPS does
     argument : why the documented behaviour is the right one
     workaround : what a user can do meanwhile
@@ -85,6 +85,7 @@ class Finding:
     number: int
     title: str
     severity: Severity
+    effect: str
     documented: str
     observed: str
     argument: str
@@ -112,6 +113,11 @@ class Finding:
         model = self.model_variant
         part = self.law_variant or (model and (model.stages or model.stepping))
         return part.__name__ if part else (self.outcome or "")
+
+    @property
+    def since(self) -> str:
+        """Return since which version it is there, as far as versions were tried; empty if it was seen on none."""
+        return since(self.engines)
 
     def covers(self, case: str) -> bool:
         """Return whether the entry speaks of a case by its name."""

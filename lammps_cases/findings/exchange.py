@@ -69,6 +69,7 @@ BOUNDARY_PAIRS_TWICE = Finding(
     number=29,
     title="With 'newton off on' pairs across a boundary count twice",
     severity="high",
+    effect="Densities and gradients at periodic boundaries, and between processes, are wrong",
     documented="newton: the flags for pairs and for bonds may differ, and results must not depend on them but for "
     "rounding.",
     observed="With 'newton off on' a pair across a periodic boundary, or one between processes, is listed for each of "

@@ -42,6 +42,7 @@ FORCE_PER_VOLUME = Finding(
     number=17,
     title="Pair forces lack the volume of the particle they act on",
     severity="high",
+    effect="Pressure and viscosity accelerate rho/m times too much: 100 times where m/rho is 0.01",
     documented="pair rheo, as published (Palermo et al. 2024; Clemmer et al. 2024): the pressure force on i is "
     "-sum V_i V_j (P_i + P_j) grad W, the viscous one sum 2 eta V_i V_j (x.grad W)/r^2 v_ij.",
     observed="Since 2025.7.22.2.0 the factor V_i = m_i/rho_i is missing from the pressure, viscous and artificial "
@@ -99,6 +100,7 @@ HARMONIC_MEAN_UNDEFINED = Finding(
     number=32,
     title="With harmonic/means two coefficients of 0 make forces and heat NaN",
     severity="medium",
+    effect="Forces become NaN and atoms are lost where two viscosities or conductivities are 0",
     documented="pair rheo: harmonic/means averages viscosities and conductivities harmonically; a viscosity or "
     "conductivity of 0 is allowed.",
     observed="The mean is evaluated as 2ab/(a + b): NaN for two particles whose viscosities, or conductivities, are "

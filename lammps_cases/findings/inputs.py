@@ -10,6 +10,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=53,
         title="What follows the second number of a type range is ignored",
         severity="low",
+        effect="Types behind the second number keep another law, without a message",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
         observed="'1*1*2' is taken for '1*1', '*1*' for '*1' and '1*2*3' for '1*2', without a message: '* linear 1*1*2 "
         "tait/water' leaves type 2 linear.",
@@ -29,6 +30,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=54,
         title="Equilibrium densities and speeds of sound of 0 and below are accepted",
         severity="medium",
+        effect="A mistyped density or speed of sound ends in NaN or no pressure at all, without a message",
         documented="fix rheo: density gives equilibrium densities and speed/sound speeds of sound; fix rheo/pressure: "
         "Tait's equation divides by the former.",
         observed="'density 1.2 0.0' with tait/water for type 2 is accepted without a message; after three steps "
@@ -47,6 +49,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=55,
         title="An exponent of 0 and a heat capacity ratio below 1 are accepted",
         severity="medium",
+        effect="A mistyped exponent ends in NaN or negative pressures, without a message",
         documented="fix rheo/pressure: tait/general divides by its exponent gamma; gamma of ideal/gas is the heat "
         "capacity ratio.",
         observed="'tait/general 0.0' is accepted without a message; after three steps positions, velocities, densities "
@@ -65,6 +68,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=56,
         title="Of the arguments of a power law only the viscosity is checked",
         severity="medium",
+        effect="A mistyped power law ends in NaN or negative viscosities, without a message",
         documented="fix rheo/viscosity: gd0 is a critical strain rate, which avoids divergences; K is the consistency "
         "index. LAMMPS' own error for a negative eta: 'The viscosity must be positive'.",
         observed="'power 0.3 0.05 -20.0 0.5' is accepted without a message, and the viscosities of all particles are "
@@ -87,6 +91,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=57,
         title="Negative damping and negative artificial viscosity are accepted",
         severity="medium",
+        effect="With a mistyped sign damping drives the flow, without a message",
         documented="pair_style rheo: rho/damp gives the magnitude of a damping term, artificial/visc that of an "
         "artificial viscosity, which help stabilize simulations.",
         observed="'rho/damp -1.0' is accepted without a message; in two fluids of one equilibrium density, densities "
@@ -105,6 +110,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=58,
         title="A fraction of the shift below 0 or above 1 is accepted",
         severity="low",
+        effect="A mistyped fraction reverses or enlarges the shift, without a message",
         documented="fix rheo, syntax: shiftscale = fraction of shifting in normal direction to preserve; description: "
         "0 implies no shifting in the normal direction, 1 no change.",
         observed="'scale/cross/type -0.5 0.05 0.01' is accepted without a message, and so is 'scale/cross/type 1.5 "
@@ -122,6 +128,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=59,
         title="Two stars for the components of a vector or tensor end in a crash",
         severity="medium",
+        effect="LAMMPS overwrites memory and crashes",
         documented="compute rheo/property/atom: a wild card * includes all components.",
         observed="'grad/v/**' ends in SIGSEGV or SIGABRT by memory that was overwritten, and so does 'shift/v/**'.",
         argument="A mistyped argument is an input error like any other: 'grad/v/xq' is refused ('Invalid compute "

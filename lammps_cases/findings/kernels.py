@@ -213,6 +213,7 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
     number=28,
     title="A particle with fewer than zmin neighbours, or in a row of them, uses the gradients of other pairs",
     severity="high",
+    effect="With RK1 and RK2 forces at a free surface depend on the order of neighbours, or on old memory",
     documented="fix rheo: if reproducing kernels are requested but a particle has fewer than zmin neighbours, it "
     "will revert to a non-reproducing quintic kernel until it gains more.",
     observed="With RK1 and RK2 the gradient of such a particle is not computed: it is that of the last pair before it "
@@ -249,6 +250,7 @@ KERNEL_WENDLAND_C4 = Finding(
     number=37,
     title="There is a fifth kernel style, wendland/c4, which is not documented and half finished",
     severity="medium",
+    effect="With wendland/c4 the limits of surface detection mean something else",
     documented="fix rheo: kstyle = quintic or RK0 or RK1 or RK2; four kernels are currently available.",
     observed="'wendland/c4' is accepted: Wendland's C4 kernel of support cut without correction, with h = cut/3 in "
     "shift and artificial viscosity. Densities, gradients, forces and shift are right for it. Surface detection takes "

@@ -9,6 +9,7 @@ NBOND_SHELL_SEGFAULT = Finding(
     number=38,
     title="Asking for nbond/shell without fix rheo/oxidation ends in a segmentation fault",
     severity="medium",
+    effect="LAMMPS crashes in place of an error message",
     documented="compute rheo/property/atom: nbond/shell is one of the attributes, the number of oxide bonds; many "
     "attributes require that their fixes be defined.",
     observed="Without fix rheo/oxidation a run with compute rheo/property/atom 'nbond/shell' ends in SIGSEGV. From "
@@ -27,6 +28,7 @@ COMPONENT_NAMES = Finding(
     number=39,
     title="Only the last letters of a component's name count, and a star beside them overwrites memory",
     severity="medium",
+    effect="A misspelt component is taken for another one, or overwrites memory, without a message",
     documented="compute rheo/property/atom: a component is named by the axis of a vector, both axes of a tensor, or *.",
     observed="Letters in front of the last one of a vector, and the last two of a tensor, are passed over: "
     "'grad/v/xyx' is yx, 'shift/v/yx' is x. 'grad/v/x*' and 'grad/v/**' count as all components but are stored as "

@@ -39,6 +39,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=1,
         title="Asking for the pressure without fix rheo/pressure ends in a segmentation fault",
         severity="medium",
+        effect="LAMMPS crashes in place of an error message",
         documented="fix rheo, Restrictions: must be used in conjunction with fix rheo/pressure.",
         observed="Without fix rheo/pressure and without pair style rheo a run is refused with 'Missing fix "
         "rheo/pressure', unless a compute rheo/property/atom asks for the pressure: then the run ends in SIGSEGV "
@@ -56,6 +57,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=2,
         title="Asking for stress/t without the pressure ends in a segmentation fault",
         severity="medium",
+        effect="LAMMPS crashes when stress/t is asked for by itself",
         documented="compute rheo/property/atom: inputs may be given in any combination; stress/t is the total stress.",
         observed="A run with compute rheo/property/atom 'stress/t/*' or 'stress/t/xx' ends in SIGSEGV, unless pressure "
         "is another input of the same compute; one of another compute does not help.",
@@ -72,6 +74,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=3,
         title="The keyword self/mass does not exist",
         severity="medium",
+        effect="A documented way to sum densities cannot be used",
         documented="fix rheo, syntax: rho/sum takes the optional argument self/mass, with which a particle uses its "
         "own mass in the summation; an example has it too.",
         observed="'rho/sum self/mass' is refused: 'Illegal fix rheo command: self/mass'. No order of the words, nor "
@@ -93,6 +96,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=4,
         title="shift exclude/type takes one range, not a list of types",
         severity="low",
+        effect="A command written by the manual is refused",
         documented="fix rheo, syntax: exclude/type values = types, types = list of types.",
         observed="'shift exclude/type 1 2' is refused: 'Illegal fix rheo command: 2'. One range ('1', '1*2', '*') "
         "is accepted, and the keyword may be repeated.",
@@ -109,6 +113,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=5,
         title="interface/reconstruct refuses the cubic law, even for the fluid alone",
         severity="low",
+        effect="Walls cannot be reconstructed where any type has a cubic law",
         documented="fix rheo and fix rheo/pressure: no law is excluded from interface/reconstruct.",
         observed="If any type has the style cubic, or had it until a later entry replaced it, a run with "
         "interface/reconstruct ends with 'RHEO interface reconstruction incompatible with pressure equation of "
@@ -128,6 +133,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=6,
         title="A type range of two stars aborts the process",
         severity="low",
+        effect="LAMMPS aborts in place of an error message",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
         observed="'1;2', '0*' and 'x' are refused ('Invalid range string'); '**' ends in SIGABRT with an uncaught "
         "std::invalid_argument, as do '***', '1**2', '-' and '\"\"'.",
@@ -148,6 +154,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=7,
         title="A type range with a number of 20 digits aborts the process",
         severity="low",
+        effect="LAMMPS aborts in place of an error message, or takes another type",
         documented="fix rheo/pressure, description of types: ranges lie within the types 1 to N.",
         observed="Of two types '*3' is refused ('Numeric index 3 is out of bounds'); '*99999999999999999999' ends in "
         "SIGABRT with an uncaught std::out_of_range. A shorter number may be taken modulo 2^32: '*4294967298' is "
@@ -169,6 +176,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=8,
         title="A type range with a hyphen is taken for its first number",
         severity="medium",
+        effect="Types behind the hyphen keep another law, without a message",
         documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
         observed="'1-2' is taken for '1', without a message: '* linear 1-2 tait/water' leaves type 2 linear. "
         "'1-2 linear' alone is refused because type 2 has no law ('Must specify pressure for atom type 2'), not for "
@@ -186,6 +194,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=9,
         title="The error for an unknown pressure style names the types instead",
         severity="low",
+        effect="The error message points at the wrong word",
         documented="fix rheo/pressure, syntax: pstyle is one of linear, tait/water, tait/general, cubic, ideal/gas, "
         "background.",
         observed="'* taitwater' is refused with 'Illegal fix command, *'; from 2025.7.22.2.0 on the message names "
@@ -202,6 +211,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=10,
         title="A specific heat of 0 is accepted and gives NaN",
         severity="medium",
+        effect="Everything becomes NaN within a few steps, without a message",
         documented="fix rheo/thermal: the specific heat, by which energies are divided; LAMMPS' own error for a "
         "negative one: 'The specific heat must be positive'.",
         observed="'specific/heat * constant 0.0' is accepted without a message; after three steps positions, "
@@ -219,6 +229,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=11,
         title="The manual's example of surface/detection is refused",
         severity="low",
+        effect="The manual's example cannot be copied",
         documented="fix rheo, second example: 'shift surface/detection coordination 40'.",
         observed="'Illegal fix rheo surface/detection command: missing argument(s)'.",
         argument="The syntax of the same page has three values, a style, a limit and a limit for splashes; the example "
@@ -233,6 +244,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=12,
         title="The manual's example of rho/sum is refused",
         severity="low",
+        effect="The manual's example cannot be copied",
         documented="fix rheo, third example: 'rhosum self/mass'.",
         observed="'Illegal fix rheo command: rhosum'.",
         argument="The syntax and the description of the same page call the keyword rho/sum. LAMMPS follows them: the "
@@ -247,6 +259,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=13,
         title="The description names a pressure style that does not exist",
         severity="low",
+        effect="The style cannot be written as the description has it",
         documented="fix rheo/pressure, description: the options are linear, taitwater and cubic.",
         observed="'* taitwater' is refused: 'Illegal fix command'.",
         argument="The syntax of the same page has tait/water, and three more styles. LAMMPS follows the syntax: the "
@@ -261,6 +274,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=14,
         title="The syntax lists one speed of sound too many",
         severity="low",
+        effect="A command written by the syntax is refused",
         documented="fix rheo, syntax: speed/sound values = cs0, ... csN, which are N + 1 values.",
         observed="Three values for two types are refused: 'Illegal fix rheo command'.",
         argument="The description of the same page has one value for each of the N types, and numbers types from 1. "
@@ -275,6 +289,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=15,
         title="The unit that the syntax gives the cubic prefactor does not fit its formula",
         severity="medium",
+        effect="A prefactor converted by its documented unit gives wrong pressures",
         documented="fix rheo/pressure, syntax: cubic prefactor A3 (pressure/density^2).",
         observed="The cubic term is c^2 A3 (rho - rho0)^3, as in the formula of the same page, so that A3 has the unit "
         "1/density^2: in other units the pressures agree if A3 is converted so, and not as the syntax says.",
@@ -291,6 +306,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=16,
         title="The threshold wmin is not the pure number that the syntax says",
         severity="low",
+        effect="A scene that is scaled turns its shift off at other particles",
         documented="fix rheo, syntax: wmin = minimum local same-type support (unitless).",
         observed="In a fluid of twice the size, all else scaled, the same wmin turns the shift off at other particles.",
         argument="wmin is compared with sum W_ij, by the formula of the same page, and W has the unit 1/volume. What "
@@ -306,6 +322,7 @@ ENTRIES: tuple[Finding, ...] = (
         number=34,
         title="A data file written with reconstructed walls cannot be read back",
         severity="low",
+        effect="A data file that LAMMPS has written cannot be read back",
         documented="fix rheo: no information about this fix is written to restart files; the page names nothing "
         "that a data file would hold of it, or that read_data would have to be told.",
         observed="With interface/reconstruct, write_data adds a section rheo_interface_fix_property_atom, and "

@@ -114,6 +114,7 @@ CROSS_TYPE_SUPPORT = Finding(
     number=22,
     title="shift scale/cross/type sums W r for the same-type support",
     severity="medium",
+    effect="The threshold wmin turns the shift off at other particles than documented",
     documented="fix rheo, scale/cross/type: W_same = sum W_ij delta_ij over particles of the same type.",
     observed="The sum that is compared with wmin is sum W_ij r_ij delta_ij.",
     argument="The sum has one length more than W: at twice the spacing, everything else scaled and wmin as W, shifting "
@@ -132,6 +133,7 @@ CROSS_TYPE_NORMAL = Finding(
     number=23,
     title="shift scale/cross/type uses one direction for all interfaces",
     severity="high",
+    effect="Particles at an interface of two fluids are shifted in a wrong direction, or not scaled",
     documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
     "along it is scaled by shiftscale.",
     observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop "

@@ -17,6 +17,7 @@ KERNEL_CORRECTS_GRADIENTS_ONLY = Finding(
     number=40,
     title="Reproducing kernels correct gradients alone, so that RK0 is the quintic kernel",
     severity="medium",
+    effect="RK0 corrects nothing, and summed densities at surfaces stay uncorrected with every kernel",
     documented="fix rheo: RK0, RK1 and RK2 are zeroth, first, and second order reproducing; rho/sum: W_ij is the "
     "kernel, whose type kstyle specifies.",
     observed="With RK0 every output has the bits of the quintic kernel. With RK1 and RK2 gradients are corrected; sums "
@@ -38,6 +39,7 @@ NO_MASS_DIFFUSION = Finding(
     number=41,
     title="Densities follow an equation of continuity, not one of diffusion",
     severity="low",
+    effect="Densities of neighbours do not even out, unless rho/damp is given",
     documented="fix rheo: by default, RHEO integrates particles' densities using a mass diffusion equation.",
     observed="Densities change by -rho div v. In a fluid at rest they do not change at all, unless rho/damp of pair "
     "rheo is given.",
@@ -57,6 +59,7 @@ SOLIDS_SUMMED = Finding(
     number=42,
     title="With rho/sum densities of solids are summed as well",
     severity="medium",
+    effect="Solids do not keep the density they were given",
     documented="fix rheo: by default (without interface/reconstruct), the density of solid RHEO particles does not "
     "evolve.",
     observed="With rho/sum and without interface/reconstruct the densities of solids are sums too, in every step.",
@@ -77,6 +80,7 @@ WALL_DENSITY_STORED = Finding(
     number=43,
     title="The density stored for a reconstructed solid is neither temporary nor limited",
     severity="low",
+    effect="Densities of solids in the output are not those that forces used",
     documented="fix rheo, interface/reconstruct: a temporary apparent density is calculated for a solid; it cannot be "
     "less than the equilibrium density.",
     observed="The reconstructed density is stored in the place of the solid's own, and without the limit, which forces "
@@ -98,6 +102,7 @@ WALLS_ATTRACT = Finding(
     number=44,
     title="The limit of a solid's density does not keep fluid from sticking to it",
     severity="low",
+    effect="Fluid that is thinner than at equilibrium sticks to walls",
     documented="fix rheo, interface/reconstruct: the reconstructed density cannot be less than the equilibrium "
     "density; this prevents fluid particles from sticking to solid surfaces.",
     observed="A fluid particle that is thinner than at equilibrium is drawn to a solid with the limit as without it, "
@@ -118,6 +123,7 @@ GAS_WITHOUT_WORK = Finding(
     number=45,
     title="Compression does no work on an ideal gas, so that gamma is not its heat capacity ratio",
     severity="medium",
+    effect="Sound in an ideal gas is too slow by the root of gamma; compression does not heat it",
     documented="fix rheo/pressure: P = (gamma - 1) rho e, where gamma is the heat capacity ratio and e the internal "
     "energy per unit mass.",
     observed="Energies change by conduction alone. Sound travels at sqrt((gamma - 1) e), the isothermal speed.",
@@ -138,6 +144,7 @@ SUM_INCLUDES_SELF = Finding(
     number=46,
     title="The formula of rho/sum lacks the particle itself",
     severity="low",
+    effect="Densities computed from the formula are too low, by the particle's own term",
     documented="fix rheo, rho/sum: the density is the sum over neighbors, sum_j W_ij M_j.",
     observed="The sum has the particle's own term as well, W(0) times its mass.",
     argument="By the formula a particle without neighbours has no density; LAMMPS has 0.308 for the mass 1 and the "
@@ -157,6 +164,7 @@ RMIN_UNIT = Finding(
     number=47,
     title="The threshold rmin is not the pure number that the syntax says",
     severity="low",
+    effect="A scene that is scaled turns its shift off at other particles",
     documented="fix rheo, syntax: rmin = minimum local same-type weighted distance (unitless).",
     observed="Since 2026.7.4 the threshold is called so. In a fluid of twice the size, all else scaled, the same one "
     "turns the shift off at other particles.",
@@ -176,6 +184,7 @@ GAS_ON_OTHER_ATOMS = Finding(
     number=48,
     title="ideal/gas works on atoms that are not of style rheo/thermal",
     severity="low",
+    effect="None: more atom styles work than the manual says",
     documented="fix rheo/pressure: ideal/gas is only compatible with atom style rheo/thermal.",
     observed="On atoms of style 'hybrid rheo sph' ideal/gas is accepted, and gives (gamma - 1) rho e.",
     argument="The style needs the energy of a particle, which atoms of style sph have as well: it is the energy that "
@@ -193,6 +202,7 @@ RESPA_REFUSED = Finding(
     number=49,
     title="With run_style respa fix rheo says that another fix is missing",
     severity="low",
+    effect="The error message names a fix that is there",
     documented="fix rheo, Restrictions: nothing of run_style; pair rheo: this style can be used via the pair keyword "
     "of run_style respa.",
     observed="'run_style respa 2 2 pair 1' is refused: 'Missing fix rheo/viscosity', although the fix is there.",
@@ -211,6 +221,7 @@ PAIR_CUTOFF_UNSAID = Finding(
     number=50,
     title="That pair rheo needs the cutoff of fix rheo is on no page",
     severity="low",
+    effect="A rule that no page states refuses the run",
     documented="fix rheo, Restrictions, and pair rheo: nothing of the other one's cutoff.",
     observed="'pair_style rheo 2.9' with the cutoff 3 of fix rheo is refused: 'Pair rheo cutoff 2.9 does not agree "
     "with fix rheo cutoff 3'.",
@@ -228,6 +239,7 @@ PRESSURE_TAKES_ONE_RANGE = Finding(
     number=51,
     title="fix rheo/pressure takes one range of types for a law, not a list",
     severity="low",
+    effect="A command written by the syntax is refused",
     documented="fix rheo/pressure, syntax: types = lists of types.",
     observed="'1,2 linear' is refused ('Invalid range string: 1,2'), as is '1 2 linear' ('Illegal fix command').",
     argument="No range holds just types 1 and 3 of three, and no list gives them a law together.",
@@ -244,6 +256,7 @@ WALL_DENSITY_SHARED = Finding(
     number=52,
     title="A reconstructed solid has one density for all fluid particles around it",
     severity="low",
+    effect="A thin wall between two fluids has one density for both",
     documented="fix rheo, interface/reconstruct: the density and velocity of solid particles are reconstructed for "
     "every fluid-solid interaction.",
     observed="Velocities are reconstructed for every pair; the density of a solid is one mean over its fluid "

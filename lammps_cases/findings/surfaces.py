@@ -47,6 +47,7 @@ LAYER_DEPENDS_ON_PAIR_ORDER = Finding(
     number=26,
     title="Which particles beside a surface are its layer depends on the order in which pairs are listed",
     severity="low",
+    effect="Runs that list the same pairs in another order have other surface layers",
     documented="fix rheo, surface/detection: particles are classified as bulk, surface or splash; neigh_modify, "
     "newton and the number of processors must not change the physics. The layer beside a surface is not "
     "documented; its status is listed by compute rheo/property/atom.",

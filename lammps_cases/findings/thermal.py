@@ -51,6 +51,7 @@ HEAT_IS_TEMPERATURE_RATE = Finding(
     number=19,
     title="The heat flow is a rate of temperature that is added to the energy",
     severity="high",
+    effect="Temperatures even out at a wrong rate, about 1/(m cv) times the right one",
     documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
     "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
     observed="Since 2025.7.22.2.0 the output heatflow is sum 2 D V_j (T_i - T_j) (x.grad W)/r^2 with D the mean "
@@ -71,6 +72,7 @@ HEAT_OVER_DENSITY = Finding(
     number=20,
     title="The heat flow of a pair is divided by its mean density",
     severity="high",
+    effect="Heat flows 1/rho times as fast as it should",
     documented="fix rheo/thermal: conductivity in power/(length temperature); Cleary & Monaghan 1999: the energy "
     "of a particle changes by sum 2 kappa V_i V_j (T_i - T_j) (x.grad W)/r^2.",
     observed="Every term of the sum is divided by (rho_i + rho_j)/2. From 2025.7.22.2.0 on the heat flow is "
@@ -89,6 +91,7 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     number=21,
     title="The temperature is taken from the energy of the particle, not per mass",
     severity="high",
+    effect="Temperatures are the particle's mass times too large",
     documented="fix rheo/thermal: specific heat in energy/(mass temperature), so T = E/(m cv) for the energy E "
     "of a particle.",
     observed="T = E/cv, while the heat flow changes E and ideal/gas takes E/m for the energy per mass. From "

@@ -74,6 +74,7 @@ VIRIALS_CANCEL = Finding(
     number=60,
     title="Virials of particles cancel; with newton off the pressure of the system loses them, too",
     severity="high",
+    effect="stress/atom is wrong; with newton off so is the pressure that thermo prints",
     documented="compute stress/atom: either particle of a pair gets half of r1 F1 + r2 F2, which is half of the "
     "distance times the force on itself; compute pressure: the virial of the system is that of all its pairs, and "
     "newton must not matter.",
@@ -95,6 +96,7 @@ VIRIAL_OF_PLACES = Finding(
     number=36,
     title="With newton on the virial depends on the origin where the forces of a pair do not cancel",
     severity="low",
+    effect="The pressure that thermo prints depends on where the origin is",
     documented="compute pressure: the virial is the sum of r F over all particles and images, and with it the pressure "
     "a property of the system, wherever the origin lies.",
     observed="The sum is that of places times forces, which is one of distances only if both forces of a pair are "

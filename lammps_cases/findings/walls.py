@@ -193,6 +193,7 @@ WALL_VELOCITY_LOST = Finding(
     number=18,
     title="interface/reconstruct forgets that a wall moves",
     severity="high",
+    effect="Fluid beside a moving wall gets a wrong velocity at any resolution: Couette flow is off by half",
     documented="fix rheo, interface/reconstruct: densities and velocities of solids are reconstructed to ensure "
     "no-slip boundaries; Takeda et al. 1994, Morris et al. 1997: v_s' = v_s + (v_s - v_f) d_s/d_f.",
     observed="The solid's velocity as the fluid sees it is (v_s - v_f) d_s/d_f: the term v_s is missing. The two "
@@ -212,6 +213,7 @@ WALLS_SUMMED_AFTER_SETUP = Finding(
     number=24,
     title="After the set-up of a run solids show a density that was not used",
     severity="low",
+    effect="Densities of solids in the output of step 0 are not those that forces used",
     documented="fix rheo, interface/reconstruct: the density of solids is reconstructed for the interaction with "
     "fluid; rho/sum sums densities.",
     observed="With both keywords the densities of solids reported after run 0 are the sums; the forces of the same "
@@ -236,6 +238,7 @@ WALLS_AFTER_REBUILD = Finding(
     number=25,
     title="Densities of walls are wrong in single steps after neighbour lists are rebuilt",
     severity="high",
+    effect="Densities and forces of walls beside a periodic boundary jump in single steps",
     documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
     "2012), whatever the neighbour lists; neigh_modify: settings of the lists must not change the physics.",
     observed="In a step in which atoms enter or leave the layer of periodic images, the extrapolation to solids "
@@ -273,6 +276,7 @@ WALLS_DEPEND_ON_PAIR_ORDER = Finding(
     number=27,
     title="With RK1 and RK2, densities of walls depend on the order in which pairs are listed",
     severity="medium",
+    effect="Runs that list the same pairs in another order have other densities of walls",
     documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
     "fluid (Adami et al. 2012), the acceleration being the one not due to pressure.",
     observed="The pressure force that is taken out of the acceleration is, for the first particle of every pair "
@@ -298,6 +302,7 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     number=33,
     title="Every run but the first begins with wrong densities of walls",
     severity="high",
+    effect="The second run of a script, or one after read_restart, begins with wrong forces at walls",
     documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
     "fluid (Adami et al. 2012), the acceleration being the one not due to pressure; fix rheo: no information about "
     "the fix is written to restart files.",
@@ -321,6 +326,7 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     number=35,
     title="Runs begin with other forces on periodic images of particles beside walls than on the particles",
     severity="high",
+    effect="The second run of a script begins with wrong forces at walls beside a periodic boundary",
     documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
     "2012); newton: the flag must not change the physics; a periodic image is its particle.",
     observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "

@@ -19,7 +19,6 @@ from lammps_cases.fuzz.coverage import Coverage
 from lammps_cases.fuzz.draw import Drawn, draws
 from lammps_cases.fuzz.record import DOCUMENT, FuzzRecord, Red
 from lammps_cases.fuzz.rules import NEVER
-from lammps_cases.records import wording
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
@@ -133,7 +132,7 @@ class Hunt:
         record.twins += bool(verdict.twin)
         record.verdicts = dict(Counter(record.verdicts) + Counter([verdict.verdict]))
         record.rejected = dict(Counter(record.rejected) + Counter(drawn.rejected))
-        record.findings = dict(Counter(record.findings) + Counter(wording.explained_by(verdict)))
+        record.findings = dict(Counter(record.findings) + Counter(verdict.findings))
         self.coverage.add(drawn.choices)
         record.choices = self.coverage.counts()
         record.pairs_drawn, record.pairs = self.coverage.pairs()

@@ -35,7 +35,7 @@ class StoredRun:
         counts = dict(Counter(kind(case) for case in run.cases))
         engine = run.engine.model_copy(update={"library": "", "mpi": ""})  # a path, and what the hash says already
         made_by = engine, run.reference.get("git", "") or revision, run.reference, run.machine
-        return cls(0, sha256, run.date, *made_by, run.command, run.strict, run.shard, run.seconds, counts)
+        return cls(0, sha256, run.date, *made_by, run.command, run.fail_on == "low", run.shard, run.seconds, counts)
 
     @property
     def cases(self) -> int:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from eos_ref import EOS
 from eos_ref.syntax.manual import Manual, manual_of
@@ -25,6 +26,10 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 # other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 Failed = Literal["refused", "crashed", "timeout", "error", "skipped"]  # a verdict and an end in one: without an answer
+Severity = Literal["high", "medium", "low"]  # of findings
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+FailOn = Literal["high", "medium", "low", "new"]  # the least severity of known findings that fails; new: none does
+FAIL_ON: tuple[FailOn, ...] = get_args(FailOn)
 HASH = 8  # digits shown of a library's hash
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
 BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
@@ -233,6 +238,16 @@ class CaseRecord(_Record):
         return as_expected(self.verdict, self.expects)
 
     @property
+    def findings(self) -> list[str]:
+        """The findings that explain this case, each once."""
+        named = [self.explained_by, *(field.explained_by for field in self.fields)]
+        return list(dict.fromkeys(entry for entries in named for entry in entries))
+
+    def accepted(self, rejected: Collection[str] = ()) -> bool:
+        """Whether this case leaves a run green that rejects some findings."""
+        return self.as_expected and not (self.verdict == "explained" and set(self.findings) & set(rejected))
+
+    @property
     def headline(self) -> Blame | None:
         """Return what leaves its bound first and is new: beyond the findings that the case shows, if there are any."""
         return self.beyond.blame if self.beyond else self.blame
@@ -341,7 +356,8 @@ class RunRecord(_Record):
     machine: dict[str, str] = {}
     date: str = ""
     command: str = ""
-    strict: bool = False
+    fail_on: FailOn = Field("new", description="known findings of at least this severity fail; new: none does")
+    changed: int = Field(0, description="changes against an accepted baseline that count")
     shard: str = Field("", description="i/n, if this is a part of a run")
     carried: CarriedOver | None = None
     triage: Triage | None = Field(None, description="of a run that is not all as expected")
@@ -351,6 +367,15 @@ class RunRecord(_Record):
     predictions: Predictions = Predictions()
     seconds: float = 0.0
 
+    @model_validator(mode="before")
+    @classmethod
+    def _once_strict(cls, document: Any) -> Any:
+        """Read a document in which a run was strict or not."""
+        if isinstance(document, dict) and "strict" in document:
+            rest = {key: value for key, value in document.items() if key != "strict"}
+            return {"fail_on": "low" if document["strict"] else "new"} | rest
+        return document
+
     def counted(self) -> RunRecord:
         """Return self with the summary and the number of predictions made from the cases."""
         counts = Counter(case.verdict for case in self.cases)
@@ -359,17 +384,14 @@ class RunRecord(_Record):
         self.predictions = Predictions(computed=sum(p.computed for p in each), stored=sum(p.stored for p in each))
         return self
 
-    @property
-    def exit_code(self) -> int:
-        """Exit code: 0 all as expected, 1 something differs (or is explained, if strict), 2 a bad case, 3 a failure."""
+    def exit_code(self, rejected: Collection[str] = ()) -> int:
+        """Exit code: 0 all as expected, 1 something differs or is rejected, 2 a bad case, 3 a failure."""
         if any(case.unexercised and case.verdict == "error" for case in self.cases):
             return 2
         verdicts = {case.verdict for case in self.cases if not case.as_expected}
         if verdicts & {"refused", "crashed", "timeout", "error"}:
             return 3
-        if "differs" in verdicts or (self.strict and any(c.verdict == "explained" for c in self.cases)):
-            return 1
-        return 0
+        return int("differs" in verdicts or self.changed > 0 or not all(case.accepted(rejected) for case in self.cases))
 
     def to_json(self) -> str:
         """Return the document of run.json."""
@@ -377,6 +399,11 @@ class RunRecord(_Record):
 
 
 _DOCUMENT = Document("run", RunRecord, {schema1.SCHEMA: schema1.upgraded})
+
+
+def fails(severity: Severity, fail_on: FailOn) -> bool:
+    """Return whether a known finding of some severity makes the exit code 1."""
+    return fail_on != "new" and SEVERITIES.index(severity) <= SEVERITIES.index(fail_on)
 
 
 def as_expected(verdict: Verdict, expects: str) -> bool:

@@ -10,9 +10,11 @@ from typing import Any, Literal
 
 from lammps_cases.records.run_record import (
     BY_SEVERITY,
+    HASH,
     Blame,
     CarriedOver,
     CaseRecord,
+    EngineRecord,
     FieldRecord,
     LostAtoms,
     Mismatch,
@@ -189,21 +191,11 @@ def kind(case: CaseRecord) -> str:
     return verdict_kind(case.verdict, case.as_expected)
 
 
-def accepted(case: CaseRecord, run: RunRecord) -> bool:
-    """Return whether a case leaves this run green; a strict run does not accept `explained`."""
-    return case.as_expected and not (run.strict and case.verdict == "explained")
-
-
-def rank(case: CaseRecord, run: RunRecord) -> int:
+def rank(case: CaseRecord, accepted: bool) -> int:
     """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
     if kind(case) == EXPECTED_REFUSAL:
         return SEVERITY["pass"]
-    return SEVERITY[case.verdict] + (0 if accepted(case, run) else len(BY_SEVERITY))
-
-
-def unaccepted(run: RunRecord) -> list[CaseRecord]:
-    """Return the cases that turn a run red, worst first."""
-    return sorted((c for c in run.cases if not accepted(c, run)), key=lambda c: -rank(c, run))
+    return SEVERITY[case.verdict] + (0 if accepted else len(BY_SEVERITY))
 
 
 def counts(run: RunRecord) -> dict[str, int]:
@@ -216,32 +208,11 @@ def by_severity(counts_of_kinds: Mapping[str, int]) -> dict[str, int]:
     return {name: counts_of_kinds[name] for name in KINDS if counts_of_kinds.get(name)}
 
 
-def status(run: RunRecord) -> Literal["good", "bad", "empty"]:
-    """Return the colour of a run; one that compared nothing is not green."""
-    if unaccepted(run):
-        return "bad"
-    return "good" if any(case.verdict != "skipped" for case in run.cases) else "empty"
-
-
-def stamp(run: RunRecord) -> str:
-    """Return the run in one word."""
-    return {"good": "PASS", "bad": "FAIL", "empty": "EMPTY"}[status(run)]
-
-
-def sentence(run: RunRecord) -> str:
-    """Return the run in one sentence."""
-    total = counted(len(run.cases), "case")
+def tally(run: RunRecord) -> str:
+    """Count the cases of a run and their verdicts, in one line."""
     parts = ", ".join(f"{number} {name}" for name, number in counts(run).items())
-    bad = len(unaccepted(run))
-    end = {"good": "all as expected", "empty": "nothing was compared", "bad": f"{bad} not as expected"}[status(run)]
-    strict = " (strict: explained differences are not accepted)" if run.strict else ""
-    return f"{total}: {parts}; {end}{strict}." if parts else f"{total}; {end}."
-
-
-def explained_by(case: CaseRecord) -> list[str]:
-    """List the findings that explain a case, each once."""
-    named = [case.explained_by, *(field.explained_by for field in case.fields)]
-    return list(dict.fromkeys(entry for entries in named for entry in entries))
+    total = counted(len(run.cases), "case")
+    return f"{total}: {parts}" if parts else total
 
 
 def worst_field(case: CaseRecord) -> FieldRecord | None:
@@ -267,10 +238,17 @@ def styles(case: CaseRecord) -> str:
     return ", ".join(dict.fromkeys(law.style for law in case.laws))
 
 
-def engine(run: RunRecord) -> str:
-    """Say which LAMMPS answered, in one line."""
-    parts = (run.engine.name, run.engine.distribution, run.engine.version_string, run.engine.git)
-    return " · ".join(part for part in parts if part)
+def engine(who: EngineRecord) -> str:
+    """Say which LAMMPS answered, in one sentence: version, library, compiler and MPI, as far as they are known."""
+    dated = f" ({who.version_string})" if who.version_string else ""
+    named = "" if who.name == "env" else f", {who.name}"
+    compiler = f"compiled by {who.compiler}" if who.compiler else ""
+    mpi = "without MPI" if who.mpi == "serial" else f"with {who.mpi}" if who.mpi else ""
+    library = f"library {who.library_sha256[:HASH]}" if who.library_sha256 else ""
+    known = [
+        part for part in (library, "" if who.release else who.git, " ".join(filter(None, (compiler, mpi)))) if part
+    ]
+    return ", ".join([f"LAMMPS {who.distribution}".rstrip() + dated + named, *known])
 
 
 # --- what happened in a case, in a sentence

@@ -76,3 +76,19 @@ class SideChange:
     difference: float | None = None
     note: str = ""
     fault: bool = False
+
+    @property
+    def known(self) -> bool:
+        """Whether findings account for it: each side agrees with the reference or is explained, and not both agree."""
+        agrees = {"A": (True, False), "B": (False, True), "both": (True, True), "neither": (False, False)}[self.closer]
+        accounted = (
+            verdict in INSIDE or bool(findings) or (not self.field and agreeing)
+            for verdict, findings, agreeing in zip(self.verdicts, self.findings, agrees, strict=True)
+        )
+        return all(accounted) and any(self.findings)
+
+    @property
+    def moved(self) -> set[str]:
+        """The findings that one side alone shows; where both show the same, these."""
+        one, other = map(set, self.findings)
+        return one ^ other or one

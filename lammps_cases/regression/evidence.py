@@ -12,13 +12,12 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
 from packaging.version import Version
 
 from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, engines
-from lammps_cases.findings.entry import Severity
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import SEVERITIES
 from lammps_cases.records.wording import by_file
 from lammps_cases.regression import baseline
 
@@ -75,9 +74,8 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> Evidence:
 
 def table(evidence: Evidence, ledger: Sequence[Finding] = LEDGER) -> str:
     """Return the findings as a table in Markdown, the most severe first."""
-    order = get_args(Severity)
     lines = ["| severity | finding | versions | cases |\n", "|---|---|---|---|\n"]
-    for entry in sorted(ledger, key=lambda entry: (-order.index(entry.severity), entry.id)):
+    for entry in sorted(ledger, key=lambda entry: (SEVERITIES.index(entry.severity), entry.id)):
         seen_on = evidence.seen_on[entry.id]
         some = ", ".join(engine.removeprefix("2025.7.22") for engine in seen_on)
         versions = "all" if seen_on == evidence.engines else some
@@ -91,7 +89,7 @@ def page(entry: Finding, evidence: Evidence) -> str:
     """Return the page of a finding in Markdown."""
     cases = evidence.cases[entry.id]
     parts = [
-        f"# {entry.title}\n\n`{entry.id}`, severity {entry.severity}\n",
+        f"# {entry.title}\n\n`{entry.id}`, severity {entry.severity}\n\n**What it does to you:** {entry.effect}.\n",
         f"## What is documented\n\n{entry.documented}\n",
         f"## What LAMMPS does\n\n{entry.observed}\n",
         f"## Why that cannot be right\n\n{entry.argument}\n",

@@ -7,7 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from lammps_cases.findings import severities
 from lammps_cases.records.documents import SCHEMAS
+from lammps_cases.records.headline import Headline, headline
+from lammps_cases.records.run_record import FailOn
 from lammps_cases.records.wording import counted, plain
 from lammps_cases.regression.change import Policy, SideChange
 from lammps_cases.regression.changes import Changes, compare
@@ -19,7 +22,6 @@ from lammps_cases.report import markdown
 
 LISTED = 100  # rows of the table of changed fields in the summary
 SAID = 10  # faults listed on a terminal
-STAMPS = {0: "PASS", 1: "CHANGED", 3: "FAIL"}  # a comparison in one word, by its exit code
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,35 @@ class Pair:
 
 @dataclass(frozen=True)
 class SideComparison:
-    """All sides, A first, and all pairs of them."""
+    """All sides, A first, and all pairs of them; ``fail_on`` None: whatever changed makes the exit code 1."""
 
     sides: dict[str, Side]
     pairs: tuple[Pair, ...]
     command: str = ""
     notes: tuple[str, ...] = field(default=())
+    fail_on: FailOn | None = None
+
+    @property
+    def faults(self) -> list[SideChange]:
+        """The changes that count, of all pairs."""
+        return [change for pair in self.pairs for change in pair.changes.faults]
+
+    @property
+    def headline(self) -> Headline:
+        """The headline: amber where every change is by known findings that came or went."""
+        faults = self.faults
+        unknown = [change for change in faults if not change.known]
+        new = [*self.notes, *([f"{counted(len(unknown), 'change')} without a finding"] if unknown else [])]
+        known = len(faults) - len(unknown)
+        return headline(
+            severities(finding for change in faults if change.known for finding in change.moved),
+            new,
+            differences=f"{counted(known, 'change')}, {'known' if new else 'all known'}" if known else "",
+            same="no difference beyond the bounds",
+            fail_on=self.fail_on or "new",
+            compared=any(pair.changes.fields for pair in self.pairs),
+            whose="that came or went",
+        )
 
     @property
     def alone(self) -> Pair | None:
@@ -72,10 +97,17 @@ class SideComparison:
         """0 nothing changed beyond the bounds, 1 something did, 3 an engine failed as a whole."""
         if not all(side.answered for side in self.sides.values()):
             return 3
-        return int(any(pair.changes.faults for pair in self.pairs))
+        return int(bool(self.faults) if self.fail_on is None else self.headline.state == "FAIL")
 
 
-def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing: bool, command: str) -> SideComparison:
+def compared(
+    sides: Sequence[Side],
+    policy: Policy,
+    turns: Turns | None,
+    timing: bool,
+    command: str,
+    fail_on: FailOn | None = None,
+) -> SideComparison:
     """Compare every pair of sides; times are those taken in turns, or else those that the sides hold."""
     labelled = dict(zip(LABELS, sides, strict=False))
     pairs = []
@@ -87,7 +119,7 @@ def compared(sides: Sequence[Side], policy: Policy, turns: Turns | None, timing:
             speeds = [saved]
         pairs.append(Pair(a, b, compare(labelled[a], labelled[b], policy), tuple(speeds)))
     failed = tuple(f"{side.title} failed as a whole" for side in sides if not side.answered)
-    return SideComparison(labelled, tuple(pairs), command, failed)
+    return SideComparison(labelled, tuple(pairs), command, failed, fail_on)
 
 
 # --- one document
@@ -211,7 +243,12 @@ def _judgement(change: SideChange, side: int) -> str:
 def summary(comparison: SideComparison) -> str:
     """Return ``summary.md``."""
     named = [f"{label} is {markdown.text(side.title)}" for label, side in comparison.sides.items()]
-    blocks = [f"## eos-ref compare: {STAMPS[comparison.exit_code]}", "; ".join(named) + "."]
+    headline = comparison.headline
+    blocks = [
+        f"## eos-ref compare: {headline.markdown}",
+        f"{markdown.text(headline.sentence)}.",
+        "; ".join(named) + ".",
+    ]
     blocks += [f"> **Note:** {markdown.text(note)}" for note in comparison.notes]
     if not comparison.alone:
         head = ("pair", "same", "within bounds", "changed", "time of second over first")

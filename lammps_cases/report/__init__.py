@@ -53,10 +53,11 @@ def write_report(
     """
     from lammps_cases.findings import LEDGER
     from lammps_cases.report import junit, markdown, page
+    from lammps_cases.report.findings import outcome
 
-    entries = LEDGER if ledger is None else ledger
-    write_atomically(directory / "summary.md", markdown.summary(run, entries))
-    write_atomically(directory / "junit.xml", junit.document(run))
+    of_run = outcome(run, LEDGER if ledger is None else ledger)
+    write_atomically(directory / "summary.md", markdown.summary(of_run))
+    write_atomically(directory / "junit.xml", junit.document(of_run))
     path = directory / "report.html"
-    write_atomically(path, page.render(run, entries, directory / "fields", drawn, history))
+    write_atomically(path, page.render(of_run, directory / "fields", drawn, history))
     return path

@@ -105,5 +105,5 @@ def matrix(title: str, cases: Sequence[CaseRecord]) -> Matrix:
         AgreementRow(name, FIELDS[name].stage if name in FIELDS else "", [cells[name].get(step) for step in steps])
         for name in in_step_order(cells)
     ]
-    explained = dict.fromkeys(entry for case in cases for entry in wording.explained_by(case))
+    explained = dict.fromkeys(entry for case in cases for entry in case.findings)
     return Matrix(title, bool(cases[0].twin), len(cases), steps, rows, sorted(explained))

@@ -17,7 +17,9 @@ import yaml
 
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.headline import LOOKS
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.report.findings import Outcome
 from lammps_cases.scene.casefile import SHIPPED
 
 MOST = 10  # annotations of one level that GitHub shows of a step; it drops the rest without a word
@@ -86,21 +88,23 @@ def place(case: CaseRecord, root: Path) -> tuple[str, int] | None:
 # --- GitHub
 
 
-def workflow_commands(run: RunRecord, root: Path) -> list[str]:
-    """Return GitHub's annotations of a run: errors for cases not as expected, worst first, and notices for notes.
+def workflow_commands(of_run: Outcome, root: Path) -> list[str]:
+    """Return GitHub's annotations of a run: its headline, errors for cases not accepted, worst first, then the notes.
 
     Where there are more than GitHub shows, the last says how many.
     """
-    cases = wording.unaccepted(run)
-    errors = []
-    for case in cases[: MOST if len(cases) <= MOST else MOST - 1]:
+    cases, headline = of_run.unaccepted, of_run.headline
+    words = f"{headline.sentence}\n{wording.engine(of_run.run.engine)}"
+    lines = [command(headline.look.level, words, {"title": f"eos-ref: {headline.state}"})]
+    room = MOST - 1  # beside the headline
+    for case in cases[: room if len(cases) <= room else room - 1]:
         at = place(case, root)
         where = {"file": at[0], "line": str(at[1])} if at else {}
-        errors.append(command("error", _message(case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
-    if len(cases) > MOST:
-        rest = f"{len(cases) - MOST + 1} more cases are not as expected: see the job summary"
-        errors.append(command("error", rest, {"title": "eos-ref"}))
-    return [*errors, *(command("notice", note, {"title": "eos-ref"}) for note in run.notes[:MOST])]
+        lines.append(command("error", _message(case), {**where, "title": f"{wording.kind(case)}: {case.case}"}))
+    if len(cases) > room:
+        rest = f"{len(cases) - room + 1} more cases are not as expected: see the job summary"
+        lines.append(command("error", rest, {"title": "eos-ref"}))
+    return [*lines, *(command("notice", note, {"title": "eos-ref"}) for note in of_run.run.notes[:room])]
 
 
 def command(level: Level, message: str, properties: Mapping[str, str]) -> str:
@@ -137,9 +141,9 @@ def fitted(summary: str, taken: int, limit: int = SUMMARY_LIMIT) -> str:
 # --- GitLab
 
 
-def code_quality(run: RunRecord, root: Path) -> str:
-    """Return GitLab's code quality report: an entry for each case not as expected, worst first."""
-    return json.dumps([_entry(case, root) for case in wording.unaccepted(run)], indent=1) + "\n"
+def code_quality(of_run: Outcome, root: Path) -> str:
+    """Return GitLab's code quality report: an entry for each case not accepted, worst first."""
+    return json.dumps([_entry(case, root) for case in of_run.unaccepted], indent=1) + "\n"
 
 
 def _entry(case: CaseRecord, root: Path) -> dict[str, object]:
@@ -157,7 +161,7 @@ def _entry(case: CaseRecord, root: Path) -> dict[str, object]:
 # --- where the service wants them
 
 
-def announce(run: RunRecord, directory: Path, environ: Mapping[str, str]) -> None:
+def announce(of_run: Outcome, directory: Path, environ: Mapping[str, str]) -> None:
     """Tell the CI service that runs this job, if any, of a run whose report lies in ``directory``.
 
     On GitHub the annotations are printed and the summary joins the job's; on GitLab `CODE_QUALITY` is written into the
@@ -165,12 +169,12 @@ def announce(run: RunRecord, directory: Path, environ: Mapping[str, str]) -> Non
     """
     if environ.get("GITHUB_ACTIONS") == "true":
         root = Path(environ.get("GITHUB_WORKSPACE") or ".")
-        _say(workflow_commands(run, root))
+        _say(workflow_commands(of_run, root))
         if environ.get("GITHUB_STEP_SUMMARY"):
-            _append(Path(environ["GITHUB_STEP_SUMMARY"]), _summary(run, directory))
+            _append(Path(environ["GITHUB_STEP_SUMMARY"]), _summary(of_run, directory))
     if environ.get("GITLAB_CI") == "true":
         root = Path(environ.get("CI_PROJECT_DIR") or ".")
-        write_atomically(root / CODE_QUALITY, code_quality(run, root))
+        write_atomically(root / CODE_QUALITY, code_quality(of_run, root))
 
 
 def announce_changes(changes: Sequence[str], environ: Mapping[str, str]) -> None:
@@ -181,7 +185,9 @@ def announce_changes(changes: Sequence[str], environ: Mapping[str, str]) -> None
     _say(command("error", change, title) for change in changes[:MOST])
     if environ.get("GITHUB_STEP_SUMMARY"):
         listed = "\n".join(f"- {change}" for change in changes)
-        _append(Path(environ["GITHUB_STEP_SUMMARY"]), f"### Changed against the baseline\n\n{listed}\n")
+        _append(
+            Path(environ["GITHUB_STEP_SUMMARY"]), f"### {LOOKS['FAIL'].mark} Changed against the baseline\n\n{listed}\n"
+        )
 
 
 def _say(lines: Iterable[str]) -> None:
@@ -189,12 +195,11 @@ def _say(lines: Iterable[str]) -> None:
         print(line, flush=True)
 
 
-def _summary(run: RunRecord, directory: Path) -> str:
-    from lammps_cases.findings import LEDGER
+def _summary(of_run: Outcome, directory: Path) -> str:
     from lammps_cases.report.markdown import summary
 
     written = directory / "summary.md"
-    return written.read_text(encoding="utf-8") if written.is_file() else summary(run, LEDGER)
+    return written.read_text(encoding="utf-8") if written.is_file() else summary(of_run)
 
 
 def _append(file: Path, summary: str) -> None:

@@ -1,20 +1,23 @@
-"""Which findings of the ledger a run shows."""
+"""Which findings of the ledger a run shows, and what the run is by them: headline, exit code, accepted or not."""
 
 from __future__ import annotations
 
+import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
-from lammps_cases.findings import KNOWN, LEDGER, Finding
+from lammps_cases.findings import KNOWN, LEDGER, Finding, severities
 from lammps_cases.findings.engines import nearest
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CarriedOver, CaseRecord, RunRecord
+from lammps_cases.records.headline import Headline, headline, how_severe
+from lammps_cases.records.run_record import SEVERITIES, CarriedOver, CaseRecord, RunRecord, Severity, fails
 from lammps_cases.records.wording import counted
 
 Status = Literal["seen", "unseen", "absent"]
 STATUSES: tuple[Status, ...] = ("seen", "unseen", "absent")
-SEVERITIES = ("high", "medium", "low")
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,93 @@ class RunFinding:
         )
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """A run and all findings of a ledger, and what follows from both."""
+
+    run: RunRecord
+    findings: list[RunFinding]
+
+    @cached_property
+    def seen(self) -> list[RunFinding]:
+        """The findings that the run shows, the most severe first; of equal severity those of most cases."""
+        seen = [finding for finding in self.findings if finding.status == "seen"]
+        return sorted(seen, key=lambda f: (SEVERITIES.index(f.entry.severity), -len(f.cases), f.entry.number))
+
+    @cached_property
+    def known(self) -> dict[str, Severity]:
+        """The findings that the run shows with their severities."""
+        named = (finding for case in self.run.cases for finding in case.findings)
+        return severities([*(finding.entry.id for finding in self.seen), *named], [f.entry for f in self.findings])
+
+    @cached_property
+    def rejected(self) -> frozenset[str]:
+        """The findings that fail the run, by what it was told."""
+        return frozenset(name for name, severity in self.known.items() if fails(severity, self.run.fail_on))
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of the run."""
+        return self.run.exit_code(self.rejected)
+
+    @cached_property
+    def headline(self) -> Headline:
+        """The headline of the run."""
+        wrong = Counter(wording.kind(case) for case in self.run.cases if not case.as_expected)
+        each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
+        new = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
+        new += [f"{counted(self.run.changed, 'change')} against the baseline"] if self.run.changed else []
+        compared = any(case.verdict != "skipped" for case in self.run.cases)
+        return headline(self.known, new, fail_on=self.run.fail_on, compared=compared)
+
+    def accepted(self, case: CaseRecord) -> bool:
+        """Return whether a case leaves the run green."""
+        return case.accepted(self.rejected)
+
+    def rank(self, case: CaseRecord) -> int:
+        """Return the place of a case in a list by severity; all that is not accepted comes after all that is."""
+        return wording.rank(case, self.accepted(case))
+
+    @property
+    def unaccepted(self) -> list[CaseRecord]:
+        """The cases that turn the run red, worst first."""
+        return sorted((case for case in self.run.cases if not self.accepted(case)), key=lambda case: -self.rank(case))
+
+    def closing(self) -> list[str]:
+        """Return what follows the headline on a terminal: the severe findings, the others counted, the next command."""
+        severe = [finding for finding in self.seen if finding.entry.severity == "high"]
+        lines = [
+            f"  high  {finding.entry.title} ({finding.entry.id}): {counted(len(finding.cases), 'case')}"
+            for finding in severe
+        ]
+        others = how_severe({name: severity for name, severity in self.known.items() if severity != "high"})
+        return [*lines, *([f"  and {others}"] if others else []), f"next: {self.next_command}"]
+
+    @property
+    def next_command(self) -> str:
+        """What to type next: the worst case alone, a bug report of the worst finding, or the claims of the manual."""
+        wrong = [case.reproduce for case in self.unaccepted if not case.as_expected and case.reproduce]
+        if wrong:
+            return wrong[0]
+        return self.report_bug(self.seen[0].entry) if self.seen else self._command("claims")
+
+    def report_bug(self, finding: Finding) -> str:
+        """Return the command that writes a deck and an issue of a finding on the LAMMPS of this run."""
+        return self._command("report-bug", finding.id)
+
+    def _command(self, *words: str) -> str:
+        engine = self.run.engine.name
+        return shlex.join(["eos-ref", *words, *([] if engine == "env" else ["--engine", engine])])
+
+
+def outcome(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> Outcome:
+    """Return what a run is by a ledger."""
+    return Outcome(run, of_run(run, ledger))
+
+
 def of_run(run: RunRecord, ledger: Sequence[Finding]) -> list[RunFinding]:
     """Return every finding, the most severe first; of equal severity those that the run shows first."""
-    explained = [(case, set(wording.explained_by(case))) for case in run.cases]
+    explained = [(case, set(case.findings)) for case in run.cases]
     shown = [_finding(entry, explained, run.engine.distribution) for entry in ledger]
     return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), STATUSES.index(f.status)))
 

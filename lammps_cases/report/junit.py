@@ -6,15 +6,17 @@ import re
 import xml.etree.ElementTree as ET
 
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.report.findings import Outcome
 
 # XML 1.0 has no way to write most control characters, and LAMMPS echoes whatever a deck contains.
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def document(run: RunRecord) -> bytes:
+def document(of_run: Outcome) -> bytes:
     """Return a run as JUnit XML: one testcase per case, in the class of the first part of its name."""
-    outcomes = [_outcome(case, run) for case in run.cases]
+    run = of_run.run
+    outcomes = [_outcome(case, of_run) for case in run.cases]
     attributes = {"name": "eos-ref", "tests": str(len(run.cases))}
     for outcome in ("failure", "error", "skipped"):
         attributes[outcome if outcome == "skipped" else f"{outcome}s"] = str(outcomes.count(outcome))
@@ -24,7 +26,7 @@ def document(run: RunRecord) -> bytes:
     if run.date:
         suite.set("timestamp", _legal(run.date))
     properties = ET.SubElement(suite, "properties")
-    for name, value in _properties(run).items():
+    for name, value in _properties(of_run).items():
         ET.SubElement(properties, "property", {"name": _legal(name), "value": _legal(value)})
     for case, outcome in zip(run.cases, outcomes, strict=True):
         _add(suite, case, outcome)
@@ -32,10 +34,10 @@ def document(run: RunRecord) -> bytes:
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
 
-def _outcome(case: CaseRecord, run: RunRecord) -> str:
+def _outcome(case: CaseRecord, of_run: Outcome) -> str:
     if case.verdict == "skipped":
         return "skipped"
-    if wording.accepted(case, run):
+    if of_run.accepted(case):
         return "passed"
     return "failure" if case.verdict in ("differs", "explained") else "error"
 
@@ -71,8 +73,10 @@ def _text(case: CaseRecord) -> str:
     return _legal("\n".join(lines))
 
 
-def _properties(run: RunRecord) -> dict[str, str]:
-    properties = {f"engine.{name}": str(value) for name, value in run.engine.model_dump().items() if value}
+def _properties(of_run: Outcome) -> dict[str, str]:
+    run = of_run.run
+    properties = {"headline": str(of_run.headline)}
+    properties |= {f"engine.{name}": str(value) for name, value in run.engine.model_dump().items() if value}
     properties |= {f"reference.{name}": version for name, version in run.reference.items()}
     return properties | ({"command": run.command} if run.command else {})
 

@@ -5,26 +5,30 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from lammps_cases.findings import Finding
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, RunRecord
-from lammps_cases.report import agreement, findings
+from lammps_cases.records.wording import counted
+from lammps_cases.report import agreement
+from lammps_cases.report.findings import Outcome, RunFinding
 
 LISTED = 100  # rows of the table of failures: GitHub refuses summaries above 1 MiB
 LONGEST = 300  # characters of a message
 EXTREMES = 5  # rows of the tables of extremes
 
 
-def summary(run: RunRecord, ledger: Sequence[Finding]) -> str:
+def summary(of_run: Outcome) -> str:
     """Return a run as GitHub-flavoured Markdown."""
+    run = of_run.run
     blocks = [
-        f"## eos-ref: {wording.stamp(run)}",
-        text(wording.sentence(run)),
-        "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
-        _carried(run),
+        f"## eos-ref: {of_run.headline.markdown}",
+        f"{text(of_run.headline.sentence)}.",
+        f"{text(wording.engine(run.engine))}. {text(wording.tally(run))}.",
+        _known(of_run),
+        _failures(of_run.unaccepted),
         _triage(run),
-        _failures(run),
-        _findings(findings.of_run(run, ledger)),
+        _carried(run),
+        "\n".join(f"> **Note:** {text(note)}" for note in run.notes),
+        _unseen(of_run.findings),
         *(_twins(matrix) if matrix.twins else _agreement(matrix) for matrix in agreement.matrices(run)),
         _slowest(run),
         _worst_conditioned(run),
@@ -52,8 +56,7 @@ def _triage(run: RunRecord) -> str:
     return f"### Triage\n\n{wording.HYPOTHESES}\n\n" + "\n".join(groups)
 
 
-def _failures(run: RunRecord) -> str:
-    cases = wording.unaccepted(run)
+def _failures(cases: Sequence[CaseRecord]) -> str:
     if not cases:
         return ""
     head = ("case", "verdict", "field", "stage", "first atom", "largest difference/bound", "message")
@@ -68,19 +71,29 @@ def _failure(case: CaseRecord) -> Sequence[str]:
     return (code(case.case), wording.kind(case), *blame, wording.number(wording.worst_ratio(case)), text(message))
 
 
-def _findings(of_run: Sequence[findings.RunFinding]) -> str:
-    """Return one line per finding that the run shows or could have shown."""
+def _known(of_run: Outcome) -> str:
+    """Return one line per finding that the run shows."""
     rows = [
-        (f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.cases), len(f.unseen) or "")
-        for f in of_run
-        if f.status != "absent"
+        (
+            f.entry.severity,
+            f"**{text(f.entry.title)}** {text(f.entry.effect)}.",
+            text(f.entry.since),
+            len(f.cases),
+            code(of_run.report_bug(f.entry)),
+        )
+        for f in of_run.seen
     ]
-    if not rows:
-        return ""
+    head = ("severity", "what is wrong, and what it does to you", "since", "cases", "deck and issue for LAMMPS")
+    return f"### Known bugs\n\n{table(head, rows)}" if rows else ""
+
+
+def _unseen(of_run: Sequence[RunFinding]) -> str:
+    """Return one line per finding that the run could have shown, and does not."""
+    rows = [(f.entry.severity, code(f.entry.id), text(f.entry.title), len(f.unseen)) for f in of_run if f.unseen]
     absent = sum(f.status == "absent" for f in of_run)
-    rest = f"\n\n{absent} more of the ledger not applicable in this run." if absent else ""
-    head = ("severity", "finding", "what LAMMPS does", "cases", "applies, not seen")
-    return f"### Findings\n\n{table(head, rows)}{rest}"
+    rest = f"{counted(absent, 'finding')} of the ledger not applicable in this run." if absent else ""
+    head = ("severity", "finding", "what LAMMPS did", "cases")
+    return "\n\n".join(filter(None, [f"### Not seen where they apply\n\n{table(head, rows)}" if rows else "", rest]))
 
 
 def _agreement(matrix: agreement.Matrix) -> str:
@@ -140,7 +153,7 @@ def _worst_conditioned(run: RunRecord) -> str:
 
 
 def _provenance(run: RunRecord) -> str:
-    parts = [wording.engine(run), " ".join(f"{name} {version}" for name, version in run.reference.items())]
+    parts = [" ".join(f"{name} {version}" for name, version in run.reference.items())]
     if run.engine.library_sha256:
         parts.append(f"library sha256 {run.engine.library_sha256[:16]}…")
     parts += [run.date, f"{run.seconds:.2f} s"]

@@ -6,19 +6,19 @@ import importlib.util
 import itertools
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
-from lammps_cases.findings import Finding
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
-from lammps_cases.report import agreement, findings, plots
+from lammps_cases.report import agreement, plots
 from lammps_cases.report.drawn import Drawn, drawn_from
+from lammps_cases.report.findings import Outcome
 from lammps_cases.rules import RULES
 
 ASSETS = Path(__file__).parent / "assets"
@@ -50,30 +50,30 @@ class CaseEntry:
 
 
 def render(
-    run: RunRecord,
-    ledger: Sequence[Finding],
+    of_run: Outcome,
     fields: Path,
     drawn: Mapping[str, Drawn] | None = None,
     history: Past | None = None,
 ) -> str:
     """Return the page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``."""
-    at_hand, of_run = drawn or {}, findings.of_run(run, ledger)
+    at_hand, run = drawn or {}, of_run.run
     tags = Counter(tag for case in run.cases for tag in set(case.tags))
     return frame.page(
         ASSETS,
         "report",
-        wording.status(run),
+        of_run.headline.look.css,
         filters={"shade": shade, "sortable": _sortable},
         styles=[HISTORY_CSS] if history else [],
         scripts=[_plotly(), ASSETS / "plots.js"],
         run=run,
+        of_run=of_run,
         wording=wording,
         rules=RULES,
-        entries=[_entry(case, run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases],
+        entries=[_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases],
         tags={tag: tags[tag] for tag in sorted(tags)},
         matrices=agreement.matrices(run),
-        findings=of_run,
-        known={finding.entry.id for finding in of_run},
+        findings=of_run.findings,
+        known={finding.entry.id for finding in of_run.findings},
         claims=verdicts.summary(run),
         provenance=dict(_provenance(run)),
         seeds={case.case: case.seed for case in run.cases if case.seed is not None},
@@ -103,12 +103,12 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[St
     return rows
 
 
-def _entry(case: CaseRecord, run: RunRecord, drawn: Drawn) -> CaseEntry:
+def _entry(case: CaseRecord, of_run: Outcome, drawn: Drawn) -> CaseEntry:
     words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message, case.twin)
     steps = sorted({at.step for record in case.fields for at in record.steps})
     return CaseEntry(
         record=case,
-        accepted=wording.accepted(case, run),
+        accepted=of_run.accepted(case),
         drawn=drawn,
         text=" ".join(words).lower(),
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
@@ -123,7 +123,7 @@ def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:
     yield "wall time", f"{run.seconds:.2f} s"
     if run.predictions.stored:
         yield "predictions", f"{run.predictions}, with the bits of computed ones (--fresh computes them anew)"
-    yield "strict", "yes: explained differences are not accepted" if run.strict else "no"
+    yield "known findings that fail", "none" if run.fail_on == "new" else f"those that are {run.fail_on} or worse"
     for part in ("engine", "reference", "machine"):
         values = getattr(run, part)
         for name, value in (values if isinstance(values, dict) else values.model_dump()).items():

@@ -24,7 +24,7 @@ from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, HarnessError, RunRecord, Triage
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, HarnessError, RunRecord, Triage
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
@@ -87,7 +87,7 @@ def run_cases(
     jobs: int,
     directory: Path,
     command: str = "",
-    strict: bool = False,
+    fail_on: FailOn = "new",
     part: str = "",
     progress: Progress = SILENT,
     store: Store | None = None,
@@ -131,7 +131,7 @@ def run_cases(
             complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
             progress.advance(len(records), len(queue), record.case, complaint)
         run = provenance(answering, command)
-        run.strict, run.shard = strict, part
+        run.fail_on, run.shard = fail_on, part
         run.cases = sorted(records, key=lambda record: record.case)
         run.carried = carried_over(run)
         run.triage = triaged(run, cases, folder, store)
@@ -228,7 +228,7 @@ def _explained_blindly(record: CaseRecord) -> bool:
     """Return whether a finding explains a case that would predict more if LAMMPS' lists of neighbours were read."""
     from lammps_cases.findings import LEDGER
 
-    variants = (entry.model_variant for entry in LEDGER if entry.id in wording.explained_by(record))
+    variants = (entry.model_variant for entry in LEDGER if entry.id in record.findings)
     return any(variant is not None and variant.lists for variant in variants)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from eos_ref import InputError
 from lammps_cases import history
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.headline import strictest
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.report.findings import carried_over
 from lammps_cases.run.campaign import cases_of, command_line, triaged, write_run
@@ -33,7 +34,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
             raise InputError("engine", rule, one.distribution, str(folder))
         merged.cases += run.cases
         merged.seconds += run.seconds
-        merged.strict |= run.strict
+    merged.fail_on = strictest([run.fail_on for run in runs])
     _check_shards([run.shard for run in runs])
     merged.shard = ""
     merged.carried = carried_over(merged)

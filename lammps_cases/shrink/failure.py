@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from eos_ref import InputError
-from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene import Scene
 from lammps_cases.setup import reference_side
@@ -62,7 +61,7 @@ def failure_mode(record: CaseRecord, finding: str = "") -> FailureMode | None:
     place: dict[str, Any] = {"shown_in": blame.field, "step": blame.step, "atom": blame.atom} if blame else {}
     place["bounded"] = not blame or all(v is None or math.isfinite(v) for v in (blame.reference, blame.bound))
     if finding:
-        shown = record.verdict == "explained" and finding in wording.explained_by(record)
+        shown = record.verdict == "explained" and finding in record.findings
         return FailureMode("explained", record.ended, finding=finding, **place) if shown else None
     if record.as_expected:
         return None

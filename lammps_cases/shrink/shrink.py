@@ -14,7 +14,6 @@ from eos_ref import InputError
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing, Job
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
@@ -149,7 +148,7 @@ def _only_finding(record: CaseRecord) -> str:
     InputError
         There are several.
     """
-    named = wording.explained_by(record) if record.verdict == "explained" else []
+    named = record.findings if record.verdict == "explained" else []
     if len(named) > 1:
         raise InputError("case", f"shows several findings: choose one by --finding ({', '.join(named)})", record.case)
     return named[0] if named else ""
@@ -157,7 +156,7 @@ def _only_finding(record: CaseRecord) -> str:
 
 def _why_not(record: CaseRecord, finding: str) -> str:
     if finding:
-        named = wording.explained_by(record)
+        named = record.findings
         return f"must show {finding} to be shrunk; it is {record.verdict}" + f" by {', '.join(named)}" * bool(named)
     return f"must be red to be shrunk; it is as expected ({record.verdict})"
 

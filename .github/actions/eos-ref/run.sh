@@ -16,6 +16,7 @@ keep() { # the worst exit code so far
 }
 
 shared=(--engine "${EOS_REF_ENGINE:-env}")
+if [[ "${EOS_REF_FAIL_ON:-new}" != new ]]; then shared+=(--fail-on "$EOS_REF_FAIL_ON"); fi
 if [[ "${EOS_REF_STRICT:-}" == true ]]; then shared+=(--strict); fi
 
 if [[ -z "${EOS_REF_DECKS:-}" || -n "${EOS_REF_CASES:-}${EOS_REF_NAMES:-}${EOS_REF_TAG:-}" ]]; then

@@ -186,6 +186,14 @@
       table.scrollIntoView();
     });
   }
+  const allKnown = document.getElementById("all-known");
+  function fold(folded) {
+    document.querySelector("table.known tbody.more").hidden = folded;
+    allKnown.setAttribute("aria-expanded", String(!folded));
+    allKnown.textContent = folded ? `Show ${allKnown.dataset.number} more, of medium and low severity` : "Show the severe ones alone";
+  }
+  allKnown?.addEventListener("click", () => fold(allKnown.getAttribute("aria-expanded") === "true"));
+  if (allKnown) fold(true);
   for (const button of document.querySelectorAll("button.pick")) {
     button.addEventListener("click", () => Plots.draw(button.closest("article"), { name: button.dataset.field, show: true }));
   }

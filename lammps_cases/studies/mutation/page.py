@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from lammps_cases.pages import frame
 from lammps_cases.pages.figures import DIFFERS, FAINT, INK, OF, PAPER, THEMED, plain_text, themed
 from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import FailOn
 from lammps_cases.studies.mutation import source
 from lammps_cases.studies.mutation.coverage import coverage
 from lammps_cases.studies.mutation.fault import ABOUT, FAMILIES, KINDS
@@ -24,16 +25,16 @@ BUSIEST = 20  # cases listed
 FINEST = 1e-16  # the left edge of the drawing
 
 
-def write(power: Power, folder: Path) -> None:
+def write(power: Power, folder: Path, fail_on: FailOn = "new") -> None:
     """Write ``power.html``, one file that opens offline."""
+    headline = power.headline(fail_on)
     html = frame.page(
         ASSETS,
         "power",
-        "bad" if power.complaints else "good",
+        headline.look.css,
         scripts=[frame.FILTER],
         power=power,
-        verdict="WRONG" if power.complaints else "OK",
-        headline=_headline(power),
+        headline=headline,
         facts=list(_facts(power)),
         families=FAMILIES,
         about=ABOUT,
@@ -46,20 +47,6 @@ def write(power: Power, folder: Path) -> None:
         drawing=_drawing(power.resolution) if power.resolution else "",
     )
     write_atomically(folder / "power.html", html)
-
-
-def _headline(power: Power) -> str:
-    parts = []
-    total = len(power.faults)
-    if total:
-        parts.append(f"{power.caught} of {total} planted faults caught, {power.quick} by quick cases")
-        parts.append(f"{coverage().unmutated} functions of the reference not mutated")
-    if power.resolution:
-        unseen = sum(r.best is None for r in power.resolution)
-        parts.append(f"{len(power.resolution)} parameters, {unseen} of them seen by no case")
-    if power.alarms:
-        parts.append(f"{sum(run.false for run in power.alarms)} false alarms")
-    return "; ".join(parts)
 
 
 def _facts(power: Power) -> Iterator[tuple[str, str]]:

@@ -10,8 +10,12 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
+from lammps_cases.findings import severities
 from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.headline import Headline, headline
 from lammps_cases.records.journal import Journal
+from lammps_cases.records.run_record import FailOn
+from lammps_cases.records.wording import counted
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.alarms import AlarmRun
 from lammps_cases.studies.mutation.coverage import coverage
@@ -136,6 +140,26 @@ class Power:
                     lines.append(f"{name} cases catch {count} of {len(self.faults)} faults, fewer than {least:.0%}")
         alarms = [alarm for run in self.alarms for alarm in run.alarms if not alarm.finding]
         return lines + [f"false alarm, {alarm.kind}: {alarm.case}: {alarm.message}" for alarm in alarms]
+
+    @property
+    def summary(self) -> str:
+        """Return what was found, in one line."""
+        parts = []
+        if self.faults:
+            parts.append(f"{self.caught} of {len(self.faults)} planted faults caught, {self.quick} by quick cases")
+            parts.append(f"{coverage().unmutated} functions of the reference not mutated")
+        if self.resolution:
+            unseen = sum(r.best is None for r in self.resolution)
+            parts.append(f"{len(self.resolution)} parameters, {unseen} of them seen by no case")
+        if self.alarms:
+            parts.append(counted(sum(run.false for run in self.alarms), "false alarm"))
+        return "; ".join(parts)
+
+    def headline(self, fail_on: FailOn = "new") -> Headline:
+        """Return the headline: amber where cases turn red without a planted fault, by findings alone."""
+        findings = (alarm.finding for run in self.alarms for alarm in run.alarms if alarm.finding)
+        wrong = [counted(len(self.complaints), "complaint")] if self.complaints else []
+        return headline(severities(findings), wrong, same="nothing to complain of", fail_on=fail_on)
 
 
 _DOCUMENT = Document("power", Power)

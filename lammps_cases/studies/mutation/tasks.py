@@ -13,7 +13,6 @@ from pathlib import Path
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER
-from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
 from lammps_cases.run.campaign import PreparedCase, faulty
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
@@ -116,7 +115,7 @@ def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Out
     """
     record = _verdict(judge, case, outcomes)
     listed = {entry.id for entry in LEDGER if entry.listed(judge.engine.distribution)}
-    if record.as_expected and listed.issuperset(wording.explained_by(record)):
+    if record.as_expected and listed.issuperset(record.findings):
         return None
     lost = "id" if isinstance(record.unusable, LostAtoms) else ""
     return Detection(record.case, record.verdict, record.headline.field if record.headline else lost, record.message)

@@ -82,7 +82,7 @@ def test_healthy_deck_is_clean(name: str, kept: Callable[[str], Path]) -> None:
     result = audited(name, kept(name))
     case = case_of(result)
     assert case.verdict in ("exact", "pass"), case.message
-    assert result.record.exit_code == 0
+    assert result.record.exit_code() == 0
     assert case.tags == ["audit"] and case.case == f"in.{name}"
     assert [warning for warning in case.warnings if CLUMPING not in warning] == []
     assert [field.atom_type for field in case.fields] == [1, 2]
@@ -242,7 +242,7 @@ def test_wrong_law_differs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _stiffer)
     result = audit_deck(DECKS / "in.plain")
     case = case_of(result)
-    assert case.verdict == "differs" and result.record.exit_code == 1
+    assert case.verdict == "differs" and result.record.exit_code() == 1
     assert [field.verdict for field in case.fields] == ["exact", "differs"]
     assert "first at step 0 (run 1), type 2" in case.message
 
@@ -263,7 +263,7 @@ def test_crash_keeps_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _segfault)
     result = audit_deck(DECKS / "in.plain")
     case = case_of(result)
-    assert case.verdict == "crashed" and result.record.exit_code == 3
+    assert case.verdict == "crashed" and result.record.exit_code() == 3
     assert {check.step for check in case.checks} == {0, 10}
     assert "SIGSEGV" in case.message and "run 45 (in.plain:12)" in case.message
     assert "free(): invalid pointer" in case.message
@@ -320,7 +320,7 @@ def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path:
 def test_error_of_lammps_is_refused() -> None:
     result = audit_deck(DECKS / "in.error")
     case = case_of(result)
-    assert case.verdict == "refused" and result.record.exit_code == 3
+    assert case.verdict == "refused" and result.record.exit_code() == 3
     assert "Unrecognized fix style 'no_such_style'" in case.message and "in.error:2" in case.message
     assert len(case.checks) == 10 and len(result.arrays["id"]) == 64
 

@@ -193,7 +193,7 @@ def test_one_wrong_value_is_named(field: str, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(supervise, "ENTRY", functools.partial(_wrong, functools.partial(_damage, field)))
     result = audit_deck(DECKS / "in.summed", AuditOptions(fields=("all",), steps=20))
     case = case_of(result)
-    assert case.verdict == "differs" and result.record.exit_code == 1
+    assert case.verdict == "differs" and result.record.exit_code() == 1
     assert f"{field} leaves its bound first at step 10 (run 1), atom 17: 1 of 75 atoms" in case.message or field == "f"
     bad = {(check.field, check.step) for check in case.checks if check.verdict == "differs"}
     assert bad == {(field, 10), (field, 20)}

@@ -134,7 +134,9 @@ def test_failing_cases(pytester: pytest.Pytester, faulty: str) -> None:
             "differs: rho (stage density) leaves its bound at step 1 *first atom *LAMMPS *, reference *, bound *",
             "  rho (stage density): worst at step 2, atom *, off by *, * x the bound",
             "reproduce: eos-ref run --cases *mine.yaml --engine path:* mine.steps",
-            "path:*: 4 cases: 1 exact, 1 refused, 1 differs, 1 crashed; 3 not as expected.",
+            "LAMMPS *, path:*: 4 cases: 1 exact, 1 refused, 1 differs, 1 crashed",
+            "FAIL: 3 cases not as expected: 1 refused, 1 differs, 1 crashed",
+            "next: eos-ref run --cases *mine.yaml --engine path:* mine.dies",
             "FAILED mine.yaml::mine.dies - crashed: *",
             "FAILED mine.yaml::mine.steps - differs: rho (stage density) leaves*",
         ]
@@ -168,7 +170,8 @@ def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
     result.stdout.fnmatch_lines(
         [
             "differs: pressure_used (stage eos) leaves its bound at *",
-            "path:*: 4 cases: 3 exact, 1 differs; 1 not as expected.",
+            "LAMMPS *, path:*: 4 cases: 3 exact, 1 differs",
+            "FAIL: 1 case not as expected: 1 differs",
         ]
     )
     written = json.loads(Path("report/run.json").read_text())
@@ -181,11 +184,23 @@ def test_several_processes(pytester: pytest.Pytester, faulty: str) -> None:
 def test_shipped_cases_and_strictness(pytester: pytest.Pytester) -> None:
     result = run(pytester, "--eos-ref-shipped", "-k", "range-two-stars")
     result.assert_outcomes(passed=1)
-    result.stdout.fnmatch_lines(["finding double-star-abort: *(seen in 1 case of this run)"])
+    known = "KNOWN BUGS: 1 known bug of this LAMMPS seen, none severe; nothing new"
+    result.stdout.fnmatch_lines([known, "  and 1 low", "next: eos-ref report-bug double-star-abort"])
     case = f"{casefile.SHIPPED / 'refused.yaml'}::refused.range-two-stars"
     strict = run(pytester, "--eos-ref", case, "--eos-ref-strict")
     strict.assert_outcomes(failed=1)
     strict.stdout.fnmatch_lines(["explained: crashed, as ledger entry double-star-abort predicts: *"])
+    strict.stdout.fnmatch_lines(
+        ["FAIL: 1 known bug of this LAMMPS seen, none severe; 1 of them fails by --fail-on low; *"]
+    )
+    run(pytester, "--eos-ref", case, "--eos-ref-fail-on=medium").assert_outcomes(passed=1)
+    run(pytester, "--eos-ref", case, "--eos-ref-fail-on=low").assert_outcomes(failed=1)
+
+
+@pytest.mark.lammps
+def test_nothing_differs(pytester: pytest.Pytester) -> None:
+    write("mine", {"good": {}})
+    run(pytester, "--eos-ref").stdout.fnmatch_lines(["PASS: no difference", "next: eos-ref claims"])
 
 
 @pytest.mark.lammps

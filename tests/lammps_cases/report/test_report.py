@@ -18,7 +18,7 @@ from eos_ref import EOS, EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
-from lammps_cases.findings import LEDGER, Finding
+from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.records import files, wording
 from lammps_cases.records.files import read_arrays
@@ -189,7 +189,14 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
 
 
 def _entry(name: str, **more: Any) -> Finding:
-    texts = {"title": f"title of {name}", "documented": "this", "observed": "that", "argument": "so", "workaround": "-"}
+    texts = {
+        "title": f"title of {name}",
+        "effect": f"effect of {name}",
+        "documented": "this",
+        "observed": "that",
+        "argument": "so",
+        "workaround": "-",
+    }
     known: dict[str, Any] = {"number": 0, "severity": "low", "engines": ("2025.7.22.4.0",)}
     return Finding(id=name, **(texts | known | more))
 
@@ -200,7 +207,9 @@ FINDINGS = (
     _entry("pairs", severity="high", applies_to=("*",), model_variant=Variant(lambda scene: True)),
     _entry("gone", severity="high", model_variant=Variant(lambda scene: True)),
     _entry("open", applies_to=("eos.broken",)),
-    _entry("hostile", title=HOSTILE, documented=HOSTILE, observed=HOSTILE, argument=HOSTILE, scene=HOSTILE),
+    _entry(
+        "hostile", title=HOSTILE, effect=HOSTILE, documented=HOSTILE, observed=HOSTILE, argument=HOSTILE, scene=HOSTILE
+    ),
 )
 
 
@@ -477,7 +486,7 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert "<script>alert" not in html
     assert not any(name.startswith("on") for _, attributes in parsed.elements for name in attributes)
     assert parsed.scripts == 3 + len(parsed.data)
-    text = (Path("x") / markdown.summary(run, LEDGER)).as_posix()
+    text = (Path("x") / markdown.summary(findings.outcome(run, FINDINGS))).as_posix()
     assert "<img" not in text and "<script" not in text
     assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
     assert json.loads(drawn.embedded({"a": "</script>&"})) == {"a": "</script>&"}
@@ -583,7 +592,9 @@ def test_agreement(run: RunRecord, html: str, folder: Path) -> None:
     text = (folder / "summary.md").read_text(encoding="utf-8")
     assert "### Agreement: LAMMPS against the reference (2 cases)" in text
     assert "| grad/v | 2 (0.5) | 2 explained (7e3) |" in text
-    assert "| high | `pairs` | title of pairs | 3 |  |" in text and "| 1 |" in text
+    effect = "**title of pairs** effect of pairs."
+    assert f"| high | {effect} | 2025.7.22.4.0 | 3 | `eos-ref report-bug pairs` |" in text
+    assert "| high | `gone` | title of gone | 1 |" in text
     assert "> **Note:** this engine no longer shows gone" in text
     assert in_step_order(["zz", "f", "x", "aa"]) == ["x", "f", "aa", "zz"]  # unknown fields do no harm
 
@@ -647,8 +658,10 @@ def test_junit(run: RunRecord, folder: Path) -> None:
 
 def test_summary(run: RunRecord, folder: Path) -> None:
     text = (folder / "summary.md").read_text(encoding="utf-8")
-    assert text.startswith("## eos-ref: FAIL") and "4 not as expected" in text
-    table = text[text.index("### Not as expected") : text.index("### Findings")]
+    assert text.startswith(
+        "## eos-ref: 🔴 FAIL\n\n4 cases not as expected: 1 refused, 1 differs, 1 timeout, 1 crashed; "
+    )
+    table = text[text.index("### Not as expected") : text.index("> **Note")]
     rows = [line for line in table.splitlines() if line.startswith("|")]
     assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {8}
     assert [row.split("`")[1] for row in rows[2:]] == [
@@ -659,26 +672,6 @@ def test_summary(run: RunRecord, folder: Path) -> None:
     ]
     assert "| differs | pressure | eos | 6 | ∞ |" in table
     assert "<summary>Most digits lost</summary>" in text and "2025.7.22.4.0" in text
-
-
-def test_verdict_of_the_run() -> None:
-    def of(*cases: CaseRecord, strict: bool = False) -> RunRecord:
-        return RunRecord(engine=EngineRecord(), reference={}, cases=list(cases), strict=strict)
-
-    good = CaseRecord(case="a", verdict="exact")
-    explained = CaseRecord(case="b", verdict="explained")
-    refused = CaseRecord(case="c", verdict="refused", expects="Illegal")
-    assert wording.sentence(of(good, refused)) == "2 cases: 1 exact, 1 refused as expected; all as expected."
-    assert wording.status(of(good, explained)) == "good"
-    assert wording.status(of(good, explained, strict=True)) == "bad"
-    assert wording.status(of()) == wording.status(of(CaseRecord(case="d", verdict="skipped"))) == "empty"
-    for run in (
-        of(good, refused),
-        of(good, explained),
-        of(good, explained, strict=True),
-        of(CaseRecord(case="e", verdict="differs")),
-    ):
-        assert (wording.status(run) == "good") == (run.exit_code == 0)
 
 
 def test_arrays_are_read_as_numpy_reads_them(tmp_path: Path) -> None:

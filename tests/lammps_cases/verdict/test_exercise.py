@@ -84,8 +84,8 @@ def test_the_exit_code_of_a_bad_case_goes_before_that_of_a_difference() -> None:
     differs = CaseRecord(case="b", verdict="differs", exercises={"layer": 0})
     assert bad.unexercised == ["layer"]
     assert wording.message(bad) == "the case says it exercises layer, but nothing in its 3D scene does"
-    assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs, bad]).exit_code == 2
-    assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code == 1, "what it compares is wrong"
+    assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs, bad]).exit_code() == 2
+    assert RunRecord(engine=EngineRecord(), reference={}, cases=[differs]).exit_code() == 1, "what it compares is wrong"
 
 
 def test_patterns_are_of_labels_and_rules_of_the_reference(written: Callable[..., Path]) -> None:

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # What eos-ref says of a build of LAMMPS: build directory in, verdict out.
 #
-#   ./eos-ref.sh BUILD [OPTION of eos-ref run]...        ./eos-ref.sh build --tag quick
+#   ./eos-ref.sh BUILD [OPTION of eos-ref run]...        ./eos-ref.sh build --tag quick --fail-on high
 #
 # BUILD holds liblammps.so, made with BUILD_SHARED_LIBS=on and the packages BPM and RHEO; its Python sources are taken
 # from ../python/lammps, so that nothing needs to be installed. Twins on two ranks need a library with MPI (MPICH).
-# Exit codes: 0 as expected, 1 something differs, 2 bad input, 3 LAMMPS failed or is missing.
+# Exit codes: 0 as expected (known findings included, unless --fail-on), 1 something differs, 2 bad input, 3 LAMMPS failed or is missing.
 #
 # Environment:  EOS_REF          what pip installs eos-ref from
 #               EOS_REF_VENV     virtual environment to install it into, once (BUILD/eos-ref-venv)

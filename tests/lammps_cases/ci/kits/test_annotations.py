@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Verdict
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, RunRecord, Verdict
 from lammps_cases.report.annotations import (
     CODE_QUALITY,
     MOST,
@@ -20,6 +20,7 @@ from lammps_cases.report.annotations import (
     place,
     workflow_commands,
 )
+from lammps_cases.report.findings import Outcome, outcome
 from lammps_cases.scene import casefile
 
 ROOT = Path(__file__).parents[4]
@@ -42,12 +43,13 @@ def a_case(
     name: str, verdict: Verdict = "differs", message: str = "f leaves its bound", source: str = ""
 ) -> CaseRecord:
     own = f"eos-ref run --cases {source} {name}" if source else f"eos-ref run {name}"
-    return CaseRecord(case=name, verdict=verdict, message=message, source=source or "near-rho0.yaml", reproduce=own)
+    found = CaseRecord(case=name, verdict=verdict, message=message, source=source or "near-rho0.yaml", reproduce=own)
+    return found.model_copy(update={"explained_by": ["wall-velocity-lost"] if verdict == "explained" else []})
 
 
-def a_run(*cases: CaseRecord, strict: bool = False, notes: tuple[str, ...] = ()) -> RunRecord:
-    run = RunRecord(engine=EngineRecord(), reference={}, cases=list(cases), strict=strict, notes=list(notes))
-    return run.counted()
+def a_run(*cases: CaseRecord, fail_on: FailOn = "new", notes: tuple[str, ...] = ()) -> Outcome:
+    run = RunRecord(engine=EngineRecord(), reference={}, cases=list(cases), fail_on=fail_on, notes=list(notes))
+    return outcome(run.counted())
 
 
 def read_back(line: str) -> tuple[str, dict[str, str], str]:
@@ -109,31 +111,41 @@ def test_command_is_read_back_as_it_was_meant(nasty: str) -> None:
 
 
 def test_commands_of_a_run() -> None:
-    run = a_run(
+    cases = (
         a_case("near-rho0.linear.2d"),
         a_case("near-rho0.linear.3d", "crashed", "SIGSEGV"),
         a_case("good", "exact"),
         a_case("known", "explained"),
-        notes=("this engine no longer shows x",),
     )
-    found = [read_back(line) for line in workflow_commands(run, ROOT)]
+    notes = ("this engine no longer shows x",)
+    found = [read_back(line) for line in workflow_commands(a_run(*cases, notes=notes), ROOT)]
     assert [(level, given["title"]) for level, given, _ in found] == [
+        ("error", "eos-ref: FAIL"),
         ("error", "crashed: near-rho0.linear.3d"),
         ("error", "differs: near-rho0.linear.2d"),
         ("notice", "eos-ref"),
     ]
-    assert found[0][1]["file"] == "lammps_cases/cases/near-rho0.yaml"
-    assert found[0][2] == "SIGSEGV\neos-ref run near-rho0.linear.3d"
-    run.strict = True
-    assert "explained: known" in [read_back(line)[1]["title"] for line in workflow_commands(run, ROOT)]
+    assert found[0][2].startswith("2 cases not as expected: 1 differs, 1 crashed; 1 known bug of this LAMMPS seen")
+    assert found[1][1]["file"] == "lammps_cases/cases/near-rho0.yaml"
+    assert found[1][2] == "SIGSEGV\neos-ref run near-rho0.linear.3d"
+    strict = workflow_commands(a_run(*cases, fail_on="high"), ROOT)
+    assert "explained: known" in [read_back(line)[1]["title"] for line in strict]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "level", "state"), [("exact", "notice", "PASS"), ("explained", "warning", "KNOWN BUGS")]
+)
+def test_commands_of_a_run_that_does_not_fail(verdict: Verdict, level: str, state: str) -> None:
+    (line,) = workflow_commands(a_run(a_case("one", verdict)), ROOT)
+    assert read_back(line)[:2] == (level, {"title": f"eos-ref: {state}"})
 
 
 def test_no_more_commands_than_are_shown() -> None:
-    at_most = workflow_commands(a_run(*(a_case(f"c{n}") for n in range(MOST))), ROOT)
+    at_most = workflow_commands(a_run(*(a_case(f"c{n}") for n in range(MOST - 1))), ROOT)
     assert len(at_most) == MOST and "more" not in at_most[-1]
     more = workflow_commands(a_run(*(a_case(f"c{n}") for n in range(MOST + 7)), notes=("n",) * 30), ROOT)
-    assert len(more) == 2 * MOST
-    assert read_back(more[MOST - 1])[2] == "8 more cases are not as expected: see the job summary"
+    assert len(more) == 2 * MOST - 1
+    assert read_back(more[MOST - 1])[2] == "9 more cases are not as expected: see the job summary"
 
 
 def test_code_quality() -> None:
@@ -169,8 +181,8 @@ def test_announced_where_the_service_says(tmp_path: Path, capsys: pytest.Capture
     summary.write_text("of another step\n")
     environ = {"GITHUB_ACTIONS": "true", "GITHUB_WORKSPACE": str(ROOT), "GITHUB_STEP_SUMMARY": str(summary)}
     announce(run, tmp_path, environ)
-    assert capsys.readouterr().out.startswith("::error file=lammps_cases/cases/near-rho0.yaml,line=")
-    assert summary.read_text().startswith("of another step\n## eos-ref: FAIL\n")
+    assert "\n::error file=lammps_cases/cases/near-rho0.yaml,line=" in capsys.readouterr().out
+    assert summary.read_text().startswith("of another step\n## eos-ref: 🔴 FAIL\n")
     (tmp_path / "report").mkdir()
     (tmp_path / "report" / "summary.md").write_text("as written\n")
     announce(run, tmp_path / "report", environ)

@@ -236,11 +236,17 @@ def stub(tmp_path: Path) -> Path:
 
 def test_steps_of_the_action(case_file: Write, stub: Path, tmp_path: Path) -> None:
     case_file().rename(tmp_path / "my cases.yaml")
-    given = {"cases": "my cases.yaml\n\n", "names": "mine.*\nother\n", "strict": "true", "baseline": "b c"}
+    given = {
+        "cases": "my cases.yaml\n\n",
+        "names": "mine.*\nother\n",
+        "strict": "true",
+        "fail-on": "high",
+        "baseline": "b c",
+    }
     done = run_action(ACTION, given, tmp_path, stub)
     assert done.code == 0, done.out
     assert done.out == (
-        "[run][--engine][env][--strict][--out][reports/cases][--cases][my cases.yaml][--baseline][b c]"
+        "[run][--engine][env][--fail-on][high][--strict][--out][reports/cases][--cases][my cases.yaml][--baseline][b c]"
         "[--][mine.*][other]\n"
     )
     assert done.outputs == {"exit-code": "0", "report": "reports"}
@@ -283,7 +289,7 @@ def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path:
     assert run["summary"] == {"differs": 1}
     looks = json.loads((tmp_path / "reports" / "audit-decks-a-b-in.one" / "run.json").read_text())["cases"][0]["checks"]
     assert sorted({look["step"] for look in looks}) == [0, 1, 2]
-    assert done.summary.startswith("## eos-ref: FAIL") and "::error file=mine.yaml,line=" in done.out
+    assert done.summary.startswith("## eos-ref: 🔴 FAIL") and "::error file=mine.yaml,line=" in done.out
 
 
 def test_action_left_green_and_decks_that_are_missing(stub: Path, tmp_path: Path) -> None:

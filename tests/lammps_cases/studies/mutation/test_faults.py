@@ -246,6 +246,18 @@ def test_what_is_wrong_is_said() -> None:
     assert "false alarm, ranks: x" in _power(_fault("a", "x"), alarms=(alarm,)).complaints[0]
 
 
+def test_headline(tmp_path: Path) -> None:
+    alarm = _alarmed(Alarm("x", "ranks", "differs", "f", finding="walls-after-rebuild"))
+    unseen, known = _power(_fault("a")), _power(_fault("a", "x"), alarms=(alarm,))
+    bugs = "1 known bug of this LAMMPS seen, 1 severe"
+    assert str(_power(_fault("a", "x")).headline("low")) == "PASS: nothing to complain of"
+    assert str(unseen.headline()) == "FAIL: 1 complaint"
+    assert str(known.headline()) == f"KNOWN BUGS: {bugs}; nothing new"
+    assert str(known.headline("high")) == f"FAIL: {bugs}; 1 of them fails by --fail-on high; nothing new"
+    page.write(known, tmp_path)
+    assert f'<span class="stamp">KNOWN BUGS</span> {bugs}; nothing new</h1>' in (tmp_path / "power.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("slow", "unseen", "quick_only", "wrong"),
     [
@@ -326,9 +338,11 @@ def test_command_goes_on_where_it_was_left(eos_ref_command: Command, tmp_path: P
     kept = (out / "planted.jsonl").read_bytes()
     again = eos_ref_command(*asked)
     assert again.code == 1
-    assert "unseen: told.kappa-off" in again.out
+    assert "unseen: told.kappa-off" in again.out and again.out.endswith("\nFAIL: 1 complaint\n")
     assert (out / "planted.jsonl").read_bytes() == kept
     assert json.loads((out / "power.json").read_text())["faults"] == found["faults"]
+    clean = eos_ref_command("power", "told.cs-off", "--out", out, "--jobs", 1, "--fail-on", "low")
+    assert clean.code == 0 and clean.out.endswith("\nPASS: nothing to complain of\n")
 
 
 @pytest.mark.lammps

@@ -470,9 +470,9 @@ class DoubleLoop:
             self.v[i] = [v + dt / 2 * f / self.m[i] for v, f in zip(self.v[i], old["f"][i], strict=True)]
         if fix.interface_reconstruct:  # b
             for i in self.N:
-                set_wall = self.solid[i] and self.given[i]
+                set_force = self.given[i]  # in which there is no pressure
                 self.other[i] = [
-                    (f - (0 if set_wall else p)) / self.m[i] for f, p in zip(old["f"][i], self.push[i], strict=True)
+                    (f - (0 if set_force else p)) / self.m[i] for f, p in zip(old["f"][i], self.push[i], strict=True)
                 ]
             self.reconstruct()
         self.gradients()  # c

@@ -218,7 +218,7 @@ class Evaluator(ABC):
 
     def same_fraction(self, all_n: Array, same_n: Array) -> Array:
         r"""Return same-phase fractions :math:`\chi_i=\sum_{s_j=s_i}W_{ij}/\sum_jW_{ij}`; 0 without neighbours."""
-        return same_n / where(value(self.coordination_n) == 0, 1.0, all_n)
+        return same_n / where(value(self.counted()) == 0, 1.0, all_n)
 
     # --- shifting
 

@@ -1,12 +1,13 @@
 """A user's own input deck, unchanged, checked live while LAMMPS runs it.
 
 `audit_deck` copies the deck's folder, lets LAMMPS run the deck there in a process of its own, and compares
-the pressure that the forces used with the equation of state of LAMMPS' own density and energy.
+whatever follows from LAMMPS' own positions, velocities, densities and energies with the reference.
 
 Modules: `text` (syntax of input scripts), `guard` (commands that are refused), `follow` (the flow of a deck), `deck`
 (the model that its commands define), `fields` (those that can be checked), `watch` (the hook into runs), `pressure` and
-`sample` (comparisons), `evaluation` (the reference's side), `explanation` (by the ledger), `warn` (questionable
-set-ups), `child` and `supervise` (the process), `scratch` (the copy), `verdict` (the record).
+`sample` (comparisons), `evaluation` (the reference's side), `explanation` (by the ledger), `effects` (what known
+findings do to the deck), `outlook` (why a run broke off), `warn` (questionable set-ups), `child` and `supervise` (the
+process), `scratch` (the copy), `verdict` (the record).
 """
 
 from lammps_cases.audit.options import AuditOptions, AuditResult

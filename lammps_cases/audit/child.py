@@ -51,6 +51,6 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
         refused = str(error)
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
-    return DeckEnd(
-        watch.done, watch.runs, seconds, watch.questions.lines(), watch.questions.stability, arrays, last, refused
-    )
+    questions, (cause, ahead) = watch.questions, watch.outlook()
+    warnings, margins = questions.lines(), questions.stability
+    return DeckEnd(watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead)

@@ -16,7 +16,8 @@ from lammps_cases.audit.deck import Deck
 from lammps_cases.scene.fields import FIELDS
 
 ALL = "all"
-DEFAULT = ("pressure",)
+DEFAULT = (ALL,)
+PRESSURE = ("pressure",)
 
 
 def checked() -> tuple[str, ...]:

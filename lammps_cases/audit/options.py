@@ -11,7 +11,15 @@ import numpy.typing as npt
 from eos_ref.errors import InputError
 from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
+from lammps_cases.records.run_record import (
+    EffectRecord,
+    FieldRecord,
+    LawRecord,
+    OutlookRecord,
+    RunRecord,
+    Seconds,
+    Verdict,
+)
 
 
 @dataclass(frozen=True)
@@ -132,12 +140,16 @@ class SampleRow(NamedTuple):
 
 @dataclass(frozen=True)
 class SampleRows:
-    """One sample: every field and atom type (0: all types) at one step, and the number of steps done."""
+    """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
+
+    ``effects``: what known findings do to the particles as they are, in some of the samples.
+    """
 
     step: int
     run: int
     done: int
     rows: dict[tuple[str, int], SampleRow]
+    effects: tuple[EffectRecord, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -167,3 +179,5 @@ class DeckEnd:
     arrays: dict[str, npt.NDArray[Any]]
     last: dict[int, FieldRecord]
     refused: str = ""
+    outlook: OutlookRecord | None = None
+    effects: list[EffectRecord] = field(default_factory=list)

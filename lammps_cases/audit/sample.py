@@ -63,6 +63,7 @@ class Sampler:
         self.actions = list(actions) if "f" in self.fields else []
         self.listed = [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
         self.explained: Explained = {}  # by earlier samples
+        self.last: ParticleSample | None = None
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
         self.columns: dict[str, slice] = {}
         end = 1
@@ -81,9 +82,10 @@ class Sampler:
     def compare(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
         """Compare all fields of the particles there are; ``setup`` on the set-up of a run."""
         n = len(tag_n)
+        self.last = None
         if not n or not np.isfinite(x_nc[:n]).all():  # no pairs to list; the pressures are compared all the same
             return {}
-        sample = self._sample(n, x_nc, setup)
+        self.last = sample = self._sample(n, x_nc, setup)
         shown = self._shown(n)
         reference = SampleEvaluation(sample, self.fields)
         self.tilted = max(self.tilted, int(reference.tilted().sum()))

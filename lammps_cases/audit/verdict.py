@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lammps_cases.audit.effects import worst as largest
 from lammps_cases.audit.fields import offered
 from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, RunFacts, SampleRow, SampleRows
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
+from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, EffectRecord, FieldRecord, worst
 
 
 @dataclass
@@ -23,6 +24,7 @@ class Findings:
     fields: dict[tuple[str, int], FieldRecord] = field(default_factory=dict)
     unchecked: dict[tuple[str, str], list[int]] = field(default_factory=dict)  # runs by field and reason
     chosen: set[str] = field(default_factory=set)
+    effects: list[EffectRecord] = field(default_factory=list)
     blame: Blame | None = None
     ended: DeckEnd | None = None
 
@@ -42,10 +44,12 @@ class Findings:
                 self._sample(message)
             case DeckEnd():
                 self.ended = message
+                self.effects = largest(self.effects, message.effects)
                 self.done = message.done
 
     def _sample(self, sample: SampleRows) -> None:
         self.done = sample.done
+        self.effects = largest(self.effects, sample.effects)
         for key, row in sample.rows.items():
             name, t = key
             values = {k: v for k, v in row._asdict().items() if k in CheckRecord.model_fields}
@@ -102,6 +106,8 @@ class Findings:
             laws=facts.laws,
             warnings=self.ended.warnings if self.ended else [],
             stability=self.ended.stability if self.ended else [],
+            effects=self.effects,
+            outlook=self.ended.outlook if self.ended else None,
             checks=self.checks,
             not_checked=self._unchecked(),
             explained_by=list(dict.fromkeys(explained)),

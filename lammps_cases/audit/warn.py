@@ -69,6 +69,7 @@ class Questions:
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
     stability: list[str] = field(default_factory=list)  # how far from failing, where that is no warning
     _judged: tuple[Model, float] | None = None
+    _ran_away: int | None = None  # run in which they last did
 
     def note(self, values: list[str]) -> None:
         """Take a command that LAMMPS has executed."""
@@ -82,6 +83,14 @@ class Questions:
     def unwatched(self, run: int) -> None:
         """Note a run without laws."""
         self._lines.append(f"run {run}: no fix rheo/pressure was defined, nothing was checked")
+
+    def run_away(self, run: int, step: int) -> None:
+        """Note a sample in which particles are much faster than sound."""
+        if self._ran_away != run:
+            self._ran_away = run
+            self._lines.append(
+                f"run {run}: from step {step} on particles are much faster than sound: fields were not checked there"
+            )
 
     def take(self, t: int, law: EOS, status_n: npt.NDArray[Any], rho_n: FloatArray, p_n: FloatArray) -> None:
         """Take density and pressure of all atoms of one type."""

@@ -23,11 +23,13 @@ from eos_ref.model.parameters import TILTED, Model
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample
 from lammps_cases.audit.deck import HARMLESS, Deck
+from lammps_cases.audit.effects import effects
 from lammps_cases.audit.options import AuditOptions, RunFacts, SampleRow, SampleRows
+from lammps_cases.audit.outlook import RUNAWAY, Good, mach, outlook
 from lammps_cases.audit.pressure import PressureSample
 from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.comparison.compare import Comparison
-from lammps_cases.records.run_record import FieldRecord, LawRecord
+from lammps_cases.records.run_record import EffectRecord, FieldRecord, LawRecord, OutlookRecord
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 
@@ -84,6 +86,10 @@ class DeckWatch:
         self._run: WatchedRun | None = None
         self._last: tuple[PressureSample, dict[str, Comparison], bool] | None = None  # see `PressureSample.result`
         self._previous: int | None = None  # step of the last call
+        self._good: Good | None = None  # the last sample that looks like a fluid, if the deck's forces are known
+        self._judged = 0  # samples that looked so
+        self._fluid = 0  # atoms in the run's samples, as long as all looked so
+        self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
 
     def note(self, values: list[str]) -> None:
@@ -103,6 +109,9 @@ class DeckWatch:
         sampled, begin = self.sample_seconds, time.perf_counter()
         try:
             execute()
+        except Exception:
+            self._broke_off = self._step()
+            raise
         finally:
             self.lammps_seconds += time.perf_counter() - begin - (self.sample_seconds - sampled)
             self.done += self._step() - first
@@ -147,8 +156,8 @@ class DeckWatch:
         self, table: EOSTable, mass_t: Array | None, values: list[str]
     ) -> tuple[fields.Choice, sample.Sampler | None]:
         """Choose what is checked in the run that begins."""
-        if self.options.fields == fields.DEFAULT:
-            return fields.Choice(fields.DEFAULT, {}), None
+        if self.options.fields == fields.PRESSURE:
+            return fields.Choice(fields.PRESSURE, {}), None
         model = self._model(table, mass_t)
         words = values[values.index("every") + 2 :] if "every" in values else []
         between = next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
@@ -158,7 +167,7 @@ class DeckWatch:
         )
         setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), open_tilt, between)
         choice = fields.choose(self.options.fields, model, setting)
-        if not isinstance(model, Model) or choice.fields == fields.DEFAULT:
+        if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
         actions = self.deck.actions() if "f" in choice.fields else []
         return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine)
@@ -213,6 +222,9 @@ class DeckWatch:
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
         setup = not run.continued and step in (run.first, self._previous)
         others = {} if sampler is None else sampler.compare(tag_n, x_nc, setup)
+        if sampler is not None and sampler.last is not None and mach(sampler.last) > RUNAWAY:
+            others = {}  # LAMMPS' lists of neighbours are not made for particles that move so far
+            self.questions.run_away(self.runs, step)
         if sampler is not None:
             self.questions.tilted = max(self.questions.tilted, sampler.tilted)
         if setup and self.deck.sums_walls():  # LAMMPS then shows other densities of walls than it used (see the ledger)
@@ -229,7 +241,28 @@ class DeckWatch:
         rows |= {(field, 0): SampleRow.of(len(c.bound_n), c.record) for field, c in others.items()}
         order = fields.offered()
         rows = dict(sorted(rows.items(), key=lambda item: (order.index(item[0][0]), item[0][1])))
-        self.send(SampleRows(step, self.runs, self.done + step - run.first, rows))
+        self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, self._look_ahead(run, step)))
+
+    def _look_ahead(self, run: WatchedRun, step: int) -> tuple[EffectRecord, ...]:
+        """Keep a sample slower than sound; of the 1st, 2nd, 4th, 8th ... return what findings do to it."""
+        now = run.sampler.last if run.sampler else None
+        count = 0 if now is None else len(now.mass_n)
+        if step == run.first:
+            self._fluid = count
+        if now is None or count < self._fluid or mach(now) > 1:
+            self._fluid = count + 1  # what is left of a run that lost particles, or its measure, may look well again
+            return ()
+        if "f" in run.choice.fields:
+            self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
+        self._judged += 1
+        doubled = self._judged & (self._judged - 1) == 0
+        return tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
+
+    def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
+        """Return why LAMMPS ended a run before its time; nothing if it did not, or if nothing can be said."""
+        if self._broke_off is None or self._good is None:
+            return None, []
+        return outlook(self._good, self.engine, self._broke_off - self._good.step)
 
     def final(self) -> tuple[dict[str, Array], dict[int, FieldRecord]]:
         """Return the arrays of the last sample by id, and the pressure's fields per type with the digits lost."""

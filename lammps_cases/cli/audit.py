@@ -10,7 +10,7 @@ import click
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, FailOn
-from lammps_cases.records.wording import listed
+from lammps_cases.records.wording import effects, listed
 
 
 @click.command("audit")
@@ -19,10 +19,10 @@ from lammps_cases.records.wording import listed
 @click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
 @click.option(
     "--fields",
-    default="pressure",
+    default="all",
     show_default=True,
     metavar="NAME,...",
-    help="What to check, by LAMMPS' names (coordination, rho, grad/v, surface, ...); all: whatever can be.",
+    help="What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be.",
 )
 @click.option("--timeout", type=float, metavar="S", help="Stop after S seconds.  [default: none]")
 @click.option("--allow-shell", is_flag=True, help="Let the deck run shell commands, Python and plugins.")
@@ -42,11 +42,12 @@ def audit_command(
     fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
-    """Check the pressure, or other fields, of every atom while LAMMPS runs DECK, unchanged, in a copy of its folder.
+    """Check every atom while LAMMPS runs DECK, unchanged, in a copy of its folder, and say which known bugs touch it.
 
-    Checked is P = EOS(rho, e), with the laws that fix rheo and fix rheo/pressure hold at that moment, where the
-    forces use it; with --fields whatever else a force evaluation makes of positions, velocities, densities, energies
-    and phases. Loops, includes, several runs and redefined fixes are followed.
+    Checked is whatever a force evaluation makes of positions, velocities, densities, energies and phases, where the
+    forces use it: the pressure by the laws that the deck defines at that moment, gradients, surfaces, forces. Loops,
+    includes, several runs and redefined fixes are followed. Where LAMMPS breaks off, the reference runs on from the
+    last good sample to find out why.
 
     \b
     Examples: eos-ref audit in.deck --every 10 --steps 1000
@@ -76,6 +77,14 @@ def audit_command(
     return shared.finish(run, directory, as_json)
 
 
+def known_bugs(case: CaseRecord) -> list[str]:
+    """Return a line for every known finding that touches the deck: what it does there, and what to do meanwhile."""
+    from lammps_cases.findings import LEDGER
+
+    workaround = {entry.id: entry.workaround for entry in LEDGER}
+    return [f"{name}: {does}. {workaround[name]}" for name, does in effects(case).items()]
+
+
 def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     """Return a table of the fields, the looks outside the bound, what was not checked, and the message."""
     looks = Counter((check.field, check.type) for check in case.checks)
@@ -103,5 +112,6 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     unchecked = [f"not checked: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     warnings = [f"warning: {line}" for line in case.warnings]
     warnings += [f"stability: {line}" for line in case.stability]
+    bugs = [f"known bug {line}" for line in known_bugs(case)]
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
-    return [head, *table, *outside, *unchecked, *warnings, f"{end}: {case.message}" if case.message else end]
+    return [head, *table, *outside, *unchecked, *warnings, *bugs, f"{end}: {case.message}" if case.message else end]

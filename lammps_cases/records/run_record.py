@@ -191,6 +191,31 @@ class HarnessError(_Record):
     text: str
 
 
+class EffectRecord(_Record):
+    """What a finding does to a field of an audited deck, in the sample in which it is largest."""
+
+    finding: str
+    field: str
+    run: int
+    step: int
+    particles: int = Field(description="outside the rounding bound of the field as it should be")
+    of: int
+    relative: float | None = Field(description="largest difference over the largest right value; null if these are 0")
+    factor: float | None = Field(description="if the field is a multiple of the right one")
+
+
+class OutlookRecord(_Record):
+    """Why an audited run broke off: what the reference does from its last good sample on."""
+
+    cause: Literal["findings", "time step", "set-up", "not understood"]
+    findings: list[str] = Field([], description="that make the reference run away, which without them does not")
+    run: int
+    step: int = Field(description="of the last good sample")
+    taken: int = Field(description="steps that LAMMPS took from there")
+    after: int | None = Field(None, description="steps after which the reference runs away, with the findings if any")
+    steps: int = Field(description="steps that the reference was given")
+
+
 class CaseRecord(_Record):
     """One case: what was compared and how it ended."""
 
@@ -229,6 +254,8 @@ class CaseRecord(_Record):
     )
     warnings: list[str] = Field([], description="questionable set-ups of an audited deck")
     stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
+    effects: list[EffectRecord] = Field([], description="what known findings do to an audited deck")
+    outlook: OutlookRecord | None = Field(None, description="why an audited run broke off")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
 

@@ -14,6 +14,7 @@ from lammps_cases.records.run_record import (
     Blame,
     CarriedOver,
     CaseRecord,
+    EffectRecord,
     EngineRecord,
     FieldRecord,
     LostAtoms,
@@ -262,8 +263,48 @@ def message(case: CaseRecord, findings: bool = True) -> str:
     """
     if case.verdict in INSIDE:
         return ""
-    parts = [blame(case, findings), end(case), unexercised(case)]
+    parts = [outlook(case), blame(case, findings), end(case), unexercised(case)]
     return "; ".join(part for part in parts if part) or case.message
+
+
+def outlook(case: CaseRecord) -> str:
+    """Say why an audited run broke off; empty if it did not."""
+    of = case.outlook
+    if of is None:
+        return ""
+    from_there = f"from step {of.step} of run {of.run}"
+    after, runs_on = (
+        counted(of.after or 0, "step"),
+        f"the reference runs on for {counted(of.steps, 'step')} {from_there}",
+    )
+    if of.cause == "findings":
+        bugs, these = ("bugs", "these") if len(of.findings) > 1 else ("bug", "this")
+        known = f"unstable because of the known {bugs} {listed(of.findings)}"
+        return f"{known}: {runs_on}, and with {these} runs away after {after}"
+    if of.cause == "not understood":
+        return f"not understood: {runs_on}"
+    away = f"the reference runs away as well after {after} {from_there}"
+    if of.cause == "time step":
+        return f"unstable because of the time step: {away}, and not with a tenth of it"
+    return f"unstable as it is set up: {away}, and also with a tenth of the time step"
+
+
+def effects(case: CaseRecord) -> dict[str, str]:
+    """Say, by finding, what known findings do to an audited deck."""
+    lines: dict[str, list[str]] = {}
+    for of in case.effects:
+        lines.setdefault(of.finding, []).append(effect(of))
+    return {finding: "; ".join(of_fields) for finding, of_fields in lines.items()}
+
+
+def effect(of: EffectRecord) -> str:
+    """Say what a finding does to a field of an audited deck."""
+    where = f"{of.particles} of {counted(of.of, 'particle')}, step {of.step}"
+    if of.factor is not None:
+        return f"{of.field} is {number(of.factor)} times what it should be ({where})"
+    if of.relative is None:
+        return f"{of.field} is wrong where it should be 0 ({where})"
+    return f"{of.field} is wrong by up to {number(100 * of.relative, 2)} % of its largest value ({where})"
 
 
 def unexercised(case: CaseRecord) -> str:

@@ -24,6 +24,7 @@ from click.testing import CliRunner
 
 from eos_ref import EOSTable, InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
+from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import CommandPlace, Task
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.progress import Progress
@@ -33,6 +34,7 @@ from tests.support.progress import Steps
 pytestmark = pytest.mark.lammps
 
 DECKS = Path(__file__).parents[2] / "decks"
+OF_PRESSURE = AuditOptions(fields=PRESSURE)
 HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
 PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 
@@ -40,7 +42,7 @@ PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_l
 @functools.cache
 def audited(name: str, folder: Path) -> AuditResult:
     """Audit of a deck of ours; what the deck writes is kept in ``folder``."""
-    return audit_deck(DECKS / f"in.{name}", AuditOptions(keep=folder))
+    return audit_deck(DECKS / f"in.{name}", AuditOptions(keep=folder, fields=PRESSURE))
 
 
 @pytest.fixture(scope="session")
@@ -110,7 +112,9 @@ def test_every_run_is_looked_at(name: str, looks: dict[int, list[int]], kept: Ca
 def test_minimization_is_not_looked_at(tmp_path: Path) -> None:
     """It calls back as a run does, but evaluates no pressure."""
     commands = f"set group all rheo/rho 1.1\n{FIXES}fix 3 all rheo/pressure * linear\n"
-    case = case_of(audit_deck(write_deck(tmp_path, f"{commands}run 20\nminimize 1e-5 1e-5 50 50\nrun 20\n")))
+    case = case_of(
+        audit_deck(write_deck(tmp_path, f"{commands}run 20\nminimize 1e-5 1e-5 50 50\nrun 20\n"), OF_PRESSURE)
+    )
     assert case.verdict == "exact" and {check.run for check in case.checks} == {1, 2}
     assert [check.step for check in case.checks if (check.run, check.type) == (1, 1)] == [0, 10, 20]
 
@@ -240,7 +244,7 @@ def _hang(task: Task, connection: Connection) -> None:
 
 def test_wrong_law_differs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _stiffer)
-    result = audit_deck(DECKS / "in.plain")
+    result = audit_deck(DECKS / "in.plain", OF_PRESSURE)
     case = case_of(result)
     assert case.verdict == "differs" and result.record.exit_code() == 1
     assert [field.verdict for field in case.fields] == ["exact", "differs"]
@@ -249,7 +253,7 @@ def test_wrong_law_differs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable[[str], Path]) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _one_atom)
-    case = case_of(audit_deck(DECKS / "in.plain"))
+    case = case_of(audit_deck(DECKS / "in.plain", OF_PRESSURE))
     healthy = audited("plain", kept("plain")).arrays
     wrong_type = int(healthy["type"][healthy["id"] == 17][0])
     assert f"first at step 20 (run 1), type {wrong_type}, atom 17: 1 of 32 atoms" in case.message
@@ -261,7 +265,7 @@ def test_one_wrong_atom_is_named(monkeypatch: pytest.MonkeyPatch, kept: Callable
 
 def test_crash_keeps_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _segfault)
-    result = audit_deck(DECKS / "in.plain")
+    result = audit_deck(DECKS / "in.plain", OF_PRESSURE)
     case = case_of(result)
     assert case.verdict == "crashed" and result.record.exit_code() == 3
     assert {check.step for check in case.checks} == {0, 10}
@@ -288,7 +292,7 @@ def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "time", clock)
     monkeypatch.setattr(Findings, "take", taken)
     monkeypatch.setattr(supervise, "ENTRY", _hang)
-    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(timeout=300.0)))
+    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(timeout=300.0, fields=PRESSURE)))
     assert case.verdict == "timeout" and case.message == (
         "stopped after 300 s, after step 0 of the audit, in: run 45 (in.plain:7)"
     )
@@ -297,7 +301,7 @@ def test_hang_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_error_inside_a_look_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervise, "ENTRY", _wrong_look)
     with pytest.raises(InputError, match="look: must not fail"):
-        audit_deck(DECKS / "in.plain")
+        audit_deck(DECKS / "in.plain", OF_PRESSURE)
 
 
 def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -318,7 +322,7 @@ def test_ctrl_c_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, tmp_path:
 
 
 def test_error_of_lammps_is_refused() -> None:
-    result = audit_deck(DECKS / "in.error")
+    result = audit_deck(DECKS / "in.error", OF_PRESSURE)
     case = case_of(result)
     assert case.verdict == "refused" and result.record.exit_code() == 3
     assert "Unrecognized fix style 'no_such_style'" in case.message and "in.error:2" in case.message
@@ -328,7 +332,7 @@ def test_error_of_lammps_is_refused() -> None:
 @pytest.mark.parametrize(("steps", "looks"), [(25, [0, 10, 20, 20, 25]), (40, [0, 10, 20, 20, 30, 40])])
 def test_steps_end_the_deck(steps: int, looks: list[int], tmp_path: Path) -> None:
     progress = Steps()
-    options = AuditOptions(steps=steps, keep=tmp_path, progress=progress)
+    options = AuditOptions(steps=steps, keep=tmp_path, progress=progress, fields=PRESSURE)
     case = case_of(audit_deck(DECKS / "in.loop", options))
     assert [check.step for check in case.checks if check.type == 1] == looks
     assert case.steps == steps and progress.done[-1] == (steps, steps, "steps")
@@ -336,7 +340,7 @@ def test_steps_end_the_deck(steps: int, looks: list[int], tmp_path: Path) -> Non
 
 
 def test_every() -> None:
-    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(every=7)))
+    case = case_of(audit_deck(DECKS / "in.plain", AuditOptions(every=7, fields=PRESSURE)))
     assert [check.step for check in case.checks if check.type == 1] == [0, 7, 14, 21, 28, 35, 42]
 
 
@@ -357,7 +361,9 @@ def test_shell_made_of_variables_is_refused(tmp_path: Path) -> None:
 
 
 def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
-    case = case_of(audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, allow_shell=True)))
+    case = case_of(
+        audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, allow_shell=True, fields=PRESSURE))
+    )
     assert case.verdict == "refused"  # by LAMMPS, for want of fix rheo
     assert (tmp_path / "touched").exists()
 
@@ -520,7 +526,7 @@ def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     from lammps_cases.cli.audit import audit_command
 
-    arguments = [str(DECKS / "in.plain"), "--steps", "20", "--json", "--out", str(tmp_path)]
+    arguments = [str(DECKS / "in.plain"), "--steps", "20", "--fields", "pressure", "--json", "--out", str(tmp_path)]
     result = CliRunner().invoke(audit_command, arguments, standalone_mode=False)
     assert result.return_value == 0
     document = json.loads(result.stdout)

@@ -1,0 +1,89 @@
+"""What the findings of an engine do to a deck: the fields of one sample with and without each of them.
+
+They are computed from the model of the deck alone, also where LAMMPS' own field cannot be compared because other styles
+add to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.quantities import needed_to_step
+from eos_ref.numbers.rounded import error, value
+from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings import LEDGER, Finding, applicable
+from lammps_cases.records.run_record import EffectRecord
+
+MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
+
+
+def touching(sample: ParticleSample, engine: str) -> list[Finding]:
+    """Return the findings of an engine that can make a difference to a sample, by one evaluation of it."""
+    problem = Problem(sample.model, sample.box, sample.state, 0.0, needed_to_step(sample.model), (0,))
+    listed = {entry.id for entry in LEDGER if entry.listed(engine)}
+    # One that is fitted to LAMMPS' own numbers says nothing before there are any.
+    return [e for e in applicable(problem) if e.id in listed and e.model_variant and not e.model_variant.fit]
+
+
+def effects(sample: ParticleSample, engine: str, run: int, step: int) -> list[EffectRecord]:
+    """Return what each finding of an engine changes in the fields that a step of the sample's model needs."""
+    fields = needed_to_step(sample.model)
+    own = replace(sample, actions=())  # of the model itself: gravity would hide what becomes of pair forces
+    right = SampleEvaluation(own, fields)
+    found = []
+    for entry in touching(sample, engine):
+        if entry.model_variant is None or entry.model_variant.stages is None:
+            continue
+        wrong = SampleEvaluation(own, fields, entry.model_variant.stages)
+        for field in fields:
+            sides = [by.output(field) for by in (right, wrong)]
+            a, b = (np.asarray(value(side), float) for side in sides)
+            bound = np.asarray(error(sides[0]), float) + np.asarray(error(sides[1]), float)
+            if effect := compare(a, b, bound):
+                particles, relative, factor = effect
+                found.append(
+                    EffectRecord(
+                        finding=entry.id, field=field, run=run, step=step,
+                        particles=particles, of=len(a), relative=relative, factor=factor,
+                    )
+                )  # fmt: skip
+    return found
+
+
+def compare(right: FloatArray, wrong: FloatArray, bound: FloatArray) -> tuple[int, float | None, float | None] | None:
+    """Compare a field, (n, ...), with what a finding makes of it.
+
+    Returns
+    -------
+    The number of particles outside the bound; the largest difference over the largest right value, None if the right
+    values are 0; the factor, if the wrong field is a multiple of the right one. None if nothing is outside.
+    """
+    difference = np.abs(wrong - right)
+    outside_n = (difference > bound).reshape(len(right), -1).any(axis=1)
+    if not outside_n.any():
+        return None
+    size, finite = float(np.abs(right).max()), bool(np.isfinite(wrong).all() and np.isfinite(right).all())
+    if not size or not finite:
+        return int(outside_n.sum()), None, None
+    factor = float((right * wrong).sum() / (right * right).sum())
+    is_multiple = np.abs(wrong - factor * right).max() <= MULTIPLE * np.abs(wrong).max()
+    return int(outside_n.sum()), float(difference.max()) / size, factor if is_multiple else None
+
+
+def worst(known: Sequence[EffectRecord], more: Sequence[EffectRecord]) -> list[EffectRecord]:
+    """Return, of every finding and field, the effect that is largest."""
+
+    def size(effect: EffectRecord) -> float:
+        return effect.relative or 0.0
+
+    kept: dict[tuple[str, str], EffectRecord] = {}
+    for effect in (*known, *more):
+        key = (effect.finding, effect.field)
+        if key not in kept or size(effect) > size(kept[key]):
+            kept[key] = effect
+    return list(kept.values())

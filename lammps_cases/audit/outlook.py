@@ -1,0 +1,176 @@
+"""Why a run broke off: the reference goes on from the last good sample, with and without the findings of the engine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from eos_ref.errors import InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Force, Model, State
+from eos_ref.model.quantities import needed_to_step
+from lammps_cases.audit.effects import effects, touching
+from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.comparison.trajectory import Problem, own_stages
+from lammps_cases.findings import Finding
+from lammps_cases.findings.variants import combined
+from lammps_cases.records.run_record import EffectRecord, OutlookRecord
+
+STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took
+WORK = 1_000_000  # steps times particles of an attempt, beyond which it would take longer than a user waits
+FINER = 10  # a time step is too large if this part of it is not
+RUNAWAY = 10.0  # a speed beyond this many times that of sound, or of the fastest particle before, is none of a fluid
+
+Cause = Literal["findings", "time step", "set-up", "not understood"]
+
+
+@dataclass(frozen=True)
+class Good:
+    """The last sample before the end that looks like a fluid: with the time step, the run and the step it is of."""
+
+    sample: ParticleSample
+    timestep: float
+    run: int
+    step: int
+
+
+def fastest(model: Model, state: State) -> float:
+    """Return the largest speed there is: of sound, of heat as sound for a gas, or of a particle."""
+    speeds = [*(law.cs for law in model.eos.laws), float(np.abs(state.v_nc).max(initial=0.0))]
+    if model.eos.needs_energy and state.energy_n is not None:
+        speeds.append(float(np.sqrt(2 * np.abs(state.energy_n / model.mass[state.type_n - 1]).max(initial=0.0))))
+    return max(speeds)
+
+
+def mach(sample: ParticleSample) -> float:
+    """Return the largest component of a velocity over the speed of sound; infinite where numbers are not finite."""
+    state = sample.state
+    if not all(np.isfinite(of).all() for of in (state.x_nc, state.v_nc, state.rho_n)):
+        return math.inf
+    at_rest = replace(state, v_nc=np.zeros(state.v_nc.shape))
+    return float(np.abs(state.v_nc).max(initial=0.0)) / fastest(sample.model, at_rest)
+
+
+def outlook(good: Good, engine: str, taken: int) -> tuple[OutlookRecord | None, list[EffectRecord]]:
+    """Return why a run broke off, and what findings do to the particles that the reference makes of the sample.
+
+    A lattice at rest feels no force yet, right or wrong; some steps later it does.
+    """
+    model = _model(good.sample)
+    if model is None:
+        return None, []
+    count = min(max(2 * taken, STEPS[0]), STEPS[1], WORK // len(good.sample.mass_n))
+    if count < STEPS[0]:
+        return None, []
+    attempts = _Attempts(replace(good, sample=_boxed(good.sample)), model, count)
+    try:
+        found = _cause(attempts, engine, taken)
+        if found.cause != "findings":
+            return found, []
+        state = attempts.state_after(found.after or 0)
+        return found, effects(replace(good.sample, state=state), engine, good.run, good.step + (found.after or 0))
+    except InputError:  # the reference does not take the particles as they are
+        return None, []
+
+
+def _cause(attempts: _Attempts, engine: str, taken: int) -> OutlookRecord:
+    """Return the likeliest cause of an end that came ``taken`` steps after a good sample.
+
+    The reference runs on from the sample: if it runs away, the set-up is to blame, or the time step if a tenth of it
+    does not. If not, the findings of the engine are put into it, each alone and at last all together: the first that
+    makes it run away is the cause.
+    """
+    good = attempts.good
+
+    def found(cause: Cause, entries: Sequence[Finding] = (), after: int | None = None) -> OutlookRecord:
+        names = [entry.id for entry in entries]
+        return OutlookRecord(
+            cause=cause, findings=names, run=good.run, step=good.step, taken=taken, after=after, steps=attempts.count
+        )
+
+    after = attempts.runaway(good.timestep, ())
+    if after is not None:
+        finer = attempts.runaway(good.timestep / FINER, (), 2 * FINER * after)
+        return found("set-up" if finer is not None else "time step", after=after)
+    for entries in _sets(touching(good.sample, engine)):
+        after = attempts.runaway(good.timestep, entries)
+        if after is not None:
+            return found("findings", entries, after)
+    return found("not understood")
+
+
+def _sets(entries: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
+    """Yield each finding alone, the most severe first, and all of them."""
+    order = ("high", "medium", "low")
+    alone = sorted(entries, key=lambda entry: order.index(entry.severity))
+    yield from ((entry,) for entry in alone)
+    if len(alone) > 1:
+        yield tuple(alone)
+
+
+def _boxed(sample: ParticleSample) -> ParticleSample:
+    """Return a sample whose particles lie in its box: between two lists of neighbours LAMMPS lets them leave it."""
+    box, x_nc = sample.box, sample.state.x_nc
+    x_nc = x_nc - box.shift(box.images(x_nc))
+    ends = np.where(box.periodic, (box.low_c, box.high_c), (x_nc.min(axis=0), x_nc.max(axis=0)))
+    low_c, high_c = np.minimum(box.low_c, ends[0]), np.maximum(box.high_c, ends[1])
+    grown = replace(box, low_c=tuple(map(float, low_c)), high_c=tuple(map(float, high_c)))
+    return replace(sample, box=grown, state=replace(sample.state, x_nc=x_nc))
+
+
+def _model(sample: ParticleSample) -> Model | None:
+    """Return the model with the forces of the deck, or None if these act on other groups than types."""
+    forces, type_n = [], sample.state.type_n
+    for action, acts_n in sample.actions:
+        types = tuple(int(t) for t in np.unique(type_n[acts_n]))
+        if not np.array_equal(acts_n, np.isin(type_n, types)):
+            return None
+        forces.append(Force(action.style, action.vector[: sample.model.dimension], types))  # type: ignore[arg-type]
+    return replace(sample.model, forces=tuple(forces))
+
+
+@dataclass
+class _Attempts:
+    """Runs of the reference from a sample."""
+
+    good: Good
+    model: Model
+    count: int
+
+    def runaway(self, timestep: float, entries: Sequence[Finding], steps: int | None = None) -> int | None:
+        """Return the number of steps after which it runs away; None if it does not.
+
+        Raises
+        ------
+        InputError
+            The reference does not take the state.
+        """
+        steps = steps or self.count
+        sim = self._simulation(timestep, steps, entries)
+        limit = RUNAWAY * fastest(self.model, self.good.sample.state)
+        with np.errstate(all="ignore"):
+            sim.setup()
+            for step in range(1, steps + 1):
+                sim.run(1, timestep)
+                if not np.abs(sim.state.v_nc).max(initial=0.0) <= limit:
+                    return step
+        return None
+
+    def state_after(self, steps: int) -> State:
+        """Return the particles that the reference, as it is, has after some steps."""
+        sim = self._simulation(self.good.timestep, steps, ())
+        sim.setup()
+        sim.run(steps, self.good.timestep)
+        return sim.state
+
+    def _simulation(self, timestep: float, steps: int, entries: Sequence[Finding]) -> Simulation:
+        sample, fields = self.good.sample, needed_to_step(self.model)
+        problem = Problem(self.model, sample.box, sample.state, timestep, fields, (0, steps))
+        variants = [entry.model_variant for entry in entries if entry.model_variant]
+        stages, stepping = combined(variants, problem, {}) or (ArrayEvaluator, Simulation)
+        return stepping(self.model, sample.box, sample.state, fields, stages if entries else own_stages(problem))

@@ -1,0 +1,110 @@
+"""What known findings do to a deck, and why a run broke off: told from the reference, with and without them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lammps_cases.audit import AuditOptions, audit_deck
+from lammps_cases.audit.effects import compare, worst
+from lammps_cases.records import wording
+from lammps_cases.records.run_record import CaseRecord, EffectRecord
+
+COLUMN = (Path(__file__).parents[2] / "decks" / "in.column").read_text()
+# The same with particles of unit volume, where no known finding of this LAMMPS makes a difference to forces at rest.
+UNIT = (
+    COLUMN.replace("sq 100.0", "sq 1.0")
+    .replace("0 12 0 14 -0.1 0.1", "0 12 0 14 -0.5 0.5")
+    .replace("* 0.01\n", "* 1.0\n", 1)
+    .replace("rheo 0.3 ", "rheo 3.0 ")
+    .replace("timestep        0.001", "timestep        0.01")
+    .replace("* constant 0.01", "* constant 0.5")
+)
+
+
+def case_of(text: str, folder: Path) -> CaseRecord:
+    """The record of a deck."""
+    (folder / "in.deck").write_text(text)
+    return audit_deck(folder / "in.deck", AuditOptions()).record.cases[0]
+
+
+# --- effects
+
+
+def test_a_multiple_is_told_by_its_factor() -> None:
+    right = np.array([[1.0, -2.0], [0.5, 0.25]])
+    assert compare(right, 100 * right, 0.0 * right) == (2, 99.0, pytest.approx(100.0, rel=1e-15, abs=0))
+    assert compare(right, right, 0.0 * right) is None
+    assert compare(right, right + 1e-9, np.full((2, 2), 1e-8)) is None, "rounding is no effect"
+
+
+def test_another_difference_is_told_by_its_size() -> None:
+    right, wrong = np.array([4.0, 2.0, 1.0]), np.array([4.0, 3.0, 1.0])
+    assert compare(right, wrong, np.zeros(3)) == (1, 0.25, None)
+    assert compare(np.zeros(3), wrong, np.zeros(3)) == (3, None, None)
+
+
+def test_the_largest_effect_is_kept() -> None:
+    def effect(field: str, relative: float | None) -> EffectRecord:
+        of = {"finding": "a", "run": 1, "step": 0, "particles": 1, "of": 2, "factor": None}
+        return EffectRecord(field=field, relative=relative, **of)
+
+    small, large, other = effect("f", 0.1), effect("f", 0.2), effect("drho", None)
+    assert worst([small], [large, other]) == [large, other]
+    assert worst([large], [small]) == [large]
+    assert wording.effect(large) == "f is wrong by up to 20 % of its largest value (1 of 2 particles, step 0)"
+    assert wording.effect(other) == "drho is wrong where it should be 0 (1 of 2 particles, step 0)"
+    multiple = large.model_copy(update={"factor": 100.0})
+    assert wording.effect(multiple) == "f is 100 times what it should be (1 of 2 particles, step 0)"
+
+
+@pytest.mark.lammps
+def test_a_finding_is_seen_where_the_deck_adds_forces_that_hide_it(tmp_path: Path) -> None:
+    """Its own f cannot be compared, as something unknown adds to it; what the finding does to pair forces is known."""
+    shaken = "displace_atoms  all random 0.01 0.01 0 135414 units box\nset group all rheo/rho 1.01\n"
+    hidden = "fix             7 water spring/self 0.1\nrun             0"
+    moved = COLUMN.replace("set             group all rheo/rho 1.0\n", shaken).replace("run             100", hidden)
+    case = case_of(moved, tmp_path)
+    assert any(line.startswith("f: ") for line in case.not_checked)
+    (f,) = [of for of in case.effects if (of.finding, of.field) == ("force-per-volume", "f")]
+    assert f.factor == pytest.approx(100, rel=0.05, abs=0) and f.particles > 100
+
+
+# --- why a run broke off
+
+
+@pytest.mark.lammps
+def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
+    case = case_of(COLUMN, tmp_path)
+    assert case.verdict == "refused" and case.outlook is not None
+    assert (case.outlook.cause, case.outlook.findings) == ("findings", ["force-per-volume"])
+    (f,) = [of for of in case.effects if of.field == "f"]
+    assert f.factor == pytest.approx(100, rel=0.05, abs=0)
+    assert case.message.startswith("unstable because of the known bug force-per-volume: the reference runs on")
+    assert "run 1: from step 10 on particles are much faster than sound: fields were not checked there" in case.warnings
+
+
+@pytest.mark.lammps
+def test_the_same_in_unit_volumes_is_stable(tmp_path: Path) -> None:
+    case = case_of(UNIT, tmp_path)
+    assert case.verdict in ("pass", "explained") and case.outlook is None
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize(
+    ("old", "new", "cause", "because"),
+    [
+        ("timestep        0.01", "timestep        0.4", "time step", "unstable because of the time step"),
+        ("* linear", "* linear * background 3e5", "set-up", "unstable as it is set up"),
+        ("gravity 1.0 vector 0 -1 0", "gravity 40.0 vector 0 1 0", "not understood", "not understood"),
+    ],
+)
+def test_what_is_no_finding(old: str, new: str, cause: str, because: str, tmp_path: Path) -> None:
+    text = UNIT.replace(old, new, 1).replace("boundary        p s p", "boundary        p f p")
+    case = case_of(text, tmp_path)
+    assert case.verdict == "refused" and case.outlook is not None, case.message
+    assert case.outlook.cause == cause and case.outlook.findings == []
+    runs = "runs on for" if cause == "not understood" else "runs away as well after"
+    assert case.message.startswith(f"{because}: the reference {runs} ")

@@ -6,7 +6,11 @@ READY := $(VENV)/.ready
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
-.PHONY: help setup validate quick fast test browser check bench claims docs versions engines power judge fuzz clean
+, := ,
+picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
+  --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
+
+.PHONY: help setup validate quick fast test browser check bench claims docs versions engines power judge fuzz pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
@@ -70,6 +74,13 @@ judge: $(READY) ## mutate the code that judges; its tests have to notice (long)
 
 fuzz: $(READY) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others
 	$(BIN)/eos-ref fuzz $(FUZZ)
+
+pictures: $(READY) ## the pictures of a report, a case and a comparison in the documents (needs chromium)
+	$(BIN)/eos-ref run walls-moving thermal forces.all cross-type surfaces refused near-rho0 runs --out reports/pictures
+	$(BIN)/eos-ref compare pypi:2025.7.22.1.0 pypi:2025.7.22.2.0 walls thermal forces.all refused --no-timing --fail-on new --out reports/versions
+	$(call picture,report,1280$(,)1010,pictures/report.html)
+	$(call picture,example,1280$(,)1475,pictures/report.html#case=walls-moving.driven.quintic)
+	$(call picture,compare,1280$(,)820,versions/compare.html)
 
 clean: ## remove the environment, caches and reports (not the accepted baselines)
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache mutants

@@ -61,7 +61,7 @@ def _failures(cases: Sequence[CaseRecord]) -> str:
         return ""
     head = ("case", "verdict", "field", "stage", "first atom", "largest difference/bound", "message")
     more = f"\n\n… and {len(cases) - LISTED} more, see report.html." if len(cases) > LISTED else ""
-    return f"### Not as expected\n\n{table(head, map(_failure, cases[:LISTED]))}{more}"
+    return f"### Not accepted\n\n{table(head, map(_failure, cases[:LISTED]))}{more}"
 
 
 def _failure(case: CaseRecord) -> Sequence[str]:

@@ -107,7 +107,7 @@ def test_findings_come_before_what_differs_and_that_before_the_cases(
         assert text in rows[0], text
     assert "#case=mine" in html[places[3] : places[4]]
     summary = (tmp_path / "report" / "summary.md").read_text(encoding="utf-8")
-    blocks = [summary.index(text) for text in ("🔴 FAIL", "compiled by", "### Known bugs", "### Not as expected")]
+    blocks = [summary.index(text) for text in ("🔴 FAIL", "compiled by", "### Known bugs", "### Not accepted")]
     assert blocks == sorted(blocks)
 
 

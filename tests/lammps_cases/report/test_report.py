@@ -661,7 +661,7 @@ def test_summary(run: RunRecord, folder: Path) -> None:
     assert text.startswith(
         "## eos-ref: 🔴 FAIL\n\n4 cases not as expected: 1 refused, 1 differs, 1 timeout, 1 crashed; "
     )
-    table = text[text.index("### Not as expected") : text.index("> **Note")]
+    table = text[text.index("### Not accepted") : text.index("> **Note")]
     rows = [line for line in table.splitlines() if line.startswith("|")]
     assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {8}
     assert [row.split("`")[1] for row in rows[2:]] == [

@@ -24,7 +24,7 @@ from lammps_cases.findings import Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import Beyond, Blame
 from lammps_cases.scene.fields import FIELDS, in_step_order
-from lammps_cases.verdict.model_fields import blame_of, derived, sides
+from lammps_cases.verdict.model_fields import blame_of, sides
 
 
 @dataclass(frozen=True)
@@ -117,9 +117,7 @@ class Trial:
             own_n = np.broadcast_to(self.reference.bounds[at][name], bound_n.shape)
             if undefined and _defined_part_inside(lammps_n, variant_n, bound_n, own_n):
                 continue
-            comparison = compare_field(
-                name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n, None, derived(step)
-            )
+            comparison = compare_field(name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n)
             return blame_of(comparison, self.id_n, step)
         return None
 
@@ -133,8 +131,10 @@ class Trial:
         def rank(names: tuple[str, ...]) -> tuple[tuple[int, int], bool, int]:
             return place(self._left[names]), names == known, -len(names)
 
-        names = max(self._left, key=rank, default=())
-        if not names or (names != known and place(self._left[names]) <= place(first)):
+        if not self._left:
+            return None
+        names = max(self._left, key=rank)
+        if names != known and place(self._left[names]) <= place(first):
             return None
         return Beyond(findings=list(names), blame=self._left[names])
 

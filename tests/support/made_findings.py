@@ -6,7 +6,7 @@ from typing import Any
 
 from lammps_cases.findings import Finding
 
-TEXTS = dict.fromkeys(("title", "documented", "observed", "argument", "workaround"), "")
+TEXTS = dict.fromkeys(("title", "effect", "documented", "observed", "argument", "workaround"), "")
 
 
 def finding(name: str, number: int = 1, **settings: Any) -> Finding:

@@ -13,6 +13,7 @@ import pytest
 from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.parameters import Box
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
@@ -42,7 +43,8 @@ class Played(Predictor):
         self.told: list[Snapshot] = []  # what LAMMPS has
 
     def fields(self, problem: Problem, names: frozenset[str]) -> tuple[Fields, ...]:
-        made = tuple({"f": np.full(3, REFERENCE), "coordination": np.full(3, int(REFERENCE))} for _ in problem.steps)
+        numbers = {field: int(REFERENCE) if field == "coordination" else REFERENCE for field in problem.fields}
+        made = tuple({field: np.full(3, number) for field, number in numbers.items()} for _ in problem.steps)
         for together, (step, field, moved) in self.effects.items():
             if set(together.split("+")) <= names and step in problem.steps:
                 made[problem.steps.index(step)][field][1] += moved
@@ -75,9 +77,9 @@ SEED = seed("a.case/moved runs")
 
 
 def finding(name: str, number: int, on: Finding | None = None, **variant: Any) -> Finding:
-    """A finding, maybe one that builds on another, seen on the newest LAMMPS (capitals) or the oldest."""
+    """A finding, maybe one that builds on another, seen on the oldest LAMMPS (capitals) or the newest."""
     stages = type(name, (on.model_variant.stages if on else ArrayEvaluator,), {"__module__": __name__})
-    engines = (NEWEST if name.isupper() else KNOWN[0],)
+    engines = (KNOWN[0] if name.isupper() else NEWEST,)
     made = Variant(lambda problem: True, stages, **variant)
     return made_findings.finding(name, number, engines=engines, model_variant=made)
 
@@ -113,7 +115,7 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, 
         if lists:
             predictor.told[0]["lists"] = ()
         monkeypatch.setattr(particle_model, "unseen_in_model", mistakes)
-        return particle_model.judge(of, "a.case", ID, predictor.told, NEWEST, predictor), predictor
+        return particle_model.judge(of, "a.case", ID, predictor.told, KNOWN[0], predictor), predictor
 
     return judged
 
@@ -201,6 +203,18 @@ def test_a_number_that_is_none_is_reproduced_by_none(
     assert explained(verdict) == explanation
 
 
+def test_a_finding_whose_effect_is_inside_the_bound_explains_nothing(judge: Any) -> None:
+    """Although it brings the reference nearer to LAMMPS."""
+    verdict, _ = judge("", {"a": (2, "f", 0.5)}, (2, "f", 1.25))
+    assert explained(verdict) == []
+
+
+def test_positions_that_lammps_has_wrapped_are_reproduced(judge: Any) -> None:
+    of = replace(PROBLEM, fields=("x",), box=Box((0.0,) * 3, (40.0,) * 3, (True,) * 3))  # each value along its axis
+    verdict, _ = judge("a", {"a": (2, "x", 4.0)}, (2, "x", -40.0), of=of)
+    assert explained(verdict) == ["a"]
+
+
 # --- what is left
 
 
@@ -251,8 +265,9 @@ def test_a_variant_that_predicts_nothing_explains_nothing(
     judge: Any, settings: dict[str, Any], undefined: bool
 ) -> None:
     none = {"runaway": settings | {"undefined": undefined}}
-    verdict, _ = judge("runaway", {"runaway": FORCE, "b": COUNT}, settings=none)
+    verdict, predictor = judge("runaway", {"runaway": FORCE, "b": COUNT}, settings=none)
     assert (explained(verdict), verdict.beyond) == ([], None)
+    assert ("", (0,)) not in predictor.asked, "nor the reference in its place"
     assert explained(judge("b", {"runaway": FORCE, "b": COUNT}, settings=none)[0]) == ["b"]
     known, _ = judge("", {"RUNAWAY": FORCE}, COUNT, settings={"RUNAWAY": none["runaway"]})
     assert known.beyond == Beyond(findings=["RUNAWAY"], blame=known.first), "with it as without it"
@@ -292,6 +307,8 @@ def test_findings_that_follow_neighbour_lists_need_them(
         ["a"] if lists else []
     )
     assert unseen(judge("", {"A": FORCE}, settings=follows, lists=lists, of=of)[0]) == explanation
+    known, _ = judge("A", {"b": FORCE, "A": FORCE}, settings=follows, lists=lists, of=of)
+    assert explained(known) == (explanation or ["b"]), "one known of the engine comes first"
 
 
 # --- beside the explanation
@@ -358,10 +375,10 @@ def test_digits_lost_are_those_of_the_worst_row(values: Any, exact: Any, lost: f
 
 def test_the_reason_is_the_first_difference_and_what_is_beyond_the_findings(judge: Any) -> None:
     verdict, predictor = judge("a", {"a": FORCE}, COUNT)
-    found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, NEWEST, predictor)
+    found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, KNOWN[0], predictor)
     assert found == Reason(verdict.first, verdict.beyond) and verdict.beyond is not None
     verdict, predictor = judge("", {"a": COUNT}, (2, "coordination", 4.0))
-    found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, KNOWN[0], predictor)
+    found = particle_model.reason(PROBLEM, "a.case", ID, predictor.told, NEWEST, predictor)
     assert verdict.beyond is None and found == Reason(verdict.first, Beyond(findings=["a"], blame=verdict.first))
     right = predictor.fields(PROBLEM, frozenset())
     assert particle_model.reason(PROBLEM, "a.case", ID, right, NEWEST, predictor) is None

@@ -162,6 +162,7 @@ MET_EARLIER = {
     "'needs a number for every axis": "gravity-left-open",
     "'needs finite components'": "force-infinite",
     "InputError('kernel'": "unknown-kernel",
+    "InputError('tilt of the box'": "tilt-at-an-open-face",
     "InputError('cutoff of pair_style rheo'": "cutoff-of-the-pair-style",
     "InputError('self/mass', 'is an argument of rho/sum')": "self-mass-alone",
     "InputError(law.style, 'needs particles with energy": "gas-on-atoms-without-energy",
@@ -259,6 +260,7 @@ def test_rules_of_scenes_are_covered() -> None:
     other = re.compile(
         "own folder|twin|rescale|refused must|violate|compare|tolerance|method of|exactly one|at most|flags|per_type"
         "|InputError\\('name'|low must not exceed|log spacing|region|self_mass|cells needs|manual\\'s line"
+        "|tilt must be other than 0"  # of a twin
         "|stops|displace.z"  # of runs in pieces
         "|processors must|balance .style rcb"  # of LAMMPS' processes
         "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # one by one

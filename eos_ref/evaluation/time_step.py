@@ -17,10 +17,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.evaluator import Evaluator, PairInput
+from eos_ref.evaluation.evaluator import Evaluator, PairInput, is_class
 from eos_ref.model import per_atom, quantities
 from eos_ref.model.consistent import consistent_model, consistent_state
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state
@@ -28,7 +27,7 @@ from eos_ref.model.units import UNITS, Units
 from eos_ref.numbers.columns import axes, dot, joined, matrix, summed
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
-from eos_ref.numbers.rounded import Rounded, value
+from eos_ref.numbers.rounded import Rounded
 
 MakeEvaluator = Callable[[Model, Box, IntArray, BoolArray], Evaluator]  # a class, or one with some settings
 LAYER, SURFACE, SPLASH, BULK = 8, 16, 32, 4  # bits of LAMMPS' status; 1 is solid
@@ -378,25 +377,31 @@ class Simulation:
         p_n = self.evaluator.pressure(s.rho_n, s.energy_n) if total else None
         return joined(per_atom.stress(matrix(self.gradient.v_ncc), viscosity_n, p_n))
 
+    def virial_of_all(self) -> Array:
+        """Return the virial of all particles, for all alike, (n, d, d)."""
+        virial_ncc: Array = self.virial_ncc
+        return virial_ncc
+
     def pressure_of_all(self) -> Array:
         r"""Return the pressure tensor :math:`\sum_iW_i/V`, V being that of the box, for all alike, (n, d, d)."""
-        tensor: Array = self.virial_ncc / math.prod(self.box.edge_c)
+        tensor: Array = self.virial_of_all() / math.prod(self.box.edge_c)
         return tensor
 
     def press(self) -> Array:
         r"""Return the pressure :math:`(\sum_im_iv_i^2+\mathrm{tr}\sum_iW_i)/(dV)` of the state, for all alike, (n,)."""
         v, volume = axes(self.state.v_nc), math.prod(self.box.edge_c)
-        tensor = matrix(self.virial_ncc)
+        tensor = matrix(self.virial_of_all())
         twice_kinetic = summed(self.mass_n * dot(v, v))
         trace = sum((tensor[a][a] for a in range(1, len(v))), start=tensor[0][0])
         return (twice_kinetic + trace) / (self.model.dimension * volume)
 
-    def status(self) -> FloatArray:
+    def status(self) -> Array:
         """Return the status words, (n,): 1 solid; 4 bulk, 8 layer (bulk beside a surface), 16 surface, 32 splash."""
-        s = self.state
+        solid_n = self.state.solid_n.astype(float)
         if "surface" not in self.fields:
-            return s.solid_n.astype(float)
-        class_n, r_n = value(self.surface.class_n), value(self.surface.r_n)
-        layer = ~s.solid_n & (class_n == 0) & (r_n < self.model.cut)
-        bits = np.select([class_n == 2, class_n == 1, layer], [SPLASH, SURFACE, LAYER], BULK)
-        return np.asarray(bits + s.solid_n, float)
+            return solid_n
+        class_n, layer = self.surface.class_n, ~self.state.solid_n & (self.surface.r_n < self.model.cut)
+        status_n = where(layer, LAYER + solid_n, BULK + solid_n)
+        for number, bit in ((1, SURFACE), (2, SPLASH)):
+            status_n = where(is_class(class_n, number), bit + solid_n, status_n)
+        return status_n

@@ -16,6 +16,7 @@ import numpy as np
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
+from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.evaluator import Evaluator
@@ -270,8 +271,7 @@ def input_spread(
     for k in range(MOVED_RUNS):
         other = moved_input(problem, np.random.default_rng((seed, k, 1)))
         run = stepping(other.model, other.box, other.state, wanted(other), stages)
-        for at, _ in enumerate(visit(run, problem.steps, other.timestep, problem.stops)):
-            _widen(largest[at], run, values[at])
+        _follow(run, problem, other.timestep, values, largest)
     return largest
 
 
@@ -279,10 +279,22 @@ def _spread(runs: Sequence[Simulation], problem: Problem, values: Sequence[Field
     """Return the largest distance of moved runs from the reference, per field and step; at step 0 at stops alone."""
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for run in runs:
-        for at, step in enumerate(visit(run, problem.steps, problem.timestep, problem.stops)):
-            if step or problem.stops:
-                _widen(largest[at], run, values[at])
+        _follow(run, problem, problem.timestep, values, largest, first=bool(problem.stops))
     return largest
+
+
+def _follow(
+    run: Simulation, problem: Problem, dt: float, values: Sequence[Fields], largest: list[Fields], first: bool = True
+) -> None:
+    """Widen a spread by a run, at step 0 if ``first``; one that cannot go on bounds nothing from there on."""
+    at = -1
+    try:
+        for at, step in enumerate(visit(run, problem.steps, dt, problem.stops)):
+            if step or first:
+                _widen(largest[at], run, values[at])
+    except InputError:
+        for later in largest[at + 1 :]:
+            later.update(dict.fromkeys(later, np.inf))
 
 
 def _widen(largest: Fields, run: Simulation, values: Fields) -> None:

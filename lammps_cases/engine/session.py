@@ -390,16 +390,18 @@ def read_list(lmp: Any) -> dict[str, Array]:
     -------
     dict
         ``id_s``, the id of each local or ghost atom; ``x_sc``, its position;
-        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``newton``, the flags of
-        pairs and bonds.
+        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_p``, the process
+        whose list has it; ``newton``, the flags of pairs and bonds.
     """
     natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
     id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
     neighbours = lmp.numpy.get_neighlist(lmp.find_pair_neighlist("rheo"))
     pairs = [np.column_stack([np.full(len(of), atom), of.ravel()]) for atom, of in neighbours if len(of)]
+    pair_ps = np.concatenate([np.zeros((0, 2), int), *pairs])
     return {
         "id_s": id_s.copy(),
         "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
-        "pair_ps": np.concatenate([np.zeros((0, 2), int), *pairs]),
+        "pair_ps": pair_ps,
+        "rank_p": np.zeros(len(pair_ps), int),
         "newton": np.array([lmp.extract_setting(f"newton_{of}") for of in ("pair", "bond")], bool),
     }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model import quantities
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
@@ -32,8 +33,9 @@ def _unit_volumes(problem: Problem) -> bool:
 
 
 def has_forces(problem: Problem) -> bool:
-    """Return whether forces show, and particles have, or come to have, volumes other than 1."""
-    return problem.steps[-1] > 0 or ("f" in problem.fields and not _unit_volumes(problem))
+    """Return whether forces, or virials made of them, show, and volumes are, or come to be, other than 1."""
+    shown = "f" in quantities.required(problem.model, problem.fields)
+    return problem.steps[-1] > 0 or (shown and not _unit_volumes(problem))
 
 
 _VOLUME = "volumes leave 1 as the fluid is compressed or drawn out, and LAMMPS' forces lack the volume m/rho"

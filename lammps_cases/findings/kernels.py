@@ -11,20 +11,24 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import PairInput
-from eos_ref.evaluation.time_step import Simulation
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.quintic import QUINTIC
-from eos_ref.model.parameters import BoolArray, Gradients, Model, PairTerms
+from eos_ref.model.parameters import Gradients, Model, PairTerms
 from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.elementary import maximum
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Decision, Rounded, error, value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding, Gap, MapDifference
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.neighbour_lists import (
+    UNDEFINED,
+    CountingSteps,
+    FollowingLists,
+    lists_of_neighbours,
+    unbounded,
+)
 from lammps_cases.findings.variants import Snapshot, Variant
 
-UNDEFINED = np.inf  # bound of what no reference can predict
 Left = tuple[FloatArray, ...]  # components of the gradients that the last pair has left for its first, and its second
 
 
@@ -43,13 +47,6 @@ class StaleGradient(FollowingLists):
     computed_n: Any
     own: list[Array]
     left: Left | None = None
-
-    def move(self, x_nc: Array) -> None:
-        """Find the pairs, and each in LAMMPS' list if there is one."""
-        if self.lists:
-            super().move(x_nc)
-        else:
-            super(FollowingLists, self).move(x_nc)
 
     def corrects(self, definite_n: Any) -> Any:
         """Remember whose gradients are computed."""
@@ -79,7 +76,7 @@ class StaleGradient(FollowingLists):
         computed_p = Decision.of(self.computed_n)[self.i]
         if not self.lists:
             stale_p = ~computed_p.answer | computed_p.open
-            self.g = [_unbounded(g_a, stale_p) for g_a in self.own]
+            self.g = [unbounded(g_a, stale_p) for g_a in self.own]
             return
         left = np.zeros((2, len(self.own))) if self.left is None else np.array(self.left)
         start = UNDEFINED if self.left is None else 0.0
@@ -102,10 +99,6 @@ class StaleGradient(FollowingLists):
         ]
 
 
-def _unbounded(g_a: Array, stale_p: BoolArray) -> Array:
-    return Rounded(g_a.value, np.where(stale_p, UNDEFINED, g_a.error)) if isinstance(g_a, Rounded) else g_a
-
-
 class LeavingGradients(CountingSteps):
     """Steps that tell an evaluation what the loops before it left."""
 
@@ -118,13 +111,6 @@ class LeavingGradients(CountingSteps):
         stages.left = self.before if stages.left is None else stages.left
         self.before = stages.left
         return super().evaluate()
-
-    def keep_forces(self) -> None:
-        """Keep accelerations, in slots if there are lists."""
-        if self.evaluator.lists:
-            super().keep_forces()
-        else:
-            Simulation.keep_forces(self)
 
 
 def lists_if_read(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any]:

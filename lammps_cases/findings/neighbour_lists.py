@@ -16,9 +16,11 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import BoolArray, IntArray
 from eos_ref.numbers.number import Array
-from eos_ref.numbers.rounded import value
+from eos_ref.numbers.rounded import Rounded, value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.variants import Snapshot
+
+UNDEFINED = np.inf  # bound of what no reference can predict
 
 
 @dataclass(frozen=True)
@@ -30,12 +32,14 @@ class Listed:
     row_s : the particle that each slot holds, by its row
     x_sc : where the slot has it
     pair_ps : the two slots of every pair, that under which the pair is listed first
+    rank_p : the process whose list has the pair
     newton : the flags of pairs and of bonds
     """
 
     row_s: IntArray
     x_sc: FloatArray
     pair_ps: IntArray
+    rank_p: IntArray
     newton: BoolArray
 
     @classmethod
@@ -45,7 +49,7 @@ class Listed:
 
 
 class FollowingLists(ArrayEvaluator):
-    """Stages that find their pairs in LAMMPS' list.
+    """Stages that find their pairs in LAMMPS' list, if there is one.
 
     Attributes
     ----------
@@ -65,6 +69,8 @@ class FollowingLists(ArrayEvaluator):
     def move(self, x_nc: Array) -> None:
         """Find the pairs, and each in LAMMPS' list."""
         super().move(x_nc)
+        if not self.lists:
+            return
         x, i, j, listed = value(x_nc).astype(float), self.i, self.j, self.lists[self.at]
         one_s, other_s = listed.pair_ps.T
         apart_pc = np.stack([value(x_p).astype(float) for x_p in self.x], axis=1)
@@ -76,6 +82,11 @@ class FollowingLists(ArrayEvaluator):
         entries = np.column_stack([*rows, image_sc[other_s] - image_sc[one_s]])
         self.forward_p, self.backward_p = _places(own, entries), _places(other, entries)
         self.reverse_p = _places(other, own)
+
+
+def unbounded(x: Array, undefined: BoolArray) -> Array:
+    """Return an array without a bound on some of its values."""
+    return Rounded(x.value, np.where(undefined, UNDEFINED, x.error)) if isinstance(x, Rounded) else x
 
 
 def _places(wanted: IntArray, known: IntArray) -> IntArray:
@@ -116,6 +127,8 @@ class CountingSteps(Simulation):
     def keep_forces(self) -> None:
         """Keep accelerations in the slots of the list in use."""
         super().keep_forces()
+        if not self.evaluator.lists:
+            return
         self.kept_sc = self.other_nc[self.evaluator.lists[self.at - 1].row_s]
         self.evaluator.kept_sc = self.kept_sc
 

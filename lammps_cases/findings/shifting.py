@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model import quantities
+from eos_ref.model.parameters import State
 from eos_ref.numbers.columns import Axes, axes, dot, joined
 from eos_ref.numbers.elementary import sqrt, where
-from eos_ref.numbers.rounded import value
+from eos_ref.numbers.number import Array
+from eos_ref.numbers.rounded import error, value
 from lammps_cases.comparison.trajectory import Problem, wanted
-from lammps_cases.findings.entry import AlarmDifference, Finding, Gap
+from lammps_cases.findings.entry import AlarmDifference, Finding
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours, unbounded
 from lammps_cases.findings.variants import Snapshot, Variant
-
-if TYPE_CHECKING:
-    from lammps_cases.scene import Scene
-
 
 ROUNDING = 1e-9  # of a shift, below which nothing was taken out of it
 
@@ -38,18 +39,44 @@ def asks_for_support(problem: Problem) -> bool:
     return shift.scale_cross_type[2] > 0
 
 
-class NormalOfLastPair(ArrayEvaluator):
-    """The normal of scale/cross/type is, for every particle, the direction of one and the same pair.
+class NormalOfLastPair(FollowingLists):
+    """The gradient of the color function takes for all pairs the kernel gradients of the last one in the list.
 
-    ``pair`` holds the indices of the pair; which one it is follows from LAMMPS' order of neighbours. ``apart`` holds
-    the displacement from the second to the first when the pair was found, which tells images of the second.
+    These are one for the first of a pair and one for the second; every process has a list of its own. Where lists were
+    not read, ``pair`` holds the indices of that pair, and ``apart`` the displacement from the second to the first when
+    the pair was found, which tells images of the second.
     """
 
     pair: tuple[int, int] = (-1, -1)
     apart: tuple[float, ...] = ()
 
+    def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
+        """Return the sums, the gradient from what LAMMPS' loop over its list leaves."""
+        own = self.gradw
+        self.gradw = self._left() if self.lists else own
+        found = super().color_sums(volume_n)
+        self.gradw = own
+        return found
+
+    def _left(self) -> Axes:
+        """Return for every pair the gradient that the last pair of its list has on the same side."""
+        ranks, first_p = self.lists[self.at].rank_p, self.forward_p >= 0
+        rank_p = ranks[np.where(first_p, self.forward_p, self.backward_p)]
+        left_p = np.full(len(self.i), -1)
+        for rank in np.unique(rank_p):
+            last = int(np.argmax(np.where(first_p & (rank_p == rank), self.forward_p, -1)))
+            left_p[rank_p == rank] = np.where(first_p, last, self.reverse_p[last])[rank_p == rank]
+        return [where(left_p < 0, 0.0, g_a[left_p]) for g_a in self.g]
+
     def cross_type_normal(self, gradient: Axes) -> Axes:
-        """Direction of the pair, in its present place; 0 as long as no pair is known."""
+        """Return the direction of the sums, of any direction where they cancel; without lists that of the pair.
+
+        It is that of the pair in its present place; 0 as long as no pair is known.
+        """
+        if self.lists:
+            cancel_n = np.all([np.abs(value(c)) <= error(c) for c in gradient], axis=0)
+            cancel_n &= np.any([error(c) > 0 for c in gradient], axis=0)
+            return [unbounded(n, cancel_n) for n in super().cross_type_normal(gradient)]
         if self.pair == (-1, -1):
             return [np.zeros(self.n) for _ in self.x]
         here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
@@ -65,20 +92,30 @@ class NormalOfLastPair(ArrayEvaluator):
         return [(x_a / size)[same] for x_a in x]
 
 
+class CorrectingShifts(CountingSteps):
+    """Steps that correct gradients whatever is looked at, as shifts take them too."""
+
+    def _start(self, state: State, evaluator: Evaluator, fields: tuple[str, ...]) -> None:
+        super()._start(state, evaluator, fields)
+        if self.model.corrects_gradients:
+            self.plan = (*self.plan, "correction")
+
+
 def scales_across_types(problem: Problem) -> bool:
-    """Return whether shifts are scaled along the normal between types, by a kernel whose gradient has one direction."""
+    """Return whether shifts that show are scaled along the normal between types."""
     shift = problem.model.fix.shift
-    return (
-        not problem.model.corrects_gradients
-        and shift is not None
-        and shift.scale_cross_type is not None
-        and shift.scale_cross_type[0] != 1
-    )
+    scaled = shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
+    return scaled and "shift/v" in quantities.required(problem.model, wanted(problem))
 
 
 def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
-    """Find the pair whose direction LAMMPS took out of the shift of the particle that changed most."""
-    if "shift/v" not in snapshot:
+    """Return LAMMPS' lists; else find the pair whose direction is out of the shift of the particle that changed most.
+
+    A kernel whose pairs have two gradients leaves none to be found.
+    """
+    if "lists" in snapshot:
+        return lists_of_neighbours(problem, stages, snapshot)
+    if "shift/v" not in snapshot or problem.model.corrects_gradients:
         return None
     first = problem.steps[0]
     fields = ("shift/v", *(wanted(problem) if first else ()))
@@ -100,13 +137,6 @@ def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot
     along_p = np.abs(x_pc @ n_c) / np.linalg.norm(x_pc, axis=1)
     p = int(np.argmax(along_p))
     return {"pair": (int(plain.i[p]), int(plain.j[p])), "apart": tuple(x_pc[p].tolist())}
-
-
-def _several_directions(scene: Scene) -> bool:
-    shift = scene.rheo.shifting
-    scaled = shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
-    ranks = scene.engine.ranks > 1 or (scene.twin is not None and scene.twin.ranks is not None)
-    return scaled and (ranks or scene.rheo.kernel in ("RK1", "RK2") or scene.snapshots[0] > 0)
 
 
 CROSS_TYPE_SUPPORT = Finding(
@@ -136,29 +166,26 @@ CROSS_TYPE_NORMAL = Finding(
     effect="Particles at an interface of two fluids are shifted in a wrong direction, or not scaled",
     documented="fix rheo, scale/cross/type: a color function estimates the local interfacial normal; shifting "
     "along it is scaled by shiftscale.",
-    observed="The direction that is scaled is the same for all particles: that of the pair that LAMMPS' loop "
-    "over neighbours ended with. Where all volumes are the same, single particles are not scaled, or in another "
-    "direction. With RK1 and RK2, whose pairs have two gradients, and on several ranks directions differ between "
-    "particles. No variant reproduces these three.",
+    observed="The gradient of the color function takes for every pair the kernel gradient of one and the same pair: "
+    "that which the loop over neighbours ended with. The direction that is scaled is therefore that of this pair for "
+    "all particles. With RK1 and RK2 a pair has a gradient for its first and one for its second particle, and each "
+    "process has a last pair of its own, so that directions are mixtures of these. Where all volumes are the same, the "
+    "sums of single particles cancel, and what rounding leaves is their direction, or they are not scaled.",
     argument="A flat interface normal to x and one normal to y lose the same component of the shift. Relabelling "
     "the atoms turns the direction, although nothing physical has changed; so may another skin or number of "
-    "ranks.",
+    "ranks. With the order of LAMMPS' own lists every shift is predicted, with every kernel, over steps and on "
+    "several ranks, but for those of sums that cancel.",
     workaround="Use 2026.7.4 or newer, or exclude/type, which is not affected.",
     scene="two types in disorder, shiftscale 0",
-    model_variant=Variant(scales_across_types, NormalOfLastPair, fit=last_pair),
-    replaces=("cross_type_normal",),
-    gaps=(
-        Gap(
-            _several_directions,
-            "directions differ between particles with RK1 and RK2, and on several ranks; and which pair it is follows "
-            "from the shifts of the set-up alone",
-        ),
+    model_variant=Variant(
+        scales_across_types, NormalOfLastPair, CorrectingShifts, last_pair, undefined=True, lists=True
     ),
+    replaces=("cross_type_normal",),
     expected_in_alarms=(
         AlarmDifference(
             ("ranks",),
             lambda problem: problem.rheo.shifting is not None and problem.rheo.shifting.scale_cross_type is not None,
-            "on several ranks every particle has a mixture of directions of its own, which no variant reproduces",
+            "on several ranks every particle has a mixture of directions of its own; lists are not read here",
         ),
     ),
 )

@@ -8,6 +8,7 @@ import numpy as np
 
 from eos_ref.evaluation.time_step import BULK, LAYER
 from eos_ref.model.parameters import BoolArray
+from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import AlarmDifference, Finding
@@ -34,7 +35,7 @@ class StatusOfLayers(CountingSteps):
         if field != "status" or "surface" not in self.fields:
             return found
         met_n = self.evaluator.meets_as_first(value(self.fields["surface"]) == 1)
-        return np.where((found == LAYER) & ~met_n, float(BULK), found)
+        return where((value(found) == LAYER) & ~met_n, float(BULK), found)
 
 
 def shows_layers(problem: Problem) -> bool:

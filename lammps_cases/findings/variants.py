@@ -55,7 +55,7 @@ def combined(
 ) -> tuple[type[ArrayEvaluator], type[Simulation]] | None:
     """Join several variants to an evaluator and a simulation; None if one cannot be fitted to LAMMPS' numbers."""
     stages: type[ArrayEvaluator] = _joined("Evaluator", (v.stages for v in variants), ArrayEvaluator)
-    for variant in variants:
+    for variant in sorted(variants, key=lambda each: not each.lists):  # others may evaluate stages that follow lists
         if variant.fit:
             fitted = variant.fit(problem, stages, snapshot)
             if fitted is None:

@@ -29,7 +29,8 @@ class VirialsCancel(FollowingLists):
         forward_p, backward_p = self.forward_p >= 0, self.backward_p >= 0
         listed_twice_p = forward_p & backward_p
         distance = [where(forward_p, x_a, -x_a) for x_a in self.x]
-        both = [f_b + where(listed_twice_p, 0.0, f_b[self.reverse_p]) for f_b in force]
+        alone_p = listed_twice_p | (self.reverse_p < 0)
+        both = [f_b + where(alone_p, 0.0, f_b[self.reverse_p]) for f_b in force]
         virial = symmetric([[0.5 * self.total(x_a * f_b) for f_b in both] for x_a in distance])
         if not self.lists[self.at].newton[0]:
             whole_ncc = joined([[summed(w_n) for w_n in row] for row in virial])

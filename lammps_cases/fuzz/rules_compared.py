@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, get_args
 
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS
@@ -13,6 +13,7 @@ from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.rules_particles import LEFT_OUT, leaning
 from lammps_cases.fuzz.scope import Content, Scope
 from lammps_cases.scene.fields import FIELDS
+from lammps_cases.scene.runs import Boundary
 from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES
 
 SECONDS = 30.0  # that LAMMPS may take: a scene of some tens of particles and steps takes milliseconds
@@ -26,10 +27,9 @@ def evolve(scope: Scope, chance: Chance) -> Any:
     steps = chance.weighted({1: 0.3, 2: 0.2, 3: 0.15, 6: 0.2, 12: 0.15})
     content: Content = {"steps": steps, "timestep": TO_BE_SET}
     if scope.stops:
-        content["stops"] = stops = _stops(scope, chance.at("stops"), steps)
+        content["stops"] = _stops(scope, chance.at("stops"), steps)
         if chance.coin(0.3):
-            halts = sorted({*(stop["at"] for stop in stops), steps})
-            return content | {"every": chance.whole(1, steps), "compare_at": halts}
+            return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
     elif scope.whole and chance.coin(0.1):
         return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
     if chance.coin(0.4):
@@ -45,13 +45,14 @@ def _stops(scope: Scope, chance: Chance, steps: int) -> list[Content]:
 
 def _stop(scope: Scope, chance: Chance, at: int) -> Content:
     stop: Content = {"at": at}
+    walls = scope.content["rheo"].get("interface_reconstruct", False)
     if chance.coin(0.9):
-        stop["by"] = chance.choice(ROUTES)
+        stop["by"] = chance.choice([route for route in ROUTES if route not in _refused(scope)])
     if chance.coin(0.2):
         stop["timestep"] = TO_BE_SET
     if chance.coin(0.25):
         stop["count"] = chance.choice([0, 7, 1000])
-    kept = stop.get("by") in ("restart", "other scene") and scope.content["rheo"].get("interface_reconstruct", False)
+    kept = walls and stop.get("by") in ("restart", "other scene")
     if chance.coin(0.25) and not kept:  # what a restart file holds of walls keeps displace_atoms from working
         axes = "xy" if scope.planar else "xyz"
         moved = {axis: chance.between(-0.05, 0.05) * scope.spacing for axis in axes if chance.coin(0.7)}
@@ -59,6 +60,14 @@ def _stop(scope: Scope, chance: Chance, at: int) -> Content:
         if chance.coin():
             stop["displace"]["types"] = str(chance.whole(1, scope.count))
     return stop
+
+
+def _refused(scope: Scope) -> set[str]:
+    """Return routes that LAMMPS' own commands refuse: fixes that keep values of atoms, and set forces other than 0."""
+    given = [each for each in scope.content.get("forces", ()) if each["style"] == "setforce"]
+    kept = scope.content["rheo"].get("interface_reconstruct", False)
+    pushed = any(any(each["vector"]) for each in given)
+    return {route for route, refuses in (("replicated", kept), ("minimize", pushed)) if refuses}
 
 
 def compare(scope: Scope, chance: Chance) -> Any:
@@ -114,6 +123,13 @@ def engine(scope: Scope, chance: Chance) -> Content:
     return content | ({"time_limit": SECONDS} if chance.coin(0.5) else {})
 
 
+def boundary(scope: Scope, chance: Chance) -> str:
+    """Return a style of faces; none that shrinks where the volume of the box shows."""
+    volume = {"virial", "press"}.intersection(scope.content.get("compare", ()))
+    styles: tuple[str, ...] = get_args(Boundary)
+    return chance.choice([style for style in styles if not (volume and "s" in style)])
+
+
 def twin(scope: Scope, chance: Chance) -> Any:
     """Return a second run of any kind that the scene can have."""
     content = scope.content
@@ -133,8 +149,9 @@ def twin(scope: Scope, chance: Chance) -> Any:
     if _can_be_rescaled(scope):
         possible = [name for name in UNITS if UNITS[name].consistent or not scope.planar]
         kinds["units"] = lambda: chance.choice([name for name in possible if name != content.get("units", "lj")])
-    kinds |= {} if shifts else {"boost": lambda: chance.vector(scope.d, 3 * scope.speed)}
-    kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 else {}
+    if not shifts and "press" not in content.get("compare", ()):
+        kinds["boost"] = lambda: chance.vector(scope.d, 3 * scope.speed)
+    kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 and "every" not in evolves else {}
     if any(edges := [can * chance.at("tilt").whole(1, 2) for can in leaning(positions.get("periodic"), scope.d)]):
         kinds["tilt"] = lambda: edges
     kinds |= {"ranks": lambda: 2} if own.get("ranks", 1) == 1 else {}
@@ -169,5 +186,6 @@ RULES: Mapping[str, Callable[[Scope, Chance], Any]] = {
     "evolve": evolve,
     "compare": compare,
     "engine": engine,
+    "engine.boundary": boundary,
     "twin": twin,
 }

@@ -122,12 +122,18 @@ class Scene(SceneModel):
             raise ValueError("twin compares fields of the whole model: it needs more in compare than pressure")
         if twin.boost is not None and self.rheo.shift:
             raise ValueError("twin.boost: shifting follows the speed of each particle, which depends on the frame")
+        if twin.boost is not None and "press" in self.compare:
+            raise ValueError("twin.boost: press has a kinetic part, which depends on the frame")
         if twin.translate is not None and getattr(self.positions, "tilt", None):
             raise ValueError("twin.translate needs a box without tilt: take twin.tilt")
         if twin.tilt is not None:
             check_tilt(twin.tilt, getattr(self.positions, "periodic", None), self.dimension)
         if twin.split and (self.evolve is None or self.evolve.steps < 2):
             raise ValueError("twin.split needs two time steps or more")
+        if twin.split and self.evolve and self.evolve.every:
+            raise ValueError(
+                "twin.split goes without evolve.every, whose runs begin with set-ups that pre no leaves out"
+            )
         if twin.kind in ("newton", "skin", "ranks") and getattr(twin, twin.kind) == getattr(self.engine, twin.kind):
             raise ValueError(f"twin.{twin.kind} must differ from engine.{twin.kind}")
         if twin.units is not None:
@@ -194,6 +200,10 @@ class Scene(SceneModel):
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):
             raise ValueError("compare must name each field once")
+        volume = {"virial", "press"}.intersection(self.compare)
+        closed = not isinstance(self.positions, FromFile) and all(self.positions.periodic or (True,))
+        if volume and "s" in self.engine.boundary and not closed:
+            raise ValueError(f"{min(volume)} needs engine.boundary without s: a box that shrinks has its own volume")
         self._check_units(self.units)
         given = {
             "interface/reconstruct": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from eos_ref.model.units import UnitStyle
 from lammps_cases.scene.values import Finite, Positive, SceneModel, Vector
 
+Boundary = Literal["f", "s", "m", "fs", "sf", "fm", "mf", "sm", "ms"]
+
 
 class Rebuild(SceneModel):
     """When neighbour lists are built anew."""
@@ -41,7 +43,7 @@ class EngineSettings(Rebuild):
         None, description="steps after which particles are sorted in memory; 0: never"
     )
     search: Literal["bin", "nsq", "multi"] = Field("bin", description="how lists of neighbours are built")
-    boundary: Literal["f", "s", "m", "fs", "sf", "fm", "mf", "sm", "ms"] = Field(
+    boundary: Boundary = Field(
         "f", description="of faces that are not periodic: both alike, or the lower and the upper one"
     )
     time_limit: Annotated[Finite, Field(gt=0, le=3600)] = Field(60.0, description="seconds")

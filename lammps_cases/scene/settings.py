@@ -109,7 +109,9 @@ class Evolve(SceneModel):
         description="steps compared; default: those of 0, 1, 10, 100 that there are, every stop, and the last",
     )
     stops: tuple[Stop, ...] = Field((), description="where a run ends and another begins, in order")
-    every: int | None = Field(None, ge=1, strict=True, description="run N every M: LAMMPS halts in between")
+    every: int | None = Field(
+        None, ge=1, strict=True, description="run N every M: a set-up every M steps; the last step alone is compared"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Evolve:
@@ -120,22 +122,30 @@ class Evolve(SceneModel):
         at = [stop.at for stop in self.stops]
         if at != sorted(set(at)) or (at and at[-1] > self.steps):
             raise ValueError(f"stops must increase and lie within 0 to steps ({self.steps}), found {at}")
-        between = sorted({*self.snapshots} - {0, *at, self.steps})
-        if self.every is not None and between:
-            raise ValueError(f"every: such a run begins with a set-up, so name stops to compare steps, found {between}")
+        if self.every is not None and self.snapshots != (self.steps,):
+            raise ValueError(f"every: such runs are read at the last step alone ({self.steps}), found {self.snapshots}")
         return self
 
     @property
     def snapshots(self) -> tuple[int, ...]:
         """Return the steps compared."""
-        if self.compare_at:
-            return self.compare_at
+        if self.compare_at or self.every:
+            return self.compare_at or (self.steps,)
         return tuple(sorted({*(step for step in SNAPSHOTS if step < self.steps), *self.halts, self.steps}))
 
     @property
     def halts(self) -> tuple[int, ...]:
         """Return the steps at which a run ends and another begins."""
         return tuple(stop.at for stop in self.stops)
+
+    @property
+    def beginnings(self) -> tuple[Stop, ...]:
+        """Return the stops, and those that `every` makes between them: each of its pieces begins with a set-up."""
+        begin, made = 0, list[Stop]()
+        for end in sorted({*self.halts, self.steps}):
+            made += [Stop(at=step) for step in range(begin, end, self.every or self.steps) if step > begin]
+            begin = end
+        return tuple(sorted((*self.stops, *made), key=lambda stop: stop.at))
 
     def counted(self, steps: tuple[int, ...]) -> tuple[int, ...]:
         """Return LAMMPS' own count at some steps."""

@@ -83,16 +83,18 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
         # After time steps, run 0 evaluates once more: the pressure that forces use then belongs to the final density.
         yield RunCommand("run 0 post no")
         return
-    stops = {stop.at: stop for stop in scene.evolve.stops} if scene.evolve else {}
-    every = f" every {scene.evolve.every} NULL" if scene.evolve and scene.evolve.every and not every_step else ""
+    evolve = scene.evolve
+    every = f" every {evolve.every} NULL" if evolve and evolve.every and not every_step else ""
+    stops = {stop.at: stop for stop in (evolve.stops if every else evolve.beginnings)} if evolve else {}
     done, read = None, range(scene.snapshots[-1] + 1) if every_step else scene.snapshots
     for step in sorted({*read, *stops}):
         # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
-        again = "" if done is None else "pre no "
+        again = "" if done is None or every else "pre no "
         yield RunCommand(f"run {step - (done or 0)} {again}post no{every}", step in read and step not in stops)
         if step in stops:
             yield between(stops[step])
-            yield RunCommand("run 0 post no", step in read)
+            if not every or step == scene.snapshots[-1]:  # else the next run's own set-up is the only one
+                yield RunCommand("run 0 post no", step in read)
         done = step
 
 

@@ -108,7 +108,12 @@ def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
     ------
     InputError
         See `eos_ref.model.parameters.check_state`; or particles outside the plane of a 2D scene.
+        The overall pressure of a single particle, to which LAMMPS gives no temperature.
     """
+    if "press" in scene.compare and len(atoms) == 1:
+        raise InputError(
+            "compare", "press needs two particles or more: of one LAMMPS knows no temperature", "press", where
+        )
     given = unchecked_state(scene, atoms, where)
     check_state(model(scene, atoms, where), box(scene, atoms), given, where)
     return given

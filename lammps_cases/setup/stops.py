@@ -75,16 +75,17 @@ def _settings(stop: Stop, scene: Scene) -> Iterable[Action]:
     if stop.count is not None:
         yield Action(f"reset_timestep {stop.count}")
     if stop.displace:
-        yield from _displaced(stop.displace, scene)
+        yield from _displaced(stop, stop.displace, scene)
 
 
-def _displaced(move: Displacement, scene: Scene) -> Iterable[Action]:
+def _displaced(stop: Stop, move: Displacement, scene: Scene) -> Iterable[Action]:
     vector = " ".join(map(repr, move.vector))
     if move.types is None:
         yield Action(f"displace_atoms all move {vector} units box")
         return
-    yield Action(f"group displaced type {' '.join(map(str, type_range(move.types, len(scene.types))))}")
-    yield Action(f"displace_atoms displaced move {vector} units box")
+    group = f"displaced_{stop.at}"  # its own: group adds to one that there is
+    yield Action(f"group {group} type {' '.join(map(str, type_range(move.types, len(scene.types))))}")
+    yield Action(f"displace_atoms {group} move {vector} units box")
 
 
 def _given(lines: Iterable[str]) -> list[Action]:
@@ -103,7 +104,9 @@ def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Action]:
             return [*restart, *_given(OTHER_SCENE.replace("&\n", "").strip().split("\n")), Action("clear"), *read]
         case "data" | "data nofix":
             data = f"{FOLDER}/data.{stop.at}"
-            again = [*lines.style, *lines.neighbours, f"read_data {data}", *lines.model, f"reset_timestep {stop.at}"]
+            assert scene.evolve is not None
+            (count,) = scene.evolve.counted((stop.at,))
+            again = [*lines.style, *lines.neighbours, f"read_data {data}", *lines.model, f"reset_timestep {count}"]
             return [Action(f"write_data {data}{stop.by.removeprefix('data')}"), Action("clear"), *_given(again)]
         case "redefined":
             return [*_undefined(lines.model), Action("pair_style none"), *_given(lines.model)]
@@ -116,7 +119,8 @@ def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Action]:
         case "set":
             return [Action(_set(scene), "for each atom", natoms)]
         case "recreated":
-            return list(_recreated(scene, natoms, stop.renews(natoms)))
+            groups = [line for line in lines.model if line.startswith("group ")]  # new atoms are in none of them
+            return [*_recreated(scene, natoms, stop.renews(natoms)), *_given(groups)]
 
 
 def _undefined(model: Iterable[str]) -> Iterable[Action]:

@@ -58,7 +58,7 @@ def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
             stop.by in FROM_FILE,
             TEXT_DIGITS if stop.by in AS_TEXT else None,
         )
-        for stop in (scene.evolve.stops if scene.evolve else ())
+        for stop in (scene.evolve.beginnings if scene.evolve else ())
     )
 
 

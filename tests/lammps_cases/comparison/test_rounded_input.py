@@ -48,6 +48,16 @@ def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
     )
 
 
+def test_a_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
+    shift = {"scale_cross_type": [1.0, 0.1, 0.3]}
+    (case,) = casefile.load_file(case_file(**(SCENE | {"rheo": {"shift": shift}})))
+    one = problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+    for seed in range(9):
+        setting = moved_input(one, np.random.default_rng(seed)).model.fix.shift
+        assert setting and setting.scale_cross_type
+        assert setting.scale_cross_type[0] == 1.0 and setting.scale_cross_type[2] != 0.3
+
+
 def test_bounds_of_converted_units_hold_it(case_file: Callable[..., Path]) -> None:
     """In units real a run from moved input lies within the bound, which is wider than in consistent ones."""
     real = problem(case_file, "real")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref import InputError
 from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
@@ -17,6 +18,7 @@ from lammps_cases.comparison.trajectory import (
     MOVED_RUNS,
     Prediction,
     Problem,
+    Shaken,
     evaluations,
     own_stages,
     predict,
@@ -67,6 +69,22 @@ def test_before_the_first_step_the_bound_is_that_of_one_evaluation(case_file: Wr
     np.testing.assert_array_equal(stepped.bounds[0]["f"], alone.bounds[0]["f"])
 
 
+def test_a_moved_run_that_cannot_go_on_bounds_nothing_from_there_on(case_file: Write) -> None:
+    class Ending(Simulation):
+        def step(self, dt: float) -> None:
+            """Refuse the second step, as particles that run away do, if the state is a moved one."""
+            if isinstance(self, Shaken) and self.steps_taken:
+                raise InputError("positions", "must be finite", np.inf)
+            super().step(dt)
+            self.steps_taken = True
+
+        steps_taken = False
+
+    found = predict(replace(problem(case_file), steps=(0, 1, 3), timestep=0.001), ArrayEvaluator, Ending)
+    assert [bool(np.isinf(bounds["f"]).any()) for bounds in found.bounds] == [False, False, True]
+    assert np.isfinite(found.fields[2]["f"]).all()
+
+
 def test_the_spread_of_moved_runs_bounds_all_particles_alike(case_file: Write) -> None:
     """What steps integrate has no bound of its own: all of it is in the spread, and none before the first step."""
     scene = replace(problem(case_file), fields=("v", "x"))
@@ -106,3 +124,17 @@ def test_the_same_seed_gives_the_same_bounds_and_another_does_not(case_file: Wri
     bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["f"] for seed in (1, 1, 2)]
     np.testing.assert_array_equal(bounds[0], bounds[1])
     assert not np.array_equal(bounds[0], bounds[2])
+
+
+def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> None:
+    """A neighbour exactly at the cutoff may count or not; so may the limit of surfaces, and the word says which."""
+    scene = {
+        "positions": {"x": [[1.0, 1.0], [1.6, 1.0], [4.0, 4.0], [4.5, 4.0]], "low": [0.0, 0.0], "high": [9.0, 9.0]},
+        "rheo": {"cut": 1.6 - 1.0, "surface_detection": {"style": "coordination", "limit": 9, "splash": 1}},
+        "compare": ["surface", "status"],
+    }
+    (case,) = casefile.load((case_file(**scene),))
+    bounds = predict(problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))).bounds[0]
+    for field in ("surface", "status"):
+        np.testing.assert_array_equal(bounds[field] > 0, [True, True, False, False])
+    assert (bounds["status"][:2] >= 16).all(), "surface and splash differ by that"

@@ -51,6 +51,32 @@ def test_the_factors_are_those_of_lammps_and_of_nature(lammps: Engine) -> None:
         assert agree(at_last["v"], moved.predicted(), "v", 1), "this factor is right"
 
 
+def test_virials_are_converted(lammps: Engine) -> None:
+    """By hand, from LAMMPS' own forces on two particles, beside the factors that the manual's units have."""
+    factors = said(RAW, "observed", r"show # times .* in real, # times in metal")
+    for name, factor in zip(NAMES, factors, strict=True):
+        assert factor == pytest.approx(UNITS[name].energy / UNITS[name].pressure, rel=1e-12)
+        types = [{"mass": 181.1, "rho0": 1.0, "cs": 0.015 * UNITS["real"].time / UNITS[name].time, "viscosity": 0.0}]
+        scene = told(
+            [[20.0, 20.0, 20.0], [26.0, 20.0, 20.0]],
+            (40.2,) * 3,
+            v=[[0.0, 0.01, 0.0], [0.0, -0.01, 0.0]],
+            rho=1.05,
+            units=name,
+            types=types,
+            rheo={"cut": 14.0},
+            compare=["f", "virial", "press", "stress/atom"],
+        )
+        found, *_ = lammps.fields(scene, every_step=True)
+        by_hand = 6.0 * found["f"][1, 0] / 40.2**3 * factor
+        np.testing.assert_allclose(found["virial"][0, 0, 0], by_hand, rtol=1e-14)
+        kinetic = 2 * 181.1 * 1e-4 / UNITS[name].pressure / 40.2**3
+        np.testing.assert_allclose(found["press"][0], (by_hand + kinetic) / 3, rtol=1e-14)
+        variant = scene.predicted(RAW, VOLUME, "virials-cancel", "virial-of-places", snapshot=found)
+        assert all(agree(found[field], variant, field) for field in scene.scene.compare)
+        assert not agree(found["virial"], scene.predicted(VOLUME), "virial")
+
+
 def test_what_is_not_converted(lammps: Engine) -> None:
     volumes, real, metal = said(RAW, "observed", r"are # of what they are.* applied, # in real and # in metal")
     assert f"{UNITS['real'].energy:.3e}" == f"{real:.3e}" and metal.is_rounded(UNITS["metal"].energy)

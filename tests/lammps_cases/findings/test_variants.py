@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,12 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.trajectory import Problem, Stop
 from lammps_cases.findings import variants
-from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.findings.forces import ForcePerVolume, has_forces
 from lammps_cases.findings.thermal import HeatOverDensity
 from lammps_cases.findings.variants import Variant, combined
-from lammps_cases.findings.walls import WallsSummedAfterSetup, WallVelocityLost
+from lammps_cases.findings.walls import WallsSummedAfterSetup, WallVelocityLost, sums_walls
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
@@ -111,3 +112,35 @@ def test_walls_are_summed_once_more_after_the_setup_alone() -> None:
     assert np.array_equal(late.state.rho_n, np.where(solid_n, summed_n, own.state.rho_n))
     assert not np.array_equal(late.state.rho_n[solid_n], own.state.rho_n[solid_n])
     assert np.array_equal(late.fields["f"], own.fields["f"])
+
+
+@pytest.mark.parametrize(("field", "shows"), [("f", True), ("virial", True), ("press", True), ("grad/v", False)])
+def test_forces_show_in_what_is_made_of_them(problem: Problem, field: str, shows: bool) -> None:
+    thin = replace(problem, state=replace(problem.state, rho_n=0.9 * problem.model.mass[problem.state.type_n - 1]))
+    assert has_forces(replace(thin, fields=(field,))) is shows
+
+
+def test_sums_of_walls_show_after_any_set_up(problem: Problem) -> None:
+    fix = replace(problem.model.fix, rho_sum=True, interface_reconstruct=True)
+    n = len(problem.state.x_nc)
+    stops = (Stop(2, np.zeros(n, bool)),)
+    walls = replace(
+        problem, model=replace(problem.model, fix=fix), state=replace(problem.state, solid_n=np.ones(n, bool))
+    )
+    assert sums_walls(replace(walls, steps=(2,), stops=stops)) and not sums_walls(replace(walls, steps=(2,)))
+    assert not sums_walls(replace(walls, steps=(3,), stops=stops))
+
+
+def test_lists_are_fitted_before_what_evaluates_the_stages(problem: Problem) -> None:
+    """A variant that is fitted by a run of its own finds the lists in place, whichever comes first."""
+    order: list[str] = []
+
+    def noted(name: str) -> Any:
+        def fit(*_: object) -> dict[str, object]:
+            order.append(name)
+            return {}
+
+        return fit
+
+    combined([variant(fit=noted("numbers")), variant(fit=noted("lists"), lists=True)], problem, {})
+    assert order == ["lists", "numbers"]

@@ -43,12 +43,21 @@ def test_a_stop_is_compared_unless_the_scene_says_which_steps_are() -> None:
     assert Evolve.model_validate(chosen).snapshots == (5, 6)
 
 
+def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
+    scene = Evolve.model_validate({"steps": 7, "timestep": 0.1, "every": 2, "stops": [{"at": 3, "by": "set"}]})
+    assert [(stop.at, stop.by) for stop in scene.beginnings] == [(2, "run"), (3, "set"), (5, "run")]
+    assert scene.snapshots == (7,)
+    assert scene.model_copy(update={"every": None}).beginnings == scene.stops
+
+
 @pytest.mark.parametrize(
     ("evolve", "scene", "rule"),
     [
         ({"stops": [{"at": 2}, {"at": 1}]}, {}, r"must increase and lie within 0 to steps \(4\), found \[2, 1\]"),
         ({"stops": [{"at": 5}]}, {}, r"found \[5\]"),
-        ({"every": 2, "compare_at": [0, 1, 4]}, {}, r"name stops to compare steps, found \[1\]"),
+        ({"every": 2, "compare_at": [0, 4]}, {}, r"read at the last step alone \(4\), found \(0, 4\)"),
+        ({"every": 2}, {"twin": {"split": True}}, "twin.split goes without evolve.every"),
+        ({}, {"compare": ["press"], "twin": {"boost": [0.1, 0.0]}}, "press has a kinetic part"),
         ({"stops": [{"at": 1}]}, {"compare": ["pressure"]}, "more in compare than pressure"),
         ({"stops": [{"at": 1, "by": "set"}]}, {"engine": {"ranks": 2}}, "set needs all atoms on one rank"),
         ({"stops": [{"at": 1, "displace": {"z": 0.5}}]}, {}, r"displace.z must be 0 in 2D, found 0.5"),

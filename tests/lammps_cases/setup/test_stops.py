@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lammps_cases.engine.interlude import FOLDER, Interlude
+from lammps_cases.engine.session import RunCommand
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES, Route, Stop
@@ -59,8 +60,8 @@ def test_settings_come_after_the_route() -> None:
     assert between[-4:] == [
         "timestep 0.002",
         "reset_timestep 7",
-        "group displaced type 1",
-        "displace_atoms displaced move 0.5 0.0 0.0 units box",
+        "group displaced_1 type 1",
+        "displace_atoms displaced_1 move 0.5 0.0 0.0 units box",
     ]
     assert lines("run", displace={"y": 0.5})[1] == ["displace_atoms all move 0.0 0.5 0.0 units box"]
 
@@ -82,16 +83,38 @@ def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
 def test_every_is_told_to_runs_that_begin_with_a_set_up() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
     assert case.scene.evolve
-    evolve = case.scene.evolve.model_copy(update={"every": 2, "compare_at": (1, 4)})
-    scene = case.scene.model_copy(update={"evolve": evolve})
-    told = [
-        s.command for s in job(scene, campaign.prepare(case).atoms, plan(scene)).runs if not isinstance(s, Interlude)
-    ]
-    assert told[:3] == ["run 1 post no every 2 NULL", "run 0 post no", "run 1 pre no post no every 2 NULL"]
+    for halts, last in (((1,), 5), ((1, 5), 5)):
+        stops = tuple(Stop(at=at) for at in halts)
+        update = {"steps": last, "every": 2, "compare_at": (last,), "stops": stops}
+        scene = case.scene.model_copy(update={"evolve": case.scene.evolve.model_copy(update=update)})
+        atoms = campaign.prepare(case).atoms
+        told = [s for s in job(scene, atoms, plan(scene)).runs if not isinstance(s, Interlude)]
+        ends = ["run 1 post no every 2 NULL", "run 4 post no every 2 NULL"]
+        assert [s.command for s in told] == [*ends, *["run 0 post no"] * (last in halts)]
+        assert [s.read for s in told] == [False] * (len(told) - 1) + [True]
+        # Read at every step, for lists of neighbours, its pieces are told one by one.
+        pieces = job(scene, atoms, plan(scene), every_step=True).runs
+        at = [k for k, s in enumerate(pieces) if isinstance(s, Interlude)]
+        assert [pieces[k + 1] for k in at] == [RunCommand("run 0 post no")] * (2 + (last in halts))
+
+
+def test_a_file_that_is_read_late_goes_on_with_the_count() -> None:
+    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
+    assert case.scene.evolve
+    stops = (Stop(at=1, count=100), Stop(at=3, by="data"))
+    scene = case.scene.model_copy(update={"evolve": case.scene.evolve.model_copy(update={"stops": stops})})
+    between = [s for s in job(scene, campaign.prepare(case).atoms, plan(scene)).runs if isinstance(s, Interlude)]
+    assert between[1].actions[-1].text == "reset_timestep 102"
+
+
+def test_atoms_that_are_created_anew_are_put_into_the_groups_of_forces() -> None:
+    first, between = lines("recreated")
+    groups = [line for line in first if line.startswith("group ")]
+    assert groups and between[-len(groups) :] == groups
 
 
 @pytest.mark.parametrize("by", FOR_EACH_ATOM)
 def test_commands_for_each_atom_name_every_attribute(by: Route) -> None:
     _, between = lines(by)
     for word in ("type {type}", "x {x}", "vy {vy}", "z {z}", "rheo/rho {rho}", "rheo/status {phase}"):
-        assert word in between[-1]
+        assert word in next(line for line in reversed(between) if line.startswith("set atom"))

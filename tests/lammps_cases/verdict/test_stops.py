@@ -15,7 +15,8 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.run.campaign import PreparedCase
-from lammps_cases.scene import casefile
+from lammps_cases.scene import Scene, casefile
+from lammps_cases.scene.settings import Evolve
 from lammps_cases.studies.mutation import catalogue, input_faults
 from lammps_cases.verdict.judgement import evaluate
 
@@ -30,8 +31,12 @@ def judge() -> Any:
     predictor = Predictor()
     with Workers(None, 1) as workers:
 
-        def judged(name: str, change: Callable[[Answer], Answer] = lambda a: a, fault: str = "") -> CaseRecord:
+        def judged(
+            name: str, change: Callable[[Answer], Answer] = lambda a: a, fault: str = "", **scene: Any
+        ) -> CaseRecord:
             (case,) = casefile.select(casefile.load(), [name])
+            content = case.scene.model_dump(exclude_unset=True)
+            case = replace(case, scene=Scene.model_validate(casefile.merge(content, scene)), exercises=())
             ready: PreparedCase = campaign.prepare(case)
             jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready) if fault else ready.jobs
             assert jobs is not None
@@ -102,6 +107,23 @@ def test_text_may_lose_what_lies_beyond_its_digits_and_no_more(judge: Any) -> No
 def test_a_fault_between_runs_is_seen(judge: Any, case: str, fault: str, first: str) -> None:
     record = judge(case, fault=fault)
     assert record.verdict == "differs" and outside(record)[0] == first
+
+
+EVERY = {"steps": 5, "every": 2, "compare_at": [5]}
+
+
+@pytest.mark.parametrize("stop", [[], [{"at": 3, "by": "set"}]])
+def test_pieces_of_a_run_begin_with_a_set_up(judge: Any, stop: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `run N every M` does, and what is seen if the reference takes the pieces for one run."""
+    assert judge(SETTINGS, evolve=EVERY | {"stops": stop}).as_expected
+    monkeypatch.setattr(Evolve, "beginnings", property(lambda evolve: evolve.stops))
+    assert judge(SETTINGS, evolve=EVERY | {"stops": stop}).verdict == "differs"
+
+
+def test_atoms_created_anew_are_pushed_as_the_others(judge: Any) -> None:
+    force = {"style": "addforce", "vector": [0.3, -0.2], "types": 1}
+    record = judge(SETTINGS, forces=[force], evolve={"stops": [{"at": 1, "by": "recreated"}]})
+    assert record.as_expected, record.message
 
 
 def test_runs_that_are_never_set_up_anew_end_early(judge: Any) -> None:

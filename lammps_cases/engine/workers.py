@@ -8,6 +8,7 @@ import resource
 import signal
 import tempfile
 import threading
+import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
@@ -90,6 +91,7 @@ class Workers:
     def __init__(self, site: str | None, count: int) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-workers-")
         self._site = site
+        self._futures = weakref.WeakSet[Future[Any]]()
         self._pool = ProcessPool(
             max_workers=count,
             initializer=_prepare,
@@ -108,6 +110,7 @@ class Workers:
     def call(self, task: Callable[..., T], *arguments: Any, time_limit: float) -> Future[T]:
         """Queue any task ``task(site, *arguments)`` in a worker."""
         future: Future[T] = self._pool.schedule(task, args=(self._site, *arguments), timeout=time_limit)
+        self._futures.add(future)
         return future
 
     def outcome(self, future: Future[T], time_limit: float | None = None) -> T | Failure:
@@ -162,4 +165,6 @@ class Workers:
         else:
             self._pool.stop()
         self._pool.join()
+        for future in self._futures:  # a pool that is stopped while a task ends may leave it open for ever
+            future.cancel()
         self._folder.cleanup()

@@ -115,7 +115,8 @@ def test_an_exception_stops_the_workers_at_once_and_nothing_stays(tmp_path: Path
         while not (started.exists() and started.read_text()):
             time.sleep(0.01)
         raise KeyboardInterrupt
-    assert not isinstance(task.exception(timeout=LIMIT), TimeoutError), "it ran into its own limit"
+    assert task.done(), "nobody waits for ever"
+    assert task.cancelled() or not isinstance(task.exception(), TimeoutError), "it ran into its own limit"
     with pytest.raises(ProcessLookupError):
         os.kill(int(started.read_text()), 0)
     assert not Path(made).exists(), "what a killed worker leaves goes with the pool"

@@ -235,7 +235,7 @@ class ArrayEvaluator(Evaluator):
         v_nc, rho_n, pressure_n, viscosity_n, sound_n, chi_n, grad, temperature_n, virial = fields
         model, i, j = self.model, self.i, self.j
         rho_i, rho_j = self.density_pair(rho_n)
-        volume_i, volume_j = self.collecting_volume(rho_i), self.mass_n[j] / rho_j
+        volume_i, volume_j = self.collecting_volume(rho_i), self.pair_masses()[1] / rho_j
         F = dot(self.x, self.g) / self.rr
         mechanical = ~(self.solid_n[i] & self.solid_n[j])
         sound = interactions.arithmetic_mean(sound_n[i], sound_n[j])
@@ -288,13 +288,17 @@ class ArrayEvaluator(Evaluator):
         harmonic = self.model.pair.harmonic_means
         return (interactions.harmonic_mean if harmonic else interactions.arithmetic_mean)(of_i, of_j)
 
+    def pair_masses(self) -> tuple[Array, Array]:
+        """Return the masses of both particles of every pair, (p,), as the terms of pairs take them."""
+        return self.mass_n[self.i], self.mass_n[self.j]
+
     def collecting_volume(self, rho_i: Array) -> Array:
         """Return the volume of the particle that a pair's force acts on."""
-        return self.mass_n[self.i] / rho_i
+        return self.pair_masses()[0] / rho_i
 
     def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
         """Return the volume of the particle that a pair's heat flows into."""
-        return self.mass_n[self.i] / rho_i
+        return self.pair_masses()[0] / rho_i
 
     def artificial(self, v_nc: Array, rho_n: Array, sound: Array, grad: Gradients) -> Array:
         """Return the artificial viscous pressure of every pair, (p,); not between fluid and reconstructed solid."""

@@ -22,7 +22,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, PairInput, is_class
 from eos_ref.model import per_atom, quantities
 from eos_ref.model.consistent import consistent_model, consistent_state
-from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state
+from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state, masses
 from eos_ref.model.units import UNITS, Units
 from eos_ref.numbers.columns import axes, dot, joined, matrix, summed
 from eos_ref.numbers.elementary import where
@@ -80,7 +80,7 @@ class Simulation:
         self.units = self.conversion()
         model, own = consistent_model(model, self.units), consistent_state(state.copy(), self.units)
         self._start(own, evaluator(model, box, own.type_n, own.solid_n), tuple(fields))
-        self.mass_n = model.mass[own.type_n - 1]
+        self.mass_n = self.evaluator.mass_n = masses(model, own)
 
     @classmethod
     def with_evaluator(cls, state: State, evaluator: Evaluator, fields: Iterable[str]) -> Self:
@@ -305,8 +305,9 @@ class Simulation:
         s = self.evaluated
         twin: Simulation = copy.copy(self)
         energy_n = None if s.energy_n is None else number(s.energy_n)
-        twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n)
+        twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
         twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
+        twin.evaluator.mass_n = self.mass_n
         twin.other_nc = number(self.other_nc)
         twin.setup() if self.fresh else twin.evaluate()
         return twin

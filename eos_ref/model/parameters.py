@@ -380,6 +380,7 @@ class State:
     type_n : (n,) types, 1 to N
     solid_n : (n,) whether a particle is solid
     energy_n : (n,) energy of the particle (not per mass), with a thermal model
+    mass_n : (n,) masses of the particles, if they have masses of their own; None: those of their types
     """
 
     x_nc: Any  # float arrays, or `eos_ref.numbers.rounded` ones
@@ -388,6 +389,7 @@ class State:
     type_n: IntArray
     solid_n: BoolArray
     energy_n: Any = None
+    mass_n: FloatArray | None = None
 
     def copy(self) -> State:
         """Return a state that shares no array with this one."""
@@ -428,6 +430,11 @@ class Gradients:
     energy_nc: Any = None
 
 
+def masses(model: Model, state: State) -> FloatArray:
+    """Return the mass of every particle, (n,): its own, or that of its type."""
+    return model.mass[state.type_n - 1] if state.mass_n is None else state.mass_n
+
+
 def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     """Check a state against its model, once, at the edge.
 
@@ -438,17 +445,17 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     ------
     InputError
         Arrays of the wrong shape, values that are not finite, particles outside the box or on the same spot, densities
-        that are not positive, energies missing for a thermal model or negative for a gas.
+        or masses that are not positive, energies missing for a thermal model or negative for a gas.
     """
     n, d = len(state.x_nc), model.dimension
     if n == 0:
         raise InputError("particles", "must be at least one", n, where)
     if len(box.low_c) != d:
         raise InputError("box", f"needs {d} axes", len(box.low_c), where)
-    names = ("positions", "velocities", "density", "type", "solid", "energy")
-    shapes = ((n, d), (n, d), (n,), (n,), (n,), (n,))
+    names = ("positions", "velocities", "density", "type", "solid", "energy", "mass")
+    shapes = ((n, d), (n, d), (n,), (n,), (n,), (n,), (n,))
     for what, values, shape in zip(names, vars(state).values(), shapes, strict=True):
-        if values is None and what == "energy":
+        if values is None and what in ("energy", "mass"):
             continue
         if np.shape(values) != shape:
             raise InputError(what, f"must have the shape {shape}", np.shape(values), where)
@@ -472,6 +479,9 @@ def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
     if not model.fix.rho_sum and not (state.rho_n > 0).all():
         k = int(np.argmin(state.rho_n > 0))
         raise InputError("density", f"must be positive, but is not for particle {k + 1}", float(state.rho_n[k]), where)
+    if state.mass_n is not None and not (state.mass_n > 0).all():
+        k = int(np.argmin(state.mass_n > 0))
+        raise InputError("mass", f"must be positive, but is not for particle {k + 1}", float(state.mass_n[k]), where)
     if (outside := box.outside(state.x_nc)).any():
         k = int(np.argmax(outside))
         raise InputError("position", f"of particle {k + 1} must lie in the box", tuple(state.x_nc[k].tolist()), where)

@@ -189,7 +189,7 @@ def _scene(job: Job) -> tuple[list[str], str]:
     if len(job.id_n) <= MOST_SINGLE:
         return [*lines, *_single(job, style), *job.commands], ""
     kept = [line for line in lines if not line.startswith(("region box", "create_box"))]
-    return [*kept, f"read_data {DATA}", *job.commands], _data(job, style)
+    return [*kept, f"read_data {DATA}", *_masses(job), *job.commands], _data(job, style)
 
 
 def _single(job: Job, style: str) -> Iterable[str]:
@@ -200,7 +200,8 @@ def _single(job: Job, style: str) -> Iterable[str]:
         yield f"create_atoms {job.type_n[n]} single {x} units box"
     every = {}
     for n in place_n:
-        words = [f"{name} {float(job.per_atom[key][n])!r}" for key, name in _SET[style] if key in job.per_atom]
+        named = (*_SET[style], ("rmass", "mass"))
+        words = [f"{name} {float(job.per_atom[key][n])!r}" for key, name in named if key in job.per_atom]
         if job.v_nc is not None:
             words += [f"{name} {float(v)!r}" for name, v in zip(("vx", "vy", "vz"), job.v_nc[n], strict=True) if v]
         every[job.id_n[n]] = " ".join(words)
@@ -211,6 +212,12 @@ def _single(job: Job, style: str) -> Iterable[str]:
 
 
 _SET = {"atomic": (), "rheo": (("rho", "rheo/rho"),), "rheo/thermal": (("rho", "rheo/rho"), ("esph", "sph/e"))}
+
+
+def _masses(job: Job) -> Iterable[str]:
+    """Yield the commands that give particles masses of their own, which no data file of theirs has."""
+    for atom, mass in zip(job.id_n, job.per_atom.get("rmass", ()), strict=False):
+        yield f"set atom {atom} mass {float(mass)!r}"
 
 
 def _data(job: Job, style: str) -> str:

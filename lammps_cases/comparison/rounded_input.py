@@ -45,5 +45,6 @@ def moved_input(problem: Problem, random: np.random.Generator) -> Problem:
     s = problem.state
     x_nc, v_nc, rho_n = (array * sign(array.shape) for array in (s.x_nc, s.v_nc, s.rho_n))
     energy_n = None if s.energy_n is None else s.energy_n * sign(s.energy_n.shape)
-    state = replace(s, x_nc=x_nc, v_nc=v_nc, rho_n=rho_n, energy_n=energy_n)
+    mass_n = None if s.mass_n is None else s.mass_n * sign(s.mass_n.shape)
+    state = replace(s, x_nc=x_nc, v_nc=v_nc, rho_n=rho_n, energy_n=energy_n, mass_n=mass_n)
     return replace(problem, model=moved(problem.model), state=state, timestep=float(problem.timestep * sign()))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[Any]
 # Arrays of atoms that hold the state; those that an atom style does not have are left out.
-STATE = ("type", "x", "v", "rho", "rheo_status", "esph")
+STATE = ("type", "x", "v", "rho", "rheo_status", "esph", "rmass")
 FOLDER = "{folder}"  # in a command: a folder for files that lives as long as the job
 
 

@@ -8,11 +8,13 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model import quantities
+from eos_ref.model.parameters import masses
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding, Gap, MapDifference
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
 if TYPE_CHECKING:
@@ -27,9 +29,16 @@ class ForcePerVolume(ArrayEvaluator):
         return 0 * rho_i + 1.0
 
 
+def has_masses(problem: Problem) -> bool:
+    """Return whether neighbours may have masses of their own that differ."""
+    mass_n = problem.state.mass_n
+    return mass_n is not None and bool(np.ptp(mass_n))
+
+
 def _unit_volumes(problem: Problem) -> bool:
-    mass_n = problem.model.mass[problem.state.type_n - 1]
-    return bool(np.all(mass_n == problem.state.rho_n)) and not problem.model.fix.rho_sum
+    mass_n = masses(problem.model, problem.state)
+    alike = bool(np.all(mass_n == problem.state.rho_n)) and not has_masses(problem)
+    return alike and not problem.model.fix.rho_sum
 
 
 def has_forces(problem: Problem) -> bool:
@@ -125,4 +134,37 @@ HARMONIC_MEAN_UNDEFINED = Finding(
     ),
 )
 
-ENTRIES = (FORCE_PER_VOLUME, HARMONIC_MEAN_UNDEFINED)
+
+class MassOfFirst(FollowingLists):
+    """In the terms of a pair both particles have the mass of the one that is listed first."""
+
+    def pair_masses(self) -> tuple[Array, Array]:
+        """Return that mass twice."""
+        first = where(self.forward_p >= 0, self.mass_n[self.i], self.mass_n[self.j])
+        return first, first
+
+
+MASS_OF_FIRST = Finding(
+    id="mass-of-first",
+    number=61,
+    title="With masses of particles both of a pair have the mass of the one that is listed first",
+    effect="Particles of unequal rmass push and heat each other by the ratio of their masses too much or too little",
+    severity="high",
+    documented="pair rheo, as published: forces, density damping and heat exchange of a pair go with the volumes m/rho "
+    "of both particles; fix property/atom: rmass gives every particle a mass of its own, which stands in place of that "
+    "of its type; neigh_modify and newton must not change the physics.",
+    observed="In pair rheo the second of a pair has the mass of the first, in the order of the neighbour list: in "
+    "pressure, viscous and artificial force, in rho/damp and in the heat flow. All else (summed densities, gradients, "
+    "kernels, shift, surfaces, walls, temperatures, accelerations) takes the particle's own mass, and with masses of "
+    "types pair rheo does, too.",
+    argument="Two particles of masses 2 and 3 and densities 1.4 and 1.35 at distance 1 (2D, cutoff 3, linear law with "
+    "rho0 = c = 1) feel -0.388 and 0.250 if these are the masses of two types, and -0.259 and 0.250 if they are the "
+    "masses of the particles: one has 2/3 of its force. With the two in each other's place the heavier one has 3/2 of "
+    "its force instead: the neighbour list alone decides. (Both lack the volume of force-per-volume.)",
+    workaround="Give particles of different mass different types ('mass'), or the same mass to all particles that may "
+    "become neighbours.",
+    scene="two particles of one type with different rmass",
+    model_variant=Variant(has_masses, MassOfFirst, CountingSteps, lists_of_neighbours, lists=True),
+)
+
+ENTRIES = (FORCE_PER_VOLUME, HARMONIC_MEAN_UNDEFINED, MASS_OF_FIRST)

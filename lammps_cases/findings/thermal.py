@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding
@@ -104,4 +107,88 @@ TEMPERATURE_WITHOUT_MASS = Finding(
     model_variant=Variant(has_heat, TemperatureWithoutMass),
 )
 
-ENTRIES = (HEAT_IS_TEMPERATURE_RATE, HEAT_OVER_DENSITY, TEMPERATURE_WITHOUT_MASS)
+
+class EnergyByType(ArrayEvaluator):
+    """What takes the energy per mass of a gas by the mass of its type."""
+
+    def by_type(self, energy_n: Array | None) -> Array | None:
+        """Return the energies that over the particles' masses are those over the masses of their types."""
+        return None if energy_n is None else energy_n * (self.mass_n / self.of_type(self.model.mass))
+
+
+class GasOfType(EnergyByType):
+    """The pressure of a gas takes that energy, and so does the density of a wall."""
+
+    def pressure(self, rho_n: Array, energy_n: Array | None = None) -> Array:
+        """Return the pressures, with that energy."""
+        return super().pressure(rho_n, self.by_type(energy_n))
+
+    def wall_density(self, at: IntArray, p: Array, energy_n: Array | None) -> Array:
+        """Return the densities of solids, with that energy."""
+        return super().wall_density(at, p, self.by_type(energy_n))
+
+
+class SoundOfType(EnergyByType):
+    """The speed of sound of a gas takes that energy."""
+
+    def sound_speed(self, energy_n: Array | None = None) -> Array:
+        """Return the speeds of sound, with that energy."""
+        return super().sound_speed(self.by_type(energy_n))
+
+
+def has_gas_of_masses(problem: Problem) -> bool:
+    """Return whether particles of a gas have masses other than those of their types."""
+    model, state = problem.model, problem.state
+    gas_n = np.array([law.needs_energy for law in model.eos])[state.type_n - 1]
+    return state.mass_n is not None and bool((gas_n & (state.mass_n != model.mass[state.type_n - 1])).any())
+
+
+def has_sound_of_masses(problem: Problem) -> bool:
+    """Return whether the speed of sound of such particles shows: in artificial viscosity and repulsion by walls."""
+    model = problem.model
+    return has_gas_of_masses(problem) and (bool(model.pair.artificial_viscosity) or model.fix.interface_reconstruct)
+
+
+GAS_OF_MASS_OF_TYPE = Finding(
+    id="gas-of-mass-of-type",
+    number=62,
+    title="The pressure of an ideal gas takes the mass of the type where particles have masses of their own",
+    effect="Pressures of a gas are wrong by the ratio of rmass and the mass of the type",
+    severity="medium",
+    documented="fix rheo/pressure: P = (gamma - 1) rho e, where e is the internal energy per unit mass; fix "
+    "property/atom: rmass gives every particle a mass of its own, which stands in place of that of its type.",
+    observed="e is the energy of the particle over the mass of its type. From 2025.7.22.2.0 on it is that over the "
+    "particle's own mass.",
+    argument="A particle of mass 3 and energy 6 has 2 per unit mass, and at the density 1.4 with gamma = 1.4 the "
+    "pressure 1.12; with the mass 2 for its type LAMMPS reports 1.68, and with 1 it reports 3.36, although no mass "
+    "of the scene has changed.",
+    workaround="Give particles of a gas the mass of their type, or use 2025.7.22.2.0 or newer.",
+    scene="a gas particle whose rmass is not the mass of its type",
+    model_variant=Variant(has_gas_of_masses, GasOfType),
+)
+
+SOUND_OF_MASS_OF_TYPE = Finding(
+    id="sound-of-mass-of-type",
+    number=63,
+    title="The speed of sound of an ideal gas takes the mass of the type where particles have masses of their own",
+    effect="Artificial viscosity and repulsion by walls of a gas are wrong where rmass is not the mass of the type",
+    severity="low",
+    documented="fix rheo/pressure: c is ignored by ideal/gas, whose speed of sound is not constant; fix property/atom: "
+    "rmass gives every particle a mass of its own, which stands in place of that of its type.",
+    observed="In artificial viscosity and in the repulsion by reconstructed walls the speed of sound of a gas is the "
+    "square root of (gamma - 1) e, where e is the energy of the particle over the mass of its type.",
+    argument="Two particles of mass 1, density 1 and energy 2 that approach each other at 1 (gamma = 1.4, distance 1, "
+    "2D, cutoff 3, artificial/visc 1) push each other apart with 0.958 in LAMMPS where their type has the mass 4, and "
+    "with 1.275 where it has the mass 1.",
+    workaround="Give particles of a gas the mass of their type.",
+    scene="two gas particles whose rmass is not the mass of their type, with artificial viscosity",
+    model_variant=Variant(has_sound_of_masses, SoundOfType),
+)
+
+ENTRIES = (
+    HEAT_IS_TEMPERATURE_RATE,
+    HEAT_OVER_DENSITY,
+    TEMPERATURE_WITHOUT_MASS,
+    GAS_OF_MASS_OF_TYPE,
+    SOUND_OF_MASS_OF_TYPE,
+)

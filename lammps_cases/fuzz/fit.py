@@ -107,7 +107,8 @@ def _limits(ready: PreparedCase) -> tuple[float, float, float]:
     found = numbers(model, state, 1.0)
     sound = max(found.c, float(model.cs.max()))
     volume = float((ready.atoms.mass_n / state.rho_n).min())
-    capacity = min((model.mass[t] * each.specific_heat for t, each in enumerate(model.thermal or ())), default=1.0)
+    heats = [each.specific_heat for each in model.thermal or ()]
+    capacity = float((ready.atoms.mass_n * np.array(heats)[state.type_n - 1]).min()) if heats else 1.0
     factor = min(1.0, volume) * min(1.0, capacity, *(1 / state.rho_n))
     factor /= max(1.0, *(UNITS[name].energy for name in _units(ready)))
     return factor / max(found.fraction, 4 * sound / found.h), speed, sound

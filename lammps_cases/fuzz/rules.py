@@ -158,6 +158,7 @@ RULES: Mapping[str, Rule] = {
 # Probability that an optional key is given; a third of the scenes have one without a mention here.
 GIVEN: Mapping[str, float] = {
     "units": 0.8,
+    "mass": 0.2,
     "rho": 1.0,
     "energy": 1.0,
     "velocity": 0.9,
@@ -229,6 +230,7 @@ NEVER: Mapping[str, str] = {
     "violate": "a scene that is to be refused; bad input has a table of its own (eos-ref stability)",
     "expect": "a scene that is to be refused; bad input has a table of its own (eos-ref stability)",
     "positions.extxyz": "a scene that is drawn has no files beside it; the same numbers come one by one",
+    "mass.table": "a scene that is drawn has no files beside it; the same numbers come one by one",
     "rho.table": "a scene that is drawn has no files beside it; the same numbers come one by one",
     "energy.table": "a scene that is drawn has no files beside it; the same numbers come one by one",
 }

@@ -14,7 +14,7 @@ from lammps_cases.fuzz.rules_particles import LEFT_OUT, leaning
 from lammps_cases.fuzz.scope import Content, Scope
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.runs import Boundary
-from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES
+from lammps_cases.scene.stops import FOR_EACH_ATOM, LOSES_MASSES, ROUTES
 
 SECONDS = 30.0  # that LAMMPS may take: a scene of some tens of particles and steps takes milliseconds
 TO_BE_SET = 1.0  # time step, which follows from the scene when it is complete; see `lammps_cases.fuzz.fit`
@@ -63,11 +63,12 @@ def _stop(scope: Scope, chance: Chance, at: int) -> Content:
 
 
 def _refused(scope: Scope) -> set[str]:
-    """Return routes that LAMMPS' own commands refuse: fixes that keep values of atoms, and set forces other than 0."""
+    """Return routes that LAMMPS' own commands refuse (fixes that keep values, forces other than 0) or no scene has."""
     given = [each for each in scope.content.get("forces", ()) if each["style"] == "setforce"]
     kept = scope.content["rheo"].get("interface_reconstruct", False)
     pushed = any(any(each["vector"]) for each in given)
-    return {route for route, refuses in (("replicated", kept), ("minimize", pushed)) if refuses}
+    refused = {route for route, refuses in (("replicated", kept), ("minimize", pushed)) if refuses}
+    return refused | (set(LOSES_MASSES) if "mass" in scope.content else set())
 
 
 def compare(scope: Scope, chance: Chance) -> Any:

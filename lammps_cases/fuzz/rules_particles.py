@@ -179,6 +179,26 @@ def density(scope: Scope, chance: Chance) -> Any:
     return ends | ({"spacing": chance.choice(["linear", "log"])} if chance.coin(0.5) else {})
 
 
+def mass(scope: Scope, chance: Chance) -> Content:
+    """Return masses of particles about those of their types, in every form."""
+    own = [each["mass"] for each in scope.content["types"]]
+    low, high = chance.between(0.7, 1.0), chance.between(1.0, 1.3)
+    alike = max(own) <= 1.3 * min(own)
+    form = chance.choice(["ratio", "offset", "per_type", *["constant", "range"] * alike, *["values"] * scope.listed])
+    if form == "offset":
+        return {"offset": {"low": chance.number(1e-12, 1e-3), "high": chance.number(1e-3, 0.1)} | _sign(chance)}
+    if form == "per_type":
+        return {"per_type": [rounded(each * chance.between(low, high), 6) for each in own]}
+    if form == "values":
+        of = scope.content["positions"].get("types", [1] * scope.particles)
+        return {"values": [rounded(own[t - 1] * chance.between(low, high), 6) for t in of]}
+    if form == "constant":
+        return {"constant": rounded(own[0] * high, 6)}
+    unit = 1.0 if form == "ratio" else own[0]
+    spacing = {"spacing": chance.choice(["linear", "log"])} if chance.coin(0.5) else {}
+    return {form: [rounded(unit * low, 6), rounded(unit * high, 6)]} | spacing
+
+
 def energy(scope: Scope, chance: Chance) -> Any:
     """Return positive energies per mass, in every form."""
     if not scope.thermal:
@@ -218,6 +238,7 @@ RULES: Mapping[str, Callable[[Scope, Chance], Any]] = {
     "dimension": lambda scope, chance: 3 if scope.spatial else 2,
     "types": types,
     "positions": positions,
+    "mass": mass,
     "rho": density,
     "energy": energy,
     "velocity": velocity,

@@ -76,6 +76,12 @@ def _moving_apart(at: Evaluated) -> Any:
 
 RULES = (
     Rule(
+        "own-masses",
+        "A particle has a mass of its own, other than that of its type.",
+        lambda at: at.evaluator.mass_n != at.evaluator.of_type(at.sim.model.mass),
+        faults=("formula.masses-of-types",),
+    ),
+    Rule(
         "volumes",
         "The volume of a particle, mass over density, is not 1.",
         lambda at: at.evaluator.mass_n != at.rho_n,

@@ -95,9 +95,12 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     if wrong.size:
         raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), case.where)
     mass_n = np.array([t.mass for t in scene.types])[type_n - 1]
+    if scene.mass:
+        mass_n = _field(case, "mass", scene.mass, type_n, mass_n)
     rho0_n = np.array(scene.rho0 or [1.0] * len(scene.types))[type_n - 1]
     rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
+    _check_masses(case, mass_n)
     _check_fields(case, eos, type_n, rho_n, e_n)
     v_nc = _velocities(case, type_n)
     energy_n = None if e_n is None else mass_n * e_n
@@ -226,7 +229,7 @@ def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
     return type_n
 
 
-def _field(case: Case, name: str, values: Values, type_n: IntArray, rho0_n: FloatArray) -> FloatArray:
+def _field(case: Case, name: str, values: Values, type_n: IntArray, unit_n: FloatArray) -> FloatArray:
     n = len(type_n)
     where = f"{case.where}, {name}"
     if values.constant is not None:
@@ -241,11 +244,11 @@ def _field(case: Case, name: str, values: Values, type_n: IntArray, rho0_n: Floa
         d_n: FloatArray = np.geomspace(values.offset.low, values.offset.high, n)
         if values.offset.sign != "+":
             d_n[slice(None) if values.offset.sign == "-" else slice(1, None, 2)] *= -1
-        return np.asarray(rho0_n * (1 + _random(case, name).permutation(d_n)))
+        return np.asarray(unit_n * (1 + _random(case, name).permutation(d_n)))
     low, high = values.range or values.ratio or (0.0, 0.0)
     spaced = np.geomspace(low, high, n) if values.spacing == "log" else np.linspace(low, high, n)
     dealt_n = _random(case, name).permutation(spaced)
-    return np.asarray(dealt_n * rho0_n if values.ratio else dealt_n)
+    return np.asarray(dealt_n * unit_n if values.ratio else dealt_n)
 
 
 def _one_per_particle(values_n: FloatArray, n: int, where: str) -> FloatArray:
@@ -271,6 +274,12 @@ def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
         if not np.isfinite(values_n[k]):
             raise InputError("table", "must hold finite numbers", row[column], f"{where}, line {k + 2} of {name}")
     return values_n
+
+
+def _check_masses(case: Case, mass_n: FloatArray) -> None:
+    bad = np.flatnonzero(~(np.isfinite(mass_n) & (mass_n > 0)))
+    if bad.size:
+        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"{case.where}, atom {bad[0] + 1}")
 
 
 def _check_fields(

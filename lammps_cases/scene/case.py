@@ -21,7 +21,7 @@ from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity, check_tilt
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.stops import FOR_EACH_ATOM
+from lammps_cases.scene.stops import FOR_EACH_ATOM, LOSES_MASSES
 from lammps_cases.scene.values import SceneModel
 from lammps_cases.scene.violations import Violation
 
@@ -41,6 +41,9 @@ class Scene(SceneModel):
         "shuffled", description="how types, in equal shares, are dealt out to the particles"
     )
     pressure: tuple[LawSettings, ...] = Field(description="entries of fix rheo/pressure, in order")
+    mass: Values | None = Field(
+        None, description="masses of the particles instead of their types' (fix property/atom rmass)"
+    )
     rho: Values | None = Field(None, description="density; not given if a file or the summation sets it")
     energy: Values | None = Field(None, description="internal energy per unit mass (ideal/gas)")
     velocity: Velocity = Velocity()
@@ -82,7 +85,7 @@ class Scene(SceneModel):
             raise ValueError(f"positions need {self.dimension} components, found {len(self.positions.low)}")
         if self.violate and not self.expect:
             raise ValueError("violate needs expect: {refused: TEXT}")
-        for key in ("rho", "energy"):
+        for key in ("mass", "rho", "energy"):
             field = getattr(self, key)
             if field and field.per_type and len(field.per_type) != len(self.types):
                 raise ValueError(f"{key}.per_type needs {len(self.types)} values, found {len(field.per_type)}")
@@ -192,6 +195,8 @@ class Scene(SceneModel):
         for stop in stops:
             if stop.by in FOR_EACH_ATOM and self.engine.ranks > 1:
                 raise ValueError(f"stops: {stop.by} needs all atoms on one rank, found {self.engine.ranks} ranks")
+            if self.mass and stop.by in LOSES_MASSES:
+                raise ValueError(f"stops: {stop.by} does not keep the masses of particles, which mass gives")
             if stop.displace:
                 type_range(stop.displace.types or "*", len(self.types))
                 if stop.displace.z and self.dimension == 2:

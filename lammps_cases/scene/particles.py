@@ -123,7 +123,7 @@ Positions = Annotated[
 
 
 class Offset(SceneModel):
-    """Relative distances from the equilibrium density: rho = rho0 (1 +/- d), d spaced logarithmically."""
+    """Relative distances from the density of equilibrium, or a mass: rho = rho0 (1 +/- d), d spaced logarithmically."""
 
     low: Positive
     high: Positive
@@ -149,7 +149,9 @@ class Values(SceneModel):
     constant: Finite | None = None
     per_type: tuple[Finite, ...] | None = Field(None, description="one value per atom type")
     range: tuple[Finite, Finite] | None = Field(None, description="from, to")
-    ratio: tuple[Finite, Finite] | None = Field(None, description="from, to, in units of the type's rho0")
+    ratio: tuple[Finite, Finite] | None = Field(
+        None, description="from, to, in units of the type's rho0; of masses: of its mass"
+    )
     offset: Offset | None = None
     values: tuple[Finite, ...] | None = Field(None, description="one value per particle, in order of id")
     table: ValueTable | None = None

@@ -40,6 +40,7 @@ AS_TEXT: tuple[Route, ...] = ("data", "data nofix")
 FROM_FILE: tuple[Route, ...] = ("restart", *AS_TEXT, "other scene")
 DEFINED_ANEW: tuple[Route, ...] = (*AS_TEXT, "redefined")
 QUARTER = 4  # of all atoms, those recreated are one part in so many
+LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated")  # that particles have of their own
 FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated")  # commands that hold LAMMPS' own values of every atom
 
 

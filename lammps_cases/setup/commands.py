@@ -42,6 +42,8 @@ def job(scene: Scene, atoms: Atoms, plan: Plan, every_step: bool = False, lists:
     (style,) = (line.split()[1] for line in setup if line.startswith("atom_style"))
     given = {"rho": atoms.rho_n, "esph": atoms.energy_n}
     per_atom = {name: given_n for name in ARRAYS_OF[style] if (given_n := given[name]) is not None}
+    if scene.mass:
+        per_atom["rmass"] = atoms.mass_n
     return Job(
         setup=setup,
         commands=broken(_physics(scene, atoms, plan), scene.violate),
@@ -100,7 +102,8 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
 
 def _interlude(stop: Stop, scene: Scene, atoms: Atoms, plan: Plan) -> Interlude:
     model = tuple(_model(scene, atoms, plan))
-    lines = Lines(tuple(_style(scene, atoms)), tuple(_neighbours(scene, atoms, plan)), model)
+    neighbours = (*_neighbours(scene, atoms, plan), *_masses(scene))
+    lines = Lines(tuple(_style(scene, atoms)), neighbours, model)
     return interlude(stop, scene, lines, len(atoms))
 
 
@@ -112,6 +115,13 @@ def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     yield f"create_box {len(scene.types)} box"
     if scene.engine.communication == "tiled":
         yield "comm_style tiled"
+    yield from _masses(scene)
+
+
+def _masses(scene: Scene) -> Iterable[str]:
+    """Yield the fix that keeps a mass for every particle; without ``ghost yes`` periodic images would have none."""
+    if scene.mass:
+        yield "fix masses all property/atom rmass ghost yes"
 
 
 def _style(scene: Scene, atoms: Atoms) -> Iterable[str]:

@@ -139,6 +139,7 @@ def unchecked_state(scene: Scene, atoms: Atoms, where: str = "") -> State:
         type_n=np.array(atoms.type_n),
         solid_n=solid_t[atoms.type_n - 1],
         energy_n=np.array(atoms.energy_n) if scene.thermal else None,
+        mass_n=np.array(atoms.mass_n) if scene.mass else None,
     )
 
 

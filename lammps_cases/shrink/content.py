@@ -18,11 +18,11 @@ from lammps_cases.scene.casefile import Case
 Content = dict[str, Any]
 Path = tuple[str | int, ...]  # keys and indices from the scene down
 PER_PARTICLE: tuple[Path, ...] = (("positions", "x"), ("positions", "types"))
-VALUES = ("rho", "energy", "velocity")  # their key ``values`` holds one per particle
+VALUES = ("mass", "rho", "energy", "velocity")  # their key ``values`` holds one per particle
 
 
 def written_out(case: Case) -> Content:
-    """Return the scene of a case with explicit positions, types, velocities, densities and energies.
+    """Return the scene of a case with explicit positions, types, masses, velocities, densities and energies.
 
     Raises
     ------
@@ -43,6 +43,8 @@ def written_out(case: Case) -> Content:
     if any(atoms.tilt):
         content["positions"]["tilt"] = list(atoms.box(d).tilt)
     per_atom = {"rho": atoms.rho_n, "velocity": None if atoms.v_nc is None else atoms.v_nc[:, :d]}
+    if scene.mass:
+        per_atom["mass"] = atoms.mass_n
     if scene.thermal:
         per_atom["energy"] = None if atoms.energy_n is None else atoms.energy_n / atoms.mass_n
     for name in VALUES:

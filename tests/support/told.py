@@ -89,9 +89,16 @@ class Told:
 
 
 def told(
-    x: Any, box: Sequence[float], v: Any = None, rho: Any = 1.0, e: Any = None, kind: Any = 1, **scene: Any
+    x: Any,
+    box: Sequence[float],
+    v: Any = None,
+    rho: Any = 1.0,
+    e: Any = None,
+    kind: Any = 1,
+    own: Any = None,
+    **scene: Any,
 ) -> Told:
-    """A scene of particles at ``x``, of types ``kind``, in a box whose low corner is 0."""
+    """A scene of particles at ``x``, of types ``kind`` or masses of their ``own``, in a box whose low corner is 0."""
     x_nd = np.asarray(x, float)
     n, d = x_nd.shape
     base = {
@@ -103,6 +110,7 @@ def told(
         "compare": ["f"],
         "rheo": {},
         **({"energy": {"constant": 1.0}} if e is not None else {}),
+        **({"mass": {"constant": 1.0}} if own is not None else {}),
     }
     merged = base | scene
     merged["rheo"] = {"cut": 3.0} | merged["rheo"]
@@ -115,7 +123,8 @@ def told(
     low, high = np.zeros(3), np.array([*box, *[0.5] * (3 - d)], float)
     low[d:] = -0.5
     periodic = made.positions.periodic or (True,) * d
-    mass_n = np.array([t.mass for t in made.types])[type_n - 1]
+    of_type_n = np.array([t.mass for t in made.types])[type_n - 1]
+    mass_n = of_type_n if own is None else np.broadcast_to(own, n).astype(float)
     energy_n = None if e is None else np.broadcast_to(e, n).astype(float)
     rho_n = None if rho is None else np.broadcast_to(rho, n).astype(float)
     v_nc = None if v is None else three(v)

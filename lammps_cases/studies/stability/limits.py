@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Model, State
+from eos_ref.model.parameters import Model, State, masses
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start
@@ -61,7 +61,7 @@ def numbers(model: Model, state: State, dt: float) -> Numbers:
     """Return the numbers of a state; particles at which the law has no speed of sound do not count."""
     types = state.type_n - 1
     rho_n = np.asarray(state.rho_n, float)
-    e_n = None if state.energy_n is None else np.asarray(state.energy_n, float) / model.mass[types]
+    e_n = None if state.energy_n is None else np.asarray(state.energy_n, float) / masses(model, state)
     sound_n = np.full(len(rho_n), np.nan)
     nu_n = np.zeros(len(rho_n))
     for t, law in enumerate(model.eos):

@@ -9,7 +9,7 @@ from packaging.version import Version
 
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON
 
-VERSION = r"(\d{4}(?:\.\d+)+)"
+VERSION = r"(\d{4}(?:\.\d+){2,})"
 
 
 def test_every_text_is_tested() -> None:

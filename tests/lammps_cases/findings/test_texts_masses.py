@@ -1,0 +1,111 @@
+"""What the findings about masses of particles say, by LAMMPS and by the reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.told import Engine, Quoted, Told, agree, engine, said, told
+
+pytestmark = pytest.mark.lammps
+
+FIRST, GAS, SOUND = "mass-of-first", "gas-of-mass-of-type", "sound-of-mass-of-type"
+PAIR = [[4.0, 4.0], [5.0, 4.0]]
+OPEN = {"lattice": "sq", "spacing": 1.0, "cells": [1, 1], "periodic": [False, False]}
+
+
+def two(rho: Any, **options: Any) -> Told:
+    """Two particles at distance 1, of one type or two, of a linear law with rho0 = c = 1."""
+    return told(PAIR, [9, 9], rho=rho, positions=OPEN, **options)
+
+
+def test_one_of_a_pair_has_the_mass_of_the_other(lammps: Engine) -> None:
+    *masses, rho1, rho2, apart, d, cut = said(
+        FIRST,
+        "argument",
+        r"masses # and # and densities # and # at distance # \(#D, cutoff #, linear law with rho0 = c = 1",
+    )
+    *by_type, one, other = said(FIRST, "argument", r"feel # and # if .* types, and # and # if")
+    up, down = said(FIRST, "argument", r"one has #/# of its force")
+    assert (apart, d, cut) == (1, 2, 3)
+    types = [{"mass": float(m), "viscosity": 0.0} for m in masses]
+    single = [{"mass": 7.0, "viscosity": 0.0}]
+
+    def x_of(order: int) -> tuple[Any, Any, Told]:
+        """Forces along x with masses of types and with those of particles, in one order of places or the other."""
+        at = slice(None, None, order)
+        rho, m = [rho1, rho2][at], masses[at]
+        kinds = two(rho, kind=[1, 2][at], types=types)
+        own = two(rho, own=m, types=single)
+        (right,), (found, *_) = lammps.fields(kinds), lammps.fields(own, every_step=True)
+        assert agree(found["f"], own.predicted(FIRST, "force-per-volume", snapshot=found), "f")
+        assert agree(right["f"], own.predicted("force-per-volume"), "f")
+        return right["f"][:, 0], found["f"][:, 0], own
+
+    right_n, found_n, _ = x_of(1)
+    assert all(quoted.is_rounded(f) for quoted, f in zip(by_type, right_n, strict=True))
+    assert one.is_rounded(found_n[0]) and other.is_rounded(found_n[1])
+    np.testing.assert_allclose(found_n / right_n, [up / down, 1.0], rtol=1e-13)
+    right_n, found_n, _ = x_of(-1)
+    np.testing.assert_allclose(found_n / right_n, [down / up, 1.0], rtol=1e-13)
+
+
+def test_the_pressure_of_a_gas(lammps: Engine) -> None:
+    mass, energy, e, rho, gamma, right, m2, wrong2, m1, wrong1 = said(
+        GAS,
+        "argument",
+        r"mass # and energy # has # per unit mass, and at the density # with gamma = # the pressure #; with the mass # "
+        r".* reports #, and with # it reports #",
+    )
+
+    def scene(of_type: Quoted) -> Told:
+        law = [{"types": "*", "style": "ideal/gas", "gamma": float(gamma)}]
+        types = [{"mass": float(of_type)}]
+        compare = ["pressure", "phase"]
+        return told([[4.0, 4.0]], [9, 9], rho=rho, e=energy, own=mass, types=types, pressure=law, compare=compare)
+
+    assert energy / mass == e and right.is_rounded((gamma - 1) * rho * e)
+    with engine("pypi:2025.7.22.1.0") as old:
+        for of_type, wrong in ((m2, wrong2), (m1, wrong1)):
+            (found,), (now,) = old.fields(scene(of_type)), lammps.fields(scene(of_type))
+            assert wrong.is_rounded(found["pressure"][0]) and agree(
+                found["pressure"], scene(of_type).predicted(GAS), "pressure"
+            )
+            assert right.is_rounded(now["pressure"][0]) and agree(
+                now["pressure"], scene(of_type).predicted(), "pressure"
+            )
+
+
+def test_the_sound_of_a_gas(lammps: Engine) -> None:
+    m, rho, energy, speed, gamma, apart, d, cut, zeta, wrong, heavy, right, light = said(
+        SOUND,
+        "argument",
+        r"mass #, density # and energy # that approach each other at # \(gamma = #, distance #, #D, cutoff #, "
+        r"artificial/visc #\) .* with # in LAMMPS where their type has the mass #, and with # where it has .* #\.",
+    )
+    assert (apart, d, cut) == (1, 2, 3)
+    law = [{"types": "*", "style": "ideal/gas", "gamma": float(gamma)}]
+    for of_type, force in ((heavy, wrong), (light, right)):
+        types = [{"mass": float(of_type), "viscosity": 0.0}]
+        v = np.array([[0.5, 0.0], [-0.5, 0.0]]) * speed
+        pair = {"artificial_visc": float(zeta)}
+        scene = two(rho, own=m, v=v, e=energy, types=types, pressure=law, pair=pair)
+        (found,) = lammps.fields(scene)
+        assert force.is_rounded(found["f"][1, 0]) and force.is_rounded(-found["f"][0, 0])
+        assert agree(found["f"], scene.predicted(SOUND), "f")
+        assert agree(found["f"], scene.predicted(), "f") == (of_type == m)
+
+
+def test_the_repulsion_by_a_wall_of_gas(lammps: Engine) -> None:
+    x = [[2 + 0.5 * i, 2 + 0.5 * j] for i in range(8) for j in range(8)] + [[5.85, 3.8]]
+    of_type = {"mass": 4.0, "viscosity": 0.0}
+    types = [of_type, of_type | {"phase": "solid"}]
+    law = [{"types": "*", "style": "ideal/gas", "gamma": 1.4}]
+    walls = {"interface_reconstruct": True}
+    scene = told(
+        x, [12, 12], e=2.0, own=1.0, kind=[2] * 64 + [1], types=types, pressure=law, rheo=walls, positions=OPEN
+    )
+    (found,) = lammps.fields(scene)
+    assert agree(found["f"], scene.predicted(SOUND), "f") and not agree(found["f"], scene.predicted(), "f")

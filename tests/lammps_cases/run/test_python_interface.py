@@ -1,10 +1,7 @@
-"""The API of a notebook: laws on arrays, ASE Atoms in and out, tables of a run; its page as it stands."""
+"""The API of a notebook: laws on arrays, ASE Atoms in and out, tables of a run."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,22 +16,6 @@ from lammps_cases.scene import ase_io
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.lammps
-
-PAGE = Path(__file__).parents[3] / "docs" / "python.md"
-
-
-def test_examples_of_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Callable[..., Outcome]
-) -> None:
-    """Every Python block of the page runs, and prints what its comments say."""
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
-    assert blocks, "the page shows no example"
-    eos_ref_command("run", "near-rho0", "--out", tmp_path / "reports" / "latest")
-    monkeypatch.chdir(tmp_path)
-    for block in blocks:
-        with contextlib.redirect_stdout(io.StringIO()) as printed:
-            exec(compile(block, PAGE.name, "exec"), {})
-        assert printed.getvalue().splitlines() == re.findall(r"print\(.*\)  # (.*)", block)
 
 
 def test_atoms_in_and_out(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:

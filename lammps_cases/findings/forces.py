@@ -82,6 +82,7 @@ FORCE_PER_VOLUME = Finding(
         MapDifference("column", _VOLUME),
         MapDifference("falling-drop", _VOLUME),
         MapDifference("summed-surface", _VOLUME, "rho/sum"),
+        MapDifference("matrices-row", _VOLUME, "RK1 run"),
     ),
 )
 

@@ -228,6 +228,11 @@ STALE_GRADIENT_BELOW_ZMIN = Finding(
             "gradients of particles below zmin are memory that nobody wrote, so LAMMPS' end depends on what ran before",
             "RK2 run",
         ),
+        MapDifference(
+            "matrices-surface",
+            "matrices have no factor, or none that rounding leaves certain, and LAMMPS takes gradients of other pairs",
+            "RK1 run",
+        ),
     ),
 )
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
+from eos_ref.evaluation.time_step import MakeEvaluator
 from lammps_cases.engine.stepping import Instance
 from lammps_cases.studies.stability import kinds, probe
 from lammps_cases.studies.stability.model import CellOutcome, Engine, MapCell, StabilityMap
-from lammps_cases.studies.stability.runs import open_run
+from lammps_cases.studies.stability.runs import ReferenceRun, open_run
 
 
 @cache
@@ -16,9 +17,16 @@ def living() -> Instance:
     return Instance(None)
 
 
-def outcome(of: StabilityMap, x: float, y: float, layer: str = "", side: Engine = "reference") -> CellOutcome:
-    """How a cell ends."""
+def outcome(
+    of: StabilityMap,
+    x: float,
+    y: float,
+    layer: str = "",
+    side: Engine = "reference",
+    evaluator: MakeEvaluator | None = None,
+) -> CellOutcome:
+    """How a cell ends; with an evaluator, in a reference that has it."""
     cell = MapCell(of.id, x, y, layer)
     start, watch = of.start(cell), of.watch(cell)
-    run = open_run(start, watch, side, living())
+    run = ReferenceRun(start, watch, evaluator) if evaluator else open_run(start, watch, side, living())
     return probe.follow(run, kinds.subject(start), watch, start.steps[-1]).outcome

@@ -5,11 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from eos_ref import InputError
+from eos_ref.evaluation.time_step import MakeEvaluator
 from eos_ref.model import quantities
 from lammps_cases.engine import session
 from lammps_cases.engine.stepping import Instance, Stepping
@@ -113,19 +115,19 @@ class LawRun(ObservedRun):
 
 
 class ReferenceRun(ObservedRun):
-    """The compiled reference; what it refuses stops the run."""
+    """The reference, by default with compiled sums; what it refuses stops the run."""
 
-    def __init__(self, start: Start, watch: FailureCriteria) -> None:
+    def __init__(self, start: Start, watch: FailureCriteria, evaluator: MakeEvaluator | None = None) -> None:
         super().__init__(start)
-        self.surface = bool(watch.surface)
+        self.surface, self.evaluator = bool(watch.surface), evaluator
 
     def _begin(self) -> None:
         scene, atoms, where = self.start.case.scene, self.start.atoms, self.start.case.where
         short = atoms.x_nc.dtype == np.float32  # a layer of `maps.precision`
-        simulation = single.simulation if short else reference_side.simulation
+        make = single.simulation if short else partial(reference_side.simulation, evaluator=self.evaluator)
         try:
             stepped = quantities.needed_to_step(reference_side.model(scene, atoms, where))
-            self.simulation = simulation(scene, atoms, (*stepped, *(["surface"] if self.surface else [])), where)
+            self.simulation = make(scene, atoms, (*stepped, *(["surface"] if self.surface else [])), where)
             self._run(0)
         except InputError as error:
             raise Stopped("error", str(error)) from None

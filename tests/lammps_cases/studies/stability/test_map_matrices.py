@@ -10,6 +10,7 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels import reproducing
 from eos_ref.kernels.quintic import QUINTIC
+from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.studies.flows.flow import Start
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.maps import matrices
@@ -86,6 +87,33 @@ def test_row(cut: float) -> None:
     assert kind(matrices.ROW, limit / 1.05, cut, "RK1") in FAILED
     assert kind(matrices.ROW, limit * 1.05, cut, "RK1") == "stable"
     assert kind(matrices.ROW, 1e-12, cut, "RK1") in FAILED
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("cut", matrices.ROW.lines)
+def test_rows_end_as_in_a_reference_with_the_finding(cut: float) -> None:
+    """The same failure at the same step as with force-per-volume, at offsets where the reference itself has others."""
+    offsets = np.geomspace(1e-3, 0.1, 13).tolist()
+    ends = {
+        what: [(end.kind, end.step) for end in (outcome(matrices.ROW, x, cut, "RK1 run", *how) for x in offsets)]
+        for what, how in {"LAMMPS": ("lammps",), "": (), "finding": ("reference", ForcePerVolume)}.items()
+    }
+    assert ends["LAMMPS"] == ends["finding"] != ends[""]
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("disorder", matrices.SURFACE.lines)
+def test_surfaces_end_differently_only_where_matrices_fail(disorder: float) -> None:
+    """Finding stale-gradient-below-zmin: also with zmin 0, where a matrix has no factor."""
+    cuts = np.linspace(0.8, 2.0, 25).tolist()
+    differing = [
+        cut
+        for cut in cuts
+        if outcome(matrices.SURFACE, cut, disorder, "RK1 run").kind
+        != outcome(matrices.SURFACE, cut, disorder, "RK1 run", "lammps").kind
+    ]
+    assert {kind(matrices.SURFACE, cut, disorder, "RK1") for cut in differing} <= set(FAILED)
+    assert differing or disorder < max(matrices.SURFACE.lines)
 
 
 def test_layers_that_ask_for_the_matrix_do_not_move() -> None:

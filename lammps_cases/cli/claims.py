@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 @click.argument("names", nargs=-1, metavar="[CLAIM]...")
 @click.option("--run", "runs", multiple=True, type=shared.PATH, help="Judge by a finished run; runs nothing.")
 @click.option("--engine", "engines", multiple=True, help="env (default), pypi:VERSION or path:DIR; may be repeated.")
-@shared.folder_option("--out", "reports/claims", "Folder of the page.")
+@click.option("--out", type=shared.PATH, help="Folder of the page.  [default: by date, in reports/claims]")
 @shared.jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")
 @click.option("--manuals", is_flag=True, help="Only list the claims that not every version of the manual makes.")
@@ -37,7 +38,7 @@ def claims_command(
     names: tuple[str, ...],
     runs: tuple[Path, ...],
     engines: tuple[str, ...],
-    out: Path,
+    out: Path | None,
     jobs: int,
     traceability: bool,
     manuals: bool,
@@ -48,7 +49,8 @@ def claims_command(
 
     A name selects a claim, a pattern several; so does a page, a kind, or a case. Runs the cases that are needed, and
     small decks for what no scene can say, and writes claims.html and claims.json. A claim that a known finding
-    contradicts does not hold, but leaves the exit code at 0; one that fails without a finding makes it 1.
+    contradicts does not hold, but leaves the exit code at 0; one that fails without a finding makes it 1. Without --out
+    reports/claims/latest points to the last page of all claims; pages of some are kept in reports/claims-parts.
 
     \b
     Example:  eos-ref claims
@@ -60,6 +62,7 @@ def claims_command(
     from lammps_cases.claims import model
     from lammps_cases.claims.trace import trace
     from lammps_cases.probes import manual
+    from lammps_cases.records.run_record import read_run
     from lammps_cases.scene import casefile
 
     chosen = model.select(names)
@@ -70,14 +73,54 @@ def claims_command(
         return _traceability(leads, as_json)
     if manuals:
         return _manuals(chosen, as_json)
-    shared.page_folder(out)
-    from lammps_cases.claims import page
+    judged = engines or [read_run(run).engine.name for run in runs] or ("env",)
+    with _folder(out, judged, whole=not names) as folder:
+        return _judge(names, chosen, cases, leads, case_names, runs, engines, folder, jobs, fail_on or "new", as_json)
+
+
+@contextmanager
+def _folder(out: Path | None, engines: Sequence[str], whole: bool) -> Iterator[Path]:
+    """Yield the folder of the page: the one asked for, or a new one among those of all claims or of some."""
+    from lammps_cases.records import kept
+
+    if out is not None:
+        shared.page_folder(out)
+        yield out
+        return
+    shelf = (kept.whole_claims if whole else kept.parts_of_claims)(shared.REPORTS)
+    with shelf.place(*engines) as folder:
+        yield folder
+
+
+def _judge(
+    names: tuple[str, ...],
+    chosen: list[Claim],
+    cases: Sequence[Case],
+    leads: Trace,
+    case_names: Sequence[str],
+    runs: Sequence[Path],
+    engines: Sequence[str],
+    out: Path,
+    jobs: int,
+    fail_on: FailOn,
+    as_json: bool,
+) -> int:
+    """Judge claims by finished runs, and by runs of the cases needed on some engines; write the page.
+
+    Returns
+    -------
+    int
+        The exit code of the command.
+    """
+    from lammps_cases.claims import model, page
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
+    from lammps_cases.records import kept
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.run_record import read_run
 
-    answers = [(_with_probes(read_run(folder), folder, out), folder) for folder in runs]
+    folders = [folder.resolve() if kept.is_link(folder) else folder for folder in runs]  # the link moves on
+    answers = [(_with_probes(read_run(folder), folder, out), folder) for folder in folders]
     chosen_engines = engines or (() if runs else ("env",))
     answers += [_answers(engine, chosen, cases, not names, out, jobs, as_json) for engine in chosen_engines]
     labels = _labels(answers)
@@ -95,7 +138,7 @@ def claims_command(
     ]
     broken = [case.case for run, _ in answers for case in run.cases if case.verdict in BROKEN]
     unexpected = dict.fromkeys([*broken, *(case.case for _, case in unforeseen)])
-    headline = of_all([column.judged for column in columns], list(unexpected), fail_on or "new")
+    headline = of_all([column.judged for column in columns], list(unexpected), fail_on)
     text = json.dumps(_document(columns), indent=1) + "\n"
     write_atomically(out / "claims.json", text)
     write_atomically(out / "claims.html", page.write(columns, leads, out / "claims.html", headline))
@@ -180,9 +223,11 @@ def _probes_file(folder: Path) -> Path:
 
 def _with_probes(run: RunRecord, folder: Path, out: Path) -> RunRecord:
     """Add to a finished run the probes that an earlier call of this command put to the same LAMMPS."""
+    from lammps_cases.records import kept
     from lammps_cases.records.run_record import RunRecord
 
-    for path in (_probes_file(folder), *sorted(out.glob(f"*{PROBES}"))):
+    last = kept.whole_claims(shared.REPORTS).link
+    for path in (_probes_file(folder), *sorted(out.glob(f"*{PROBES}")), *sorted(last.glob(f"*{PROBES}"))):
         try:
             probed = RunRecord.model_validate_json(path.read_bytes())
         except (OSError, ValueError):

@@ -13,12 +13,16 @@ from lammps_cases.cli import shared
 @click.argument("runs", nargs=-1, required=True, type=shared.PATH)
 @shared.report_option
 @shared.json_option
-def merge_command(runs: tuple[Path, ...], out: Path, as_json: bool) -> int:
+def merge_command(runs: tuple[Path, ...], out: Path | None, as_json: bool) -> int:
     """Join the report folders of a run's shards into one.
 
     \b
-    Example:  eos-ref merge reports/shard-1 reports/shard-2 --out reports/latest
+    Example:  eos-ref merge reports/shard-1 reports/shard-2
     """
+    from lammps_cases.records.run_record import read_run
     from lammps_cases.run.merge import merge
 
-    return shared.finish(merge(runs, out), out, as_json)
+    parts = [read_run(run) for run in runs]
+    with shared.run_folder(out, (case.case for part in parts for case in part.cases), parts[0].engine.name) as folder:
+        merged = merge(runs, folder)
+    return shared.finish(merged, folder, as_json)

@@ -38,13 +38,14 @@ def run_command(
     fresh: bool,
     shard: str | None,
     baseline: Path | None,
-    out: Path,
+    out: Path | None,
     fail_on: FailOn | None,
     as_json: bool,
 ) -> int:
     """Run cases against LAMMPS, compare atom by atom, and write a report.
 
-    Without names: every case that is not tagged long. A name selects a case, or all below it, or a pattern.
+    Without names: every case that is not tagged long. A name selects a case, or all below it, or a pattern. Without
+    --out a whole run is kept in reports/runs, and reports/latest points to it; a run of some cases in reports/parts.
 
     \b
     Example:  eos-ref run --tag quick
@@ -64,20 +65,22 @@ def run_command(
         chosen = part_of(chosen, shard)
     if baseline is not None:
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
-    with Bar(quiet=as_json, complaints=True) as bar:
-        run = campaign.run_cases(
-            chosen,
-            installations.resolve(engine),
-            jobs,
-            out,
-            campaign.command_line(),
-            fail_on or "new",
-            shard or "",
-            bar,
-            prediction_keys.open_store(fresh),
-        )
-    changes = () if baseline is None else _against(baseline, run, out, {case.name for case in every}, as_json)
-    return shared.finish(run, out, as_json, changes)
+    resolved = installations.resolve(engine)
+    with shared.run_folder(out, (case.name for case in chosen), engine) as folder:
+        with Bar(quiet=as_json, complaints=True) as bar:
+            run = campaign.run_cases(
+                chosen,
+                resolved,
+                jobs,
+                folder,
+                campaign.command_line(),
+                fail_on or "new",
+                shard or "",
+                bar,
+                prediction_keys.open_store(fresh),
+            )
+        changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
+    return shared.finish(run, folder, as_json, changes)
 
 
 def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -67,7 +68,23 @@ def folder_option(name: str, default: str, about: str) -> Callable[[Command], Co
     return click.option(name, type=PATH, default=default, show_default=True, help=about)
 
 
-report_option = folder_option("--out", "reports/latest", "Report folder.")
+REPORTS = Path("reports")
+report_option = click.option("--out", type=PATH, help="Report folder.  [default: by date, in reports/runs or parts]")
+
+
+@contextmanager
+def run_folder(out: Path | None, cases: Iterable[str], engine: str) -> Iterator[Path]:
+    """Yield the folder of a run of some cases: the one asked for, or a new one among the whole runs or the parts."""
+    if out is not None:
+        yield out
+        return
+    from lammps_cases.records import kept
+    from lammps_cases.scene import casefile
+
+    every = {case.name for case in casefile.select(casefile.load())}
+    shelf = (kept.whole_runs if every <= set(cases) else kept.parts_of_runs)(REPORTS)
+    with shelf.place(engine) as folder:
+        yield folder
 
 
 def start_fork_server() -> None:
@@ -99,6 +116,7 @@ def page_folder(out: Path) -> None:
 
 def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:
     """Print the verdict of a run, what changed against a baseline, and where the report is; return the exit code."""
+    from lammps_cases.records.kept import is_part
     from lammps_cases.report.annotations import announce
     from lammps_cases.report.findings import outcome
 
@@ -109,7 +127,8 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
         click.echo(run.to_json(), nl=False)
         return of_run.exit_code
     _details(run)
-    click.echo(f"report: {directory / 'report.html'}")
+    part = " (selected cases only: reports/latest is unchanged)" if is_part(directory) else ""
+    click.echo(f"report: {directory / 'report.html'}{part}")
     announce(of_run, directory, os.environ)
     say(of_run.headline)
     for line in of_run.closing():

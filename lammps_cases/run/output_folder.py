@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eos_ref import InputError
-from lammps_cases.records import folders
+from lammps_cases.records import folders, kept
 
 WHAT = "output folder"
 REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
@@ -22,6 +22,8 @@ def output_folder(directory: Path) -> Iterator[Path]:
     InputError
         It cannot be written, holds something else than a report, or another run is writing into it.
     """
+    if kept.is_link(directory):
+        raise InputError(WHAT, "must not be a link to a report that is kept: leave --out out", str(directory))
     directory = directory.resolve()
     if directory in (Path.cwd(), *Path.cwd().parents):
         raise InputError(WHAT, "must not be the current folder or above it", str(directory))

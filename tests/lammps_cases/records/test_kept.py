@@ -1,0 +1,123 @@
+"""Reports kept by date and engine: what the link points to, what is dropped, what a kill or a neighbour leaves."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lammps_cases.records import kept
+from lammps_cases.records.kept import KEPT, Shelf
+from lammps_cases.scene import casefile
+from tests.support.outcome import Outcome
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from lammps_cases.records.kept import whole_runs
+with whole_runs(Path(sys.argv[1])).place("env") as folder:
+    folder.with_name(f".{folder.name}.partial").mkdir()
+    os.kill(os.getpid(), 9)
+"""
+
+
+def report(shelf: Shelf, engine: str = "pypi:1.0") -> Path:
+    """A report that is complete."""
+    with shelf.place(engine) as folder:
+        (folder / shelf.mark).write_text("{}")
+    return folder
+
+
+def test_the_link_points_to_the_newest_and_the_oldest_of_each_engine_are_dropped(tmp_path: Path) -> None:
+    shelf = kept.whole_runs(tmp_path)
+    other = report(shelf, "pypi:2.0")
+    made = [report(shelf) for _ in range(KEPT + 2)]
+    assert len({*made, other}) == KEPT + 3 and made[0].name.endswith("_1.0")
+    assert shelf.link.is_symlink() and shelf.link.resolve() == made[-1].resolve()
+    assert set(shelf.entries()) == {other, *made[-KEPT:]}
+    assert {path.name for path in shelf.folder.iterdir()} == {path.name for path in shelf.entries()}
+
+
+def test_a_report_that_was_begun_earlier_and_ends_later_does_not_take_the_link(tmp_path: Path) -> None:
+    shelf = kept.whole_runs(tmp_path)
+    with shelf.place("env") as early:
+        late = report(shelf, "env")
+        assert late != early and early.is_dir(), "the one at work is not cleared away"
+        (early / shelf.mark).write_text("{}")
+    assert shelf.entries() == [late, early]
+    assert shelf.link.resolve() == late.resolve()
+
+
+def test_what_fails_or_is_killed_leaves_the_link_where_it_was(tmp_path: Path) -> None:
+    shelf = kept.whole_runs(tmp_path)
+    whole = report(shelf)
+    with pytest.raises(KeyboardInterrupt), shelf.place("env"):
+        raise KeyboardInterrupt
+    assert shelf.link.resolve() == whole.resolve() and list(shelf.folder.iterdir()) == [whole]
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], env=os.environ)
+    assert killed.returncode == -9 and len(list(shelf.folder.iterdir())) == 4, "folder, part of one, lock"
+    assert shelf.link.resolve() == whole.resolve()
+    after = report(shelf)
+    assert set(shelf.folder.iterdir()) == {whole, after} and shelf.link.resolve() == after.resolve()
+
+
+def test_a_folder_in_the_place_of_the_link_is_moved_aside(tmp_path: Path) -> None:
+    shelf = kept.whole_runs(tmp_path)
+    shelf.link.mkdir()
+    (shelf.link / "run.json").write_text("old")
+    made = report(shelf)
+    assert shelf.link.resolve() == made.resolve()
+    assert [path.read_text() for path in tmp_path.glob("latest-before-*/run.json")] == ["old"]
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """All the cases there are: three."""
+    load = casefile.load
+    of_file = [case for case in load([casefile.SHIPPED / "near-rho0.yaml"]) if case.name.endswith(".2d")][:3]
+    monkeypatch.setattr(casefile, "load", lambda paths=(): load(paths) if paths else of_file)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.lammps
+def test_a_run_of_some_cases_never_replaces_that_of_all(
+    few: None, case_file: Callable[..., Path], eos_ref_command: Callable[..., Outcome]
+) -> None:
+    name, *_ = (case.name for case in casefile.load())
+    done = eos_ref_command("run")
+    latest = Path("reports/latest").resolve()
+    assert f"report: reports/runs/{latest.name}/report.html\n" in done.out and "3 cases" in done.out
+    some = [
+        eos_ref_command("run", *options)
+        for options in ([name], ["--shard", "1/2"], ["--shard", "2/2"], ["--cases", case_file()])
+    ]
+    *shards, _ = reversed(kept.parts_of_runs(Path("reports")).entries())
+    assert len(shards) == KEPT - 1
+    for outcome in some:
+        assert "report: reports/parts/" in outcome.out and "reports/latest is unchanged" in outcome.out
+        assert Path("reports/latest").resolve() == latest
+    refused = eos_ref_command("run", name, "--out", "reports/latest")
+    assert refused.code == 2 and "must not be a link" in refused.err
+    merged = eos_ref_command("merge", *shards)
+    assert "report: reports/runs/" in merged.out and Path("reports/latest").resolve() != latest
+    assert len(list(Path("reports/runs").glob("*/run.json"))) == 2
+    for command in (["report"], ["accept", "--reason", "first"], ["history", "--add"]):
+        assert eos_ref_command(*command, "reports/latest").code == 0, command
+    assert Path("reports/latest").is_symlink()
+
+
+@pytest.mark.lammps
+def test_claims_of_some_never_replace_those_of_all(few: None, eos_ref_command: Callable[..., Outcome]) -> None:
+    eos_ref_command("run", "--out", "run")
+    latest = Path("reports/claims/latest")
+    assert eos_ref_command("claims", "--run", "run").code == 0
+    whole = latest.resolve()
+    assert (whole / "claims.html").is_file()
+    done = eos_ref_command("claims", "pressure-linear", "--run", "run")
+    assert "page: reports/claims-parts/2" in done.out and latest.resolve() == whole
+    eos_ref_command("claims", "--run", "run")
+    assert latest.resolve() != whole

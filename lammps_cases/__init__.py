@@ -1,1 +1,30 @@
-"""lammps_cases: scenes, real LAMMPS beside the reference, comparison, reports and the ``eos-ref`` command."""
+"""lammps_cases: scenes, real LAMMPS beside the reference, comparison, reports and the ``eos-ref`` command.
+
+The commands that judge are functions as well, and return their results instead of printing them:
+
+>>> from lammps_cases import audit, compare, run
+>>> run("near-rho0.*").headline.state
+'PASS'
+
+They are imported when they are used. `run` and `audit` are packages of the harness too, so these packages can be
+called.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lammps_cases.audit.command import audit
+    from lammps_cases.regression.command import compare
+    from lammps_cases.run.command import run
+
+__all__ = ["audit", "compare", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a function when it is first used."""
+    if name == "compare":
+        return import_module("lammps_cases.regression.command").compare
+    if name in ("audit", "run"):
+        return import_module(f"lammps_cases.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,10 +7,16 @@ Modules: `text` (syntax of input scripts), `guard` (commands that are refused), 
 (the model that its commands define), `fields` (those that can be checked), `watch` (the hook into runs), `pressure` and
 `sample` (comparisons), `evaluation` (the reference's side), `explanation` (by the ledger), `effects` (what known
 findings do to the deck), `outlook` (why a run broke off), `warn` (questionable set-ups), `child` and `supervise` (the
-process), `scratch` (the copy), `verdict` (the record).
+process), `scratch` (the copy), `verdict` (the record), `command` (what writes the report). Called, the package is
+`lammps_cases.audit.command.audit`.
 """
+
+import sys
 
 from lammps_cases.audit.options import AuditOptions, AuditResult
 from lammps_cases.audit.supervise import audit_deck
+from lammps_cases.records.callable_module import CallableModule
 
 __all__ = ["AuditOptions", "AuditResult", "audit_deck"]
+
+sys.modules[__name__].__class__ = CallableModule

@@ -20,6 +20,7 @@ from lammps_cases.audit.guard import check_script
 from lammps_cases.audit.options import AuditOptions, AuditResult, SampleRows, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
+from lammps_cases.engine.forkserver import without_main
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import EngineRecord, RunRecord
@@ -102,7 +103,8 @@ def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Failure | None]:
         context = multiprocessing.get_context("spawn")
         receiver, sender = context.Pipe(duplex=False)
         process = context.Process(target=ENTRY, args=(task, sender), daemon=True)
-        process.start()
+        with without_main():
+            process.start()
         sender.close()  # the child holds the only other end: its death ends the messages
         try:
             return findings, _listen(receiver, findings, options, process, output)

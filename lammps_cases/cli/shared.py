@@ -91,7 +91,7 @@ def start_fork_server() -> None:
     """Start the process that workers are forked from, while this one imports the rest."""
     from lammps_cases.engine import forkserver
 
-    forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+    forkserver.start_for_judging()
 
 
 def page_folder(out: Path) -> None:

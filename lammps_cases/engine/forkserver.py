@@ -6,9 +6,43 @@ what they need. It loads while this process imports its own modules.
 
 from __future__ import annotations
 
-import multiprocessing
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from multiprocessing import forkserver
-from multiprocessing.context import ForkServerContext
+from multiprocessing.context import ForkServerContext, ForkServerProcess
+from multiprocessing.popen_forkserver import Popen
+from multiprocessing.process import BaseProcess
+from types import ModuleType
+
+_starting = threading.RLock()
+
+
+@contextmanager
+def without_main() -> Iterator[None]:
+    """Hide the user's script, which a process that starts meanwhile would run again before its task.
+
+    All tasks are functions of modules: a script needs no ``if __name__ == "__main__"`` to run cases.
+    """
+    with _starting:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _Process(ForkServerProcess):
+    @staticmethod
+    def _Popen(process_obj: BaseProcess) -> Popen:  # where a start comes to, of a pool's thread too
+        with without_main():
+            return Popen(process_obj)
+
+
+class _Context(ForkServerContext):
+    Process = _Process
 
 
 def context(*modules: str) -> ForkServerContext:
@@ -18,4 +52,9 @@ def context(*modules: str) -> ForkServerContext:
     """
     forkserver.set_forkserver_preload(["lammps_cases.engine.workers", *modules])
     forkserver.ensure_running()
-    return multiprocessing.get_context("forkserver")
+    return _Context()
+
+
+def start_for_judging() -> None:
+    """Start the process that workers which judge cases are forked from, while this one imports the rest."""
+    context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")

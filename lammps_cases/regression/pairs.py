@@ -10,7 +10,7 @@ from typing import Any
 from lammps_cases.findings import severities
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.headline import Headline, headline
-from lammps_cases.records.run_record import FailOn
+from lammps_cases.records.run_record import FailOn, Severity
 from lammps_cases.records.wording import counted, plain
 from lammps_cases.regression.change import Policy, SideChange
 from lammps_cases.regression.changes import Changes, compare
@@ -71,6 +71,11 @@ class SideComparison:
         return [change for pair in self.pairs for change in pair.changes.faults]
 
     @property
+    def moved(self) -> dict[str, Severity]:
+        """The findings that came or went, with their severities."""
+        return severities(finding for change in self.faults if change.known for finding in change.moved)
+
+    @property
     def headline(self) -> Headline:
         """The headline: amber where every change is by known findings that came or went."""
         faults = self.faults
@@ -78,7 +83,7 @@ class SideComparison:
         new = [*self.notes, *([f"{counted(len(unknown), 'change')} without a finding"] if unknown else [])]
         known = len(faults) - len(unknown)
         return headline(
-            severities(finding for change in faults if change.known for finding in change.moved),
+            self.moved,
             new,
             differences=f"{counted(known, 'change')}, {'known' if new else 'all known'}" if known else "",
             same="no difference beyond the bounds",

@@ -82,13 +82,16 @@ class RunOptions:
     jobs: int
     store: Store | None = None
     progress: Progress = SILENT
+    command: str = ""
 
 
-def run_options(names: Sequence[str], jobs: int, fresh: bool, progress: Progress) -> RunOptions:
+def run_options(
+    names: Sequence[str], jobs: int, fresh: bool, progress: Progress = SILENT, command: str = ""
+) -> RunOptions:
     """Return how the engines among some sides are run; the process that forks their workers is started."""
     if any(map(installations.is_engine, names)):  # what is saved needs no workers
-        forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
-    return RunOptions(jobs, prediction_keys.open_store(fresh), progress)
+        forkserver.start_for_judging()
+    return RunOptions(jobs, prediction_keys.open_store(fresh), progress, command or campaign.command_line())
 
 
 @dataclass(frozen=True)
@@ -112,8 +115,9 @@ class Sources:
         if isinstance(engine, Side):
             return engine
         folder, how = self.folder / LABELS[at], self.options
-        command = campaign.command_line()
-        run = campaign.run_cases(self.cases, engine, how.jobs, folder, command, progress=how.progress, store=how.store)
+        run = campaign.run_cases(
+            self.cases, engine, how.jobs, folder, how.command, progress=how.progress, store=how.store
+        )
         return outcomes.of_run(run, folder, engine.name)
 
 

@@ -1,1 +1,7 @@
-"""The main job: a campaign over cases, its folder, shards, tables."""
+"""The main job: a campaign over cases, its folder, shards, tables. Called, it is `lammps_cases.run.command.run`."""
+
+import sys
+
+from lammps_cases.records.callable_module import CallableModule
+
+sys.modules[__name__].__class__ = CallableModule

@@ -97,6 +97,10 @@ class Evaluator(ABC):
         self.mass_n, self.rho0_n, self.cs_n = map(self.of_type, (self.model.mass, self.model.rho0, self.model.cs))
         self.walls = self.model.fix.interface_reconstruct
 
+    def weigh(self, mass_n: FloatArray) -> None:
+        """Take masses of the particles' own, (n,), for those of their types."""
+        self.mass_n = mass_n
+
     def of_type(self, values_t: Iterable[Any]) -> npt.NDArray[Any]:
         """Return values given per type for every particle, (n,)."""
         return np.asarray(values_t if isinstance(values_t, np.ndarray) else list(values_t))[self.type_n - 1]

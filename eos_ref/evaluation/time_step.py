@@ -80,7 +80,9 @@ class Simulation:
         self.units = self.conversion()
         model, own = consistent_model(model, self.units), consistent_state(state.copy(), self.units)
         self._start(own, evaluator(model, box, own.type_n, own.solid_n), tuple(fields))
-        self.mass_n = self.evaluator.mass_n = masses(model, own)
+        self.mass_n = masses(model, own)
+        if own.mass_n is not None:
+            self.evaluator.weigh(own.mass_n)
 
     @classmethod
     def with_evaluator(cls, state: State, evaluator: Evaluator, fields: Iterable[str]) -> Self:
@@ -307,7 +309,8 @@ class Simulation:
         energy_n = None if s.energy_n is None else number(s.energy_n)
         twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
         twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
-        twin.evaluator.mass_n = self.mass_n
+        if s.mass_n is not None:
+            twin.evaluator.weigh(s.mass_n)
         twin.other_nc = number(self.other_nc)
         twin.setup() if self.fresh else twin.evaluate()
         return twin

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
@@ -26,6 +27,9 @@ class _UnitMasses(ArrayEvaluator):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.mass_n = np.ones(self.n)
+
+    def weigh(self, mass_n: FloatArray) -> None:
+        """Ignore masses of the particles' own, too."""
 
 
 class _UnitDensity(ArrayEvaluator):

@@ -47,5 +47,4 @@ def simulation(scene: Scene, atoms: Atoms, fields: Iterable[str] = (), where: st
     """Return the reference of a scene whose particles are given in float32."""
     sim = reference_side.simulation(scene, atoms, fields, where, Single)
     sim.mass_n, sim.other_nc = sim.mass_n.astype(np.float32), sim.other_nc.astype(np.float32)
-    sim.evaluator.mass_n = sim.mass_n
     return sim

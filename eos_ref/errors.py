@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 SIMILAR = 0.5  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
 
@@ -31,13 +32,48 @@ class InputError(ValueError):
             line += f" ({where})"
         super().__init__(" ".join(line.split()))
 
+    @property
+    def errors(self) -> tuple[InputError, ...]:
+        """Return each complaint."""
+        return (self,)
+
     def at(self, where: str) -> InputError:
         """Return the same complaint with the place put in front of what was known of it."""
         place = f"{where}: {self.where}" if self.where else where
         return InputError(self.what, self.rule, self.found, place)
 
-    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, object, str]]:
+    def __reduce__(self) -> tuple[Any, ...]:
         return InputError, (self.what, self.rule, self.found, self.where)
+
+
+class InputErrors(InputError):
+    """Several complaints about one input, the most likely cause of the others first; a line each."""
+
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.what, first.rule, first.found, first.where)
+        self._errors = tuple(errors)
+
+    @property
+    def errors(self) -> tuple[InputError, ...]:
+        """Return each complaint."""
+        return self._errors
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self._errors))
+
+    def at(self, where: str) -> InputError:
+        """Return the same complaints with the place put in front of what was known of it."""
+        return InputErrors([error.at(where) for error in self._errors])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return InputErrors, (self._errors,)
+
+
+def together(errors: Sequence[InputError]) -> InputError:
+    """Return one exception for some complaints, at least one."""
+    every = [each for error in errors for each in error.errors]
+    return every[0] if len(every) == 1 else InputErrors(every)
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -118,7 +118,8 @@ def _exit_code(error: Exception) -> int:
     from lammps_cases.engine.session import EngineMissing
 
     if isinstance(error, InputError):
-        click.echo(f"eos-ref: {error}", err=True)
+        for each in error.errors:
+            click.echo(f"eos-ref: {each}", err=True)
         return 2
     if isinstance(error, EngineMissing):
         click.echo(f"eos-ref: {error} (eos-ref doctor says more)", err=True)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import FailOn, RunRecord
+
+if TYPE_CHECKING:
+    from lammps_cases.scene.casefile import Case
 
 
 @click.command("run")
@@ -80,7 +85,24 @@ def run_command(
                 prediction_keys.open_store(fresh),
             )
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
+    if not as_json:
+        for line in _notes([case for case in chosen if not case.shipped], run):
+            click.secho(line, fg="yellow")
     return shared.finish(run, folder, as_json, changes)
+
+
+def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:
+    """Yield what the user's own cases take for granted, and which mistakes they would not show; a line for each."""
+    from lammps_cases.records.wording import counted, listed
+
+    taken = Counter(case.scene.defaults for case in own)
+    unseen = Counter(tuple(record.lint) for record in run.cases if record.case in {case.name for case in own})
+    for defaults, cases in taken.items():
+        if defaults:
+            yield f"note: {listed(defaults)} in {counted(cases, 'case')} that {'do' if cases > 1 else 'does'} not say"
+    for mistakes, cases in unseen.items():
+        if mistakes:
+            yield f"note: {counted(cases, 'case')} cannot tell apart: {listed(mistakes)}"
 
 
 def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json: bool) -> Iterable[str]:

@@ -6,6 +6,7 @@ of this by itself but in Python: 0.07 s against 1.0 s, with 1.5 s for the whole 
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import yaml
 
 from eos_ref.errors import InputError
 
+MOST_SHOWN = 80  # characters of a value in a complaint
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -43,6 +45,21 @@ _UniqueKeys.add_implicit_resolver(*_FLOAT)
 _UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 
+class Flow(str):
+    """A value as a file holds it, for complaints, which show it without quotes."""
+
+    __repr__ = str.__str__
+
+
+def flow(value: Any) -> Any:
+    """Return a value as complaints show it: words of YAML (null, true, {a: 1}); text and numbers are as they were."""
+    if isinstance(value, str | int | float) and not isinstance(value, bool):
+        return value
+    text = yaml.dump(value, Dumper=_Writer, sort_keys=False, default_flow_style=True, width=math.inf)
+    text = text.removesuffix("\n").removesuffix("\n...")
+    return Flow(text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]} ...")
+
+
 class _Writer(yaml.SafeDumper):
     """YAML's safe writer, which quotes a text that `read_yaml` would take for a number."""
 
@@ -54,6 +71,18 @@ def yaml_text(data: Any) -> str:
     """Return data as YAML that `read_yaml` reads as the same: keys in order, small parts in one line."""
     text: str = yaml.dump(data, Dumper=_Writer, sort_keys=False, default_flow_style=None, width=110)
     return text
+
+
+def position(line: int, column: int) -> str:
+    """Say where in a file a mark is, which counts from 0."""
+    return f"line {line + 1}, column {column + 1}"
+
+
+def compose(path: Path) -> yaml.Node:
+    """Return a file that `read_yaml` takes, and that is not empty, as nodes, each with line and column."""
+    node = yaml.compose(path.read_text(encoding="utf-8"), _Loader)
+    assert node is not None
+    return node
 
 
 def read_yaml(path: Path, what: str = "case file") -> Any:
@@ -72,7 +101,7 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
         raise InputError(what, "must be UTF-8 text", where=str(path)) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
-        line = f"{path}, line {mark.line + 1}" if mark else str(path)
+        line = f"{path}, {position(mark.line, mark.column)}" if mark else str(path)
         raise InputError(what, f"is not valid YAML: {error.problem}", where=line) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None

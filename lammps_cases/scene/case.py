@@ -234,6 +234,16 @@ class Scene(SceneModel):
         return values or None
 
     @property
+    def defaults(self) -> tuple[str, ...]:
+        """Return the material constants that are not given although the laws and fields compared depend on them."""
+        no = {
+            "rho0 = 1": self.rho0 is None,
+            "cs = 1": self.cs is None and any(law.style != "ideal/gas" for law in self.pressure),
+            "viscosity = 0.1": self.whole_model and any("viscosity" not in t.model_fields_set for t in self.types),
+        }
+        return tuple(text for text, taken in no.items() if taken)
+
+    @property
     def thermal(self) -> bool:
         """Return whether particles carry energy (atom_style rheo/thermal)."""
         gas = any(law.needs_energy for law in self.pressure)

@@ -11,7 +11,7 @@ import fnmatch
 import itertools
 import math
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,13 +19,15 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from eos_ref import InputError
-from eos_ref.errors import nearest, unknown
+from eos_ref.errors import together, unknown
 from eos_ref.syntax.manual import Manual
-from lammps_cases.records.yaml_files import read_yaml
+from lammps_cases.records.yaml_files import flow, read_yaml
 from lammps_cases.rules import RULES
-from lammps_cases.scene import Scene, check_name, models
+from lammps_cases.scene import Scene, check_name
+from lammps_cases.scene.complaints import Combination, Complaint, Format, Source, complaints, explained, refused
 
 MAX_CASES = 10_000  # of one file
+SCENES = ("scene", "matrix")  # the keys that make scenes
 SHIPPED = Path(__file__).parents[1] / "cases"
 RuleName = Annotated[str, WithJsonSchema({"enum": list(RULES)})]  # for editors; checked by its own complaint
 
@@ -96,22 +98,10 @@ def merge(base: Any, patch: Any) -> Any:
     return merged
 
 
-def _validation_error(error: ValidationError, where: str, data: Any) -> InputError:
-    """Return the first complaint of pydantic in one line: key, rule, value found, file."""
-    first = error.errors(include_url=False)[0]
-    # Parts with a space or a hyphen are pydantic's names of validators and alternatives, not keys of the file.
-    place = [str(part) for part in first["loc"] if not set(" -") & set(str(part))]
-    rule = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        keys = [*CaseFile.model_fields, *_scene_keys()]
-        return InputError(".".join(place), f"unknown key{nearest(place[-1], keys)}", where=where)
-    value = None if first["type"] in ("missing", "value_error") else first.get("input")
-    return InputError(".".join(place) or "scene", rule, value, where)
-
-
-def _scene_keys() -> Iterable[str]:
-    for model in models():
-        yield from model.model_fields
+def _format() -> Format:
+    """Return the keys of a case file and its scene."""
+    file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
+    return Format({"properties": {**file["properties"], "scene": scene}, "$defs": scene["$defs"]})
 
 
 def load_file(path: Path, shipped: bool = False) -> list[Case]:
@@ -120,36 +110,73 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
     Raises
     ------
     InputError
-        Unreadable, unknown key, wrong type, bad value: one line with file and key.
+        Unreadable, or unknown keys, wrong types, bad values: a line each, with key, line and column.
     """
     data = read_yaml(path)
     if not isinstance(data, dict) or not data:
-        raise InputError("case file", "must hold the keys name, about, scene", type(data).__name__, str(path))
+        raise InputError("case file", "must hold the keys name, about, scene", flow(data), str(path))
+    source = Source(path)
     try:
         file = CaseFile.model_validate(data)
     except ValidationError as error:
-        raise _validation_error(error, str(path), data) from None
-    check_name(file.name, str(path))
+        raise refused(
+            explained([*complaints(error, data, source), *_of_scenes(data, source)], _format()), source
+        ) from None
+    check_name(file.name, source.place(("name",)))
+    cases, wrong = [], []
+    for each in _combined(file, source):
+        try:
+            cases.append(_case(file, each, source, shipped))
+        except ValidationError as error:
+            wrong += complaints(error, each, source)
+    if wrong:
+        raise refused(explained(wrong, _format()), source)
+    _check_exercises(file, [case.name for case in cases], source)
+    return sorted(cases, key=lambda case: case.name)
+
+
+def _of_scenes(data: Mapping[str, Any], source: Source) -> list[Complaint]:
+    """Return what is wrong with the scenes of a file that has mistakes besides, as far as there are scenes."""
+    try:
+        file = CaseFile.model_validate({"name": "unnamed", "about": ""} | {k: data[k] for k in data if k in SCENES})
+    except ValidationError:
+        return []
+    wrong = []
+    for each in _combined(file, source):
+        try:
+            Scene.model_validate(each.content)
+        except ValidationError as error:
+            wrong += complaints(error, each, source)
+    return wrong
+
+
+def _combined(file: CaseFile, source: Source) -> Iterator[Combination]:
+    """Yield the scenes that a file makes, as they are written.
+
+    Raises
+    ------
+    InputError
+        A bad label, too many cases, or a patch that does not fit.
+    """
     count = math.prod(len(axis) for axis in file.matrix.values())
     if not 1 <= count <= MAX_CASES:
-        raise InputError("matrix", f"must make 1 to {MAX_CASES} cases", count, str(path))
-    cases = []
+        raise InputError("matrix", f"must make 1 to {MAX_CASES} cases", count, source.place(("matrix",)))
+    for axis, patches in file.matrix.items():
+        for label in patches:
+            check_name(label, source.place(("matrix", axis, label), at_key=True))
     for combination in itertools.product(*(axis.items() for axis in file.matrix.values())):
-        name = ".".join([file.name, *(check_name(label, str(path)) for label, _ in combination)])
+        labels = tuple(label for label, _ in combination)
         content: Any = file.scene
-        for _, patch in combination:
+        for axis, (label, patch) in zip(file.matrix, combination, strict=True):
             try:
                 content = merge(content, patch)
             except InputError as error:
-                raise error.at(f"{path}, case {name}") from None
+                raise error.at(source.place(("matrix", axis, label))) from None
         tags = list(file.tags)
         if isinstance(content.get("tags"), list):  # a patch may add tags
             content = dict(content)
             tags += content.pop("tags")
-        case = _case(name, file.about, tags, content, path, shipped)
-        cases.append(replace(case, exercises=_exercises(file, name)))
-    _check_exercises(file, [case.name for case in cases], str(path))
-    return sorted(cases, key=lambda case: case.name)
+        yield Combination(".".join((file.name, *labels)), labels, content, tuple(tags))
 
 
 def _labels(name: str) -> str:
@@ -163,7 +190,7 @@ def _exercises(file: CaseFile, name: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(itertools.chain.from_iterable(chosen)))
 
 
-def _check_exercises(file: CaseFile, names: Sequence[str], where: str) -> None:
+def _check_exercises(file: CaseFile, names: Sequence[str], source: Source) -> None:
     """Check that a file's patterns are of its cases, and its rules of the reference.
 
     Raises
@@ -173,24 +200,25 @@ def _check_exercises(file: CaseFile, names: Sequence[str], where: str) -> None:
     for pattern, rules in file.exercises.items():
         for rule in rules:
             if rule not in RULES:
-                raise unknown("rule", rule, RULES).at(f"{where}, exercises")
+                raise unknown("rule", rule, RULES).at(source.place(("exercises", pattern, rules.index(rule))))
         if not fnmatch.filter(map(_labels, names), pattern):
-            raise InputError("exercises", "a pattern must be of labels of the file's cases", pattern, where)
+            place = source.place(("exercises", pattern), at_key=True)
+            raise InputError("exercises", "a pattern must be of labels of the file's cases", pattern, place)
 
 
-def _case(name: str, about: str, tags: Sequence[str], content: Any, path: Path, shipped: bool) -> Case:
-    where = f"{path}, case {name}"
-    try:
-        scene = Scene.model_validate(content)
-    except ValidationError as error:
-        raise _validation_error(error, where, content) from None
+def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> Case:
+    scene = Scene.model_validate(made.content)
     if scene.expect is None:
-        eos = scene.eos(where)
-        if eos.needs_energy and scene.energy is None and not hasattr(scene.positions, "extxyz"):
+        case = f", case {made.case}" if made.labels else ""
+        eos = scene.eos(source.place(("scene", "pressure"), made.labels) + case)
+        given = not hasattr(scene.positions, "extxyz")
+        where = source.place(("scene",), made.labels) + case
+        if eos.needs_energy and scene.energy is None and given:
             raise InputError("energy", "ideal/gas needs the energy of every particle", where=where)
-        if scene.rho is None and not scene.rho_sum and not hasattr(scene.positions, "extxyz"):
+        if scene.rho is None and not scene.rho_sum and given:
             raise InputError("rho", "must be given unless rho_sum is on or a file holds it", where=where)
-    return Case(name, " ".join(about.split()), tuple(sorted(set(tags))), scene, path, shipped)
+    about, tags = " ".join(file.about.split()), tuple(sorted(set(made.tags)))
+    return Case(made.case, about, tags, scene, source.path, shipped, _exercises(file, made.case))
 
 
 def load(paths: Sequence[Path] = ()) -> list[Case]:
@@ -199,7 +227,7 @@ def load(paths: Sequence[Path] = ()) -> list[Case]:
     Raises
     ------
     InputError
-        A bad file, no file at all, or two cases of one name.
+        Bad files, no file at all, or two cases of one name.
     """
     shipped = not paths
     files: list[Path] = []
@@ -207,7 +235,15 @@ def load(paths: Sequence[Path] = ()) -> list[Case]:
         files += sorted([*path.rglob("*.yaml"), *path.rglob("*.yml")]) if path.is_dir() else [path]
     if not files:
         raise InputError("cases", "no case file (*.yaml) found", where=", ".join(map(str, paths)))
-    cases = sorted((case for file in files for case in load_file(file, shipped)), key=lambda case: case.name)
+    every, wrong = list[Case](), list[InputError]()
+    for file in files:
+        try:
+            every += load_file(file, shipped)
+        except InputError as error:
+            wrong.append(error)
+    if wrong:
+        raise together(wrong)
+    cases = sorted(every, key=lambda case: case.name)
     for one, other in itertools.pairwise(cases):
         if one.name == other.name:
             raise InputError("case name", "must be unique", one.name, f"{one.source} and {other.source}")

@@ -27,7 +27,7 @@ def check_tilt(tilt: tuple[float, ...] | None, periodic: tuple[bool, ...] | None
         raise ValueError(f"tilt needs {dimension * (dimension - 1) // 2} numbers in {dimension}D, found {len(tilt)}")
     for lean, axes in zip(tilt, TILTED, strict=False):
         if lean and periodic and not all(periodic[axis] for axis in axes):
-            raise ValueError(f"tilt must be 0 but between periodic axes, found {tilt}")
+            raise ValueError(f"tilt must be 0 but between periodic axes, found {list(tilt)}")
 
 
 class Region(SceneModel):
@@ -58,14 +58,16 @@ class Lattice(SceneModel):
         if len(self.cells) != wanted:
             raise ValueError(f"cells needs {wanted} numbers for {self.lattice}, found {len(self.cells)}")
         if min(self.cells) < 1:
-            raise ValueError(f"the scene is empty: cells must be at least 1 along each axis, found {self.cells}")
+            raise ValueError(
+                f"cells must be at least 1 along each axis, else the scene is empty, found {list(self.cells)}"
+            )
         if self.periodic is not None and len(self.periodic) != wanted:
             raise ValueError(f"periodic needs {wanted} flags for {self.lattice}, found {len(self.periodic)}")
         for region in self.regions:
             if not len(region.low) == len(region.high) == wanted:
                 raise ValueError(f"low and high of a region need {wanted} numbers for {self.lattice}")
             if not all(low < high for low, high in zip(region.low, region.high, strict=True)):
-                raise ValueError(f"a region needs low < high, found {region.low} and {region.high}")
+                raise ValueError(f"a region needs low < high, found {list(region.low)} and {list(region.high)}")
         check_tilt(self.tilt, self.periodic, wanted)
         return self
 
@@ -97,7 +99,7 @@ class Listed(SceneModel):
         if any(len(x) != d for x in (self.high, *self.x)):
             raise ValueError(f"x, low and high need the same number of components, {d} as low has")
         if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
-            raise ValueError(f"the box needs low < high, found {self.low} and {self.high}")
+            raise ValueError(f"the box needs low < high, found {list(self.low)} and {list(self.high)}")
         if self.types is not None and len(self.types) != len(self.x):
             raise ValueError(f"types needs one value per particle ({len(self.x)}), found {len(self.types)}")
         if self.periodic is not None and len(self.periodic) != d:
@@ -165,7 +167,7 @@ class Values(SceneModel):
             raise ValueError(f"needs exactly one of {', '.join(keys)}, found {', '.join(given) or 'none'}")
         ends = self.range or self.ratio
         if ends and self.spacing == "log" and ends[0] * ends[1] <= 0:
-            raise ValueError(f"log spacing needs two ends of one sign, not 0, found {ends}")
+            raise ValueError(f"log spacing needs two ends of one sign, not 0, found {list(ends)}")
         return self
 
 

@@ -51,7 +51,7 @@ class EngineSettings(Rebuild):
     @model_validator(mode="after")
     def _shared(self) -> EngineSettings:
         if self.processors is not None and math.prod(self.processors) != self.ranks:
-            raise ValueError(f"processors must be as many as ranks ({self.ranks}), found {self.processors}")
+            raise ValueError(f"processors must be as many as ranks ({self.ranks}), found {list(self.processors)}")
         if self.balance is not None and self.communication != "tiled":  # the style shift rounds positions
             raise ValueError(f"balance (style rcb) needs communication tiled, found {self.communication}")
         return self
@@ -92,7 +92,7 @@ class TwinSettings(SceneModel):
         if self.rescale is not None and (math.frexp(self.rescale)[0] != 0.5 or self.rescale == 1):
             raise ValueError(f"rescale must be a power of two other than 1, found {self.rescale!r}")
         if self.tilt is not None and not any(self.tilt):
-            raise ValueError(f"tilt must be other than 0 for some edge, found {self.tilt}")
+            raise ValueError(f"tilt must be other than 0 for some edge, found {list(self.tilt)}")
         return self
 
     @property

@@ -118,12 +118,16 @@ class Evolve(SceneModel):
         if self.compare_at is not None and not (
             list(self.compare_at) == sorted(set(self.compare_at)) and self.compare_at[-1] == self.steps
         ):
-            raise ValueError(f"compare_at must increase and end with steps ({self.steps}), found {self.compare_at}")
+            raise ValueError(
+                f"compare_at must increase and end with steps ({self.steps}), found {list(self.compare_at)}"
+            )
         at = [stop.at for stop in self.stops]
         if at != sorted(set(at)) or (at and at[-1] > self.steps):
             raise ValueError(f"stops must increase and lie within 0 to steps ({self.steps}), found {at}")
         if self.every is not None and self.snapshots != (self.steps,):
-            raise ValueError(f"every: such runs are read at the last step alone ({self.steps}), found {self.snapshots}")
+            raise ValueError(
+                f"every: such runs are read at the last step alone ({self.steps}), found {list(self.snapshots)}"
+            )
         return self
 
     @property

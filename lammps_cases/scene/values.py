@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, WithJsonSchema
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 
 def _finite(value: float) -> float:
@@ -23,6 +24,14 @@ def _inside(path: str) -> str:
     return path
 
 
+def _range(types: object) -> object:
+    text = str(types) if type(types) is int else types
+    # Nothing that LAMMPS could take for another word or command.
+    if not (isinstance(text, str) and re.fullmatch("[0-9*-]{1,24}", text)):
+        raise ValueError("must be a range of types: *, n, *n, n* or m*n")
+    return text
+
+
 # A number is a number: neither true nor "1.5" is taken for one.
 Finite = Annotated[float, Field(strict=True), AfterValidator(_finite)]
 Positive = Annotated[Finite, Field(gt=0)]
@@ -32,8 +41,7 @@ Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
 RANGE_SCHEMA = {"type": ["string", "integer"]}
 TypeRange = Annotated[
     str,
-    BeforeValidator(lambda types: str(types) if type(types) is int else types),
-    StringConstraints(pattern=r"^[0-9*-]{1,24}$"),  # nothing that LAMMPS could take for another word or command
+    BeforeValidator(_range),
     WithJsonSchema(RANGE_SCHEMA),
 ]
 LocalFile = Annotated[str, AfterValidator(_inside)]

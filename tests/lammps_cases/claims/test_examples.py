@@ -55,10 +55,10 @@ def test_scene_says_what_the_line_says(tmp_path: Any, name: str, changes: dict[s
 @pytest.mark.parametrize(
     ("example", "text"),
     [
-        ({"rheo": 4}, "less than or equal to 3"),
+        ({"rheo": 4}, "must be at most 3"),
         ({"rheo": 1, "pressure": 1}, "exactly one"),
         ({"rheo": None, "pressure": None}, "exactly one"),
-        ({"rheo": "shell rm"}, "valid integer"),
+        ({"rheo": "shell rm"}, "must be a whole number"),
     ],
 )
 def test_nothing_but_a_place_is_accepted(tmp_path: Any, example: dict[str, Any], text: str) -> None:

@@ -244,7 +244,7 @@ def test_settings_of_the_decomposition_are_lines(case_file: Write) -> None:
 @pytest.mark.parametrize(
     ("engine", "rule"),
     [
-        ({"processors": [2, 1, 1]}, r"processors must be as many as ranks \(1\), found \(2, 1, 1\)"),
+        ({"processors": [2, 1, 1]}, r"processors must be as many as ranks \(1\), found \[2, 1, 1\]"),
         ({"balance": 2}, r"balance \(style rcb\) needs communication tiled, found brick"),
     ],
 )

@@ -1,0 +1,337 @@
+"""What is wrong with a case file, in the words of the file: key, rule, value, line and column; all of it at once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from eos_ref import InputError
+from eos_ref.errors import nearest, together
+from lammps_cases.records.wording import counted
+from lammps_cases.records.yaml_files import compose, flow, position
+
+Keys = tuple[str | int, ...]  # from the top of the file
+MANY = 12  # values that a key can have, beyond which only the nearest is named
+# pydantic's types of errors in words of YAML.
+RULES = {
+    "missing": "is required",
+    "extra_forbidden": "unknown key",
+    "invalid_key": "a key must be a plain word",
+    "bool_parsing": "must be true or false",
+    "bool_type": "must be true or false",
+    "dict_type": "must hold keys with values",
+    "float_parsing": "must be a number",
+    "float_type": "must be a number",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "int_from_float": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "int_type": "must be a whole number",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le}",
+    "list_type": "must be a list",
+    "literal_error": "must be {expected}",
+    "model_type": "must hold keys with values",
+    "string_too_short": "must have at least {min_length} characters",
+    "string_type": "must be text",
+    "too_long": "must have at most {members}",
+    "too_short": "must have at least {members}",
+    "tuple_type": "must be a list",
+    "value_error": "{error}",
+}
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """A rule that a part of a case file breaks.
+
+    Attributes
+    ----------
+    below : keys in that part that the rule speaks of
+    mark : line and column, from 0
+    case : the case of a matrix that breaks it
+    """
+
+    keys: Keys
+    rule: str
+    found: Any = None
+    kind: str = ""
+    below: Keys = ()
+    mark: tuple[int, int] = (0, 0)
+    case: str = ""
+
+    @property
+    def what(self) -> str:
+        """Return the key as complaints name it: from the scene on."""
+        return ".".join(map(str, self.keys[self.keys[:1] == ("scene",) :])) or "scene"
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A scene that a file makes, as it is written: its case, the labels of the matrix, tags."""
+
+    case: str
+    labels: tuple[str, ...]
+    content: dict[str, Any]
+    tags: tuple[str, ...]
+
+
+class Source:
+    """A case file's text, for the lines of what is in it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @cached_property
+    def _root(self) -> yaml.Node:
+        return compose(self.path)
+
+    def place(self, keys: Keys, labels: Sequence[str] = (), at_key: bool = False) -> str:
+        """Return file, line and column of a value, as `mark` does, for messages."""
+        return self.said(self.mark(keys, labels, at_key))
+
+    def said(self, mark: tuple[int, int]) -> str:
+        """Return file, line and column for messages."""
+        return f"{self.path}, {position(*mark)}"
+
+    def mark(self, keys: Keys, labels: Sequence[str] = (), at_key: bool = False) -> tuple[int, int]:
+        """Return line and column, from 0, of a value, or of its key; of what it is missing in, if it is not there.
+
+        Parameters
+        ----------
+        labels : of the patches that a matrix puts over the scene
+        """
+        nodes, mark = [self._root], self._root.start_mark
+        for depth, part in enumerate(keys, 1):
+            key, nodes = _below(nodes, part)
+            if part == "scene" and depth == 1:
+                nodes += self._patches(labels)
+            if not nodes:
+                break
+            of_key = at_key or depth < len(keys) or isinstance(nodes[-1], yaml.MappingNode)
+            mark = key.start_mark if key is not None and of_key else nodes[-1].start_mark
+        return mark.line, mark.column
+
+    def placed(self, error: InputError, case: str) -> InputError:
+        """Return a complaint of a case that names a key of its scene, with the line and column of that."""
+        labels = case.split(".")[1:]
+        top = self.mark(("scene",), labels)
+        own = re.search(rf"case {re.escape(case)}, (\w+)", error.where)  # the key that values were for
+        names = (own[1] if own else "", error.what, f"{error.what}s")
+        marks = [self.mark(("scene", name), labels) for name in names]
+        mark = next((mark for mark in marks if mark != top), self.mark(("scene", "positions", error.what), labels))
+        where = error.where.replace(self.path.name, f"{self.path.name}, {position(*mark)}", 1)
+        return InputError(error.what, error.rule, error.found, where)
+
+    def _patches(self, labels: Sequence[str]) -> list[yaml.Node]:
+        _, axes = _below([self._root], "matrix")
+        of_axes = [axis for _, axis in axes[0].value] if axes and isinstance(axes[0], yaml.MappingNode) else []
+        return [node for axis, label in zip(of_axes, labels, strict=False) for node in _below([axis], label)[1]]
+
+
+def _below(nodes: Sequence[yaml.Node], part: str | int) -> tuple[yaml.Node | None, list[yaml.Node]]:
+    """Return the last node of a key and the nodes of its value, in mappings each of which patches those before.
+
+    As `lammps_cases.scene.casefile.merge` has it: mappings stay beside one another, ``key+`` is put behind a list,
+    and anything else stands instead of what was there.
+    """
+    if isinstance(part, int):
+        members = [each for node in nodes if isinstance(node, yaml.SequenceNode) for each in node.value]
+        return None, members[part : part + 1]
+    last, found = None, list[yaml.Node]()
+    for node in nodes:
+        for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+            if key.value not in (part, f"{part}+"):
+                continue
+            beside = key.value != part or isinstance(value, yaml.MappingNode)
+            last, found = key, [*found, value] if beside else [value]
+    return last, found
+
+
+# --- what pydantic finds
+
+
+def complaints(error: ValidationError, content: Any, source: Source) -> list[Complaint]:
+    """Return what pydantic finds wrong with a file, or with a scene that it makes."""
+    made = content if isinstance(content, Combination) else None
+    content, under, labels = (content, (), ()) if made is None else (made.content, ("scene",), made.labels)
+    case = made.case if made and labels else ""
+    found: dict[tuple[Keys, str], list[Complaint]] = {}
+    for each in error.errors(include_url=False):
+        keys, alternative = _keys(each["loc"], content, each["type"])
+        found.setdefault((keys[: alternative[0]], alternative[1]), []).append(_complaint(each, (*under, *keys)))
+    best: dict[Keys, list[list[Complaint]]] = {}
+    for (place, _), of_alternative in found.items():
+        best.setdefault(place, []).append(of_alternative)
+    wrong: list[Complaint] = []
+    for alternatives in best.values():  # of a value that may be this or that: what is the least trouble
+        least = min(map(len, alternatives))
+        wrong += [each for alternative in alternatives if len(alternative) == least for each in alternative]
+    at_key = ("extra_forbidden", "invalid_key")
+    return [
+        replace(each, mark=source.mark((*each.keys, *each.below), labels, each.kind in at_key), case=case)
+        for each in _one_each(wrong)
+    ]
+
+
+def _keys(loc: tuple[str | int, ...], content: Any, kind: str) -> tuple[Keys, tuple[int, str]]:
+    """Return the keys of a place of pydantic's, and the alternative that it speaks of, with the keys before that.
+
+    Parts of the place that are no keys of the content are pydantic's names of alternatives and validators.
+    """
+    keys: list[str | int] = []
+    alternative = (0, "")
+    for at, part in enumerate(loc):
+        inside = part in content if isinstance(content, Mapping) else _is_member(part, content)
+        if inside:
+            content = content[part]
+        if inside or (kind == "missing" and at == len(loc) - 1):
+            keys.append(part)
+        else:
+            alternative = len(keys), str(part)
+    return tuple(keys), alternative
+
+
+def _is_member(part: str | int, content: Any) -> bool:
+    return isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+
+
+def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
+    """Say what is wrong in words of YAML."""
+    kind, found = error["type"], error.get("input")
+    context = error.get("ctx", {})
+    members = counted(context.get("min_length", context.get("max_length", 0)), "member")
+    rule = RULES.get(kind, error["msg"]).format(**context, members=members)
+    if kind == "missing" and isinstance(keys[-1], int):
+        return Complaint(keys[:-1], f"must have {counted(keys[-1] + 1, 'member')}", found)
+    if kind == "literal_error":
+        rule = rule.replace("True", "true")
+    elif kind == "value_error":
+        named = re.match(r"[\w.]+", rule)  # a part below that the rule speaks of
+        below = _inside(named[0], found) if named else ()
+        if below or isinstance(found, dict) or "found" in rule:
+            return Complaint(keys, rule, kind=kind, below=below)
+    return Complaint(keys, rule, None if kind in ("missing", "extra_forbidden") else flow(found), kind)
+
+
+def _inside(name: str, content: Any) -> Keys:
+    """Return the keys of a dotted name, as far as they are in a content."""
+    keys: Keys = ()
+    for part in name.split("."):
+        if not isinstance(content, Mapping) or part not in content:
+            break
+        keys, content = (*keys, part), content[part]
+    return keys
+
+
+def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
+    """Return one complaint for each part of the file."""
+    by_keys: dict[Keys, Complaint] = {}
+    for each in every:
+        before = by_keys.setdefault(each.keys, each)
+        if each.rule not in before.rule:
+            more = each.rule.removeprefix(" ".join(before.rule.split()[:2]))  # must be, must have
+            by_keys[each.keys] = replace(before, rule=f"{before.rule} or {more.strip()}")
+    return [_with_hint(each) if each.kind == "literal_error" else each for each in by_keys.values()]
+
+
+def _with_hint(complaint: Complaint) -> Complaint:
+    """Return a complaint about a value that is none of some words, with the one that was probably meant."""
+    words = re.findall("'([^']*)'", complaint.rule)
+    hint = nearest(str(complaint.found), words)
+    rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
+    return replace(complaint, rule=rule + hint)
+
+
+# --- unknown keys
+
+
+class Format:
+    """The keys that a case file can hold, by the schema of the file."""
+
+    def __init__(self, schema: Mapping[str, Any]) -> None:
+        self._schema = schema
+
+    def beside(self, keys: Keys) -> set[str]:
+        """Return the keys that can stand where some key stands."""
+        level = [self._schema]
+        for part in keys[:-1]:
+            level = self._children(level).get(part, []) if isinstance(part, str) else level
+        return set(self._children(level))
+
+    def homes(self, name: str) -> list[tuple[str, ...]]:
+        """Return the keys under which a key can stand."""
+        return list(dict.fromkeys(place for place, key in self._places([self._schema], ()) if key == name))
+
+    def _places(self, level: Sequence[Any], place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
+        for key, nodes in self._children(level).items():
+            yield place, key
+            yield from self._places(nodes, (*place, key))
+
+    def _children(self, level: Sequence[Any]) -> dict[str, list[Any]]:
+        children: dict[str, list[Any]] = {}
+        for node in level:
+            for mapping in self._mappings(node):
+                for key, child in mapping["properties"].items():
+                    children.setdefault(key, []).append(child)
+        return children
+
+    def _mappings(self, node: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+        """Yield the mappings that a node is, can be, or has as members."""
+        if "$ref" in node:
+            node = self._schema["$defs"][node["$ref"].rpartition("/")[2]]
+        if "properties" in node:
+            yield node
+        parts = [*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("prefixItems", ())]
+        for part in [*parts, *([node["items"]] if "items" in node else [])]:
+            yield from self._mappings(part)
+
+
+def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
+    """Return complaints with unknown keys first, and what was probably meant; a key so meant is not missing besides."""
+    missing = {each.keys for each in every if each.kind == "missing"}
+    first, meant = list[Complaint](), set[Keys]()
+    for each in every:
+        if each.kind == "extra_forbidden":
+            hint, key = _meant(each.keys, missing, allowed)
+            first.append(replace(each, rule=each.rule + hint))
+            meant.add(key)
+    known = [each for each in every if each.kind != "extra_forbidden" and each.keys not in meant]
+    # A list that is too short has perhaps but bad members.
+    above = {each.keys[:at] for each in known for at in range(len(each.keys))}
+    rest = [each for each in known if each.kind != "too_short" or each.keys not in above]
+    return [each for part in (first, rest) for each in sorted(part, key=lambda each: each.mark)]
+
+
+def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
+    """Return the hint for an unknown key, and the key that was probably meant.
+
+    In this order: a similar key that is missing beside it, the same key at another level, any similar one beside it.
+    """
+    *parent, last = keys
+    name = str(last)
+    wanted = [str(key[-1]) for key in missing if key[:-1] == tuple(parent)]
+    homes = allowed.homes(name)
+    homes = [home for home in homes if (*home, name) in missing] or homes
+    if not (hint := nearest(name, wanted)) and 1 <= len(homes) <= 2:
+        under = " or ".join(f"{'.'.join(home[len(home) > 1 :])}:" if home else "no other key" for home in homes)
+        return f" (belongs under {under})", (*homes[0], name)
+    hint = hint or nearest(name, sorted(allowed.beside(keys)))
+    return hint, (*parent, hint.split("'")[1]) if hint else ()
+
+
+def refused(every: Sequence[Complaint], source: Source) -> InputError:
+    """Return complaints about a file as one exception: what stands in one place once, for the first case it is of."""
+    once: dict[tuple[Any, ...], InputError] = {}
+    for each in every:
+        place = source.said(each.mark) + (f", case {each.case}" if each.case else "")
+        once.setdefault((each.mark, each.keys, each.rule), InputError(each.what, each.rule, each.found, place))
+    return together(list(once.values()))

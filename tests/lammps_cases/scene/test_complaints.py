@@ -1,0 +1,203 @@
+"""What is wrong with a case file is said in the words of the file, all at once, with line and column."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from eos_ref import InputError
+from lammps_cases.scene import casefile
+from tests.support.outcome import Outcome
+
+MANY = """name: many
+about: mistakes
+scene:
+  dimension: 2
+  types: [{mass: heavy}]
+  positions: {lattice: sq, spacin: 0.8, cells: 5, tilt: [1, 2]}
+  pressure:
+  - {types: "*", style: linaer, gama: 3}
+  - {types: [1, 2], style: linear}
+  rho: {ratio: [0.8]}
+  rho0: 3
+  compare: [presure, f]
+  rheo: {shift: 'on', cut: null, kernel: true}
+evolve: {steps: 1, timestep: 0.01}
+"""
+SAID = """
+positions.spacin: unknown key (did you mean 'spacing'?) (line 6, column 28)
+pressure.0.gama: unknown key (did you mean 'gamma'?) (line 8, column 33)
+rho0: unknown key (belongs under types:) (line 11, column 3)
+evolve: unknown key (belongs under scene:) (line 14, column 1)
+types.0.mass: must be a number, found 'heavy' (line 5, column 18)
+positions.cells: must be a list, found 5 (line 6, column 48)
+positions.tilt: must have at most 1 member or 3 members, found [1, 2] (line 6, column 57)
+pressure.0.style: must be 'linear', 'cubic', 'tait/water', 'tait/general' or 'ideal/gas' or 'background' \
+(did you mean 'linear'?), found 'linaer' (line 8, column 25)
+pressure.1.types: must be a range of types: *, n, *n, n* or m*n, found [1, 2] (line 9, column 13)
+rho.ratio: must have 2 members, found [0.8] (line 10, column 16)
+compare.0: must be a known name (did you mean 'pressure'?), found 'presure' (line 12, column 13)
+rheo.shift: must be true or false, found 'on' (line 13, column 17)
+rheo.kernel: must be 'quintic', 'RK0', 'RK1' or 'RK2', found true (line 13, column 42)
+""".strip().split("\n")
+
+
+def _refused(path: Path, text: str) -> list[str]:
+    path.write_text(text)
+    with pytest.raises(InputError) as refusal:
+        casefile.load_file(path)
+    return [str(error).replace(f"{path}, ", "") for error in refusal.value.errors]
+
+
+def test_all_mistakes_are_said_at_once_unknown_keys_first(tmp_path: Path) -> None:
+    assert _refused(tmp_path / "many.yaml", MANY) == SAID
+
+
+def test_the_terminal_shows_a_line_for_each(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:
+    for name in ("many", "more"):
+        (tmp_path / f"{name}.yaml").write_text(MANY)
+    code, out, err = eos_ref_command("list", "--cases", tmp_path)
+    lines = err.splitlines()
+    assert (code, out) == (2, "")
+    assert all(line.startswith("eos-ref: ") for line in lines)
+    assert [sum(f"{name}.yaml" in line for line in lines) for name in ("many", "more")] == [len(SAID)] * 2
+
+
+MATRIX = """name: matrix
+about: mistakes in patches
+matrix:
+  law:
+    a: {pressure+: [{types: "2", style: linear, gama: 1}], rho: {rato: [1, 2]}}
+    b: {pressure: [{types: "*", style: linaer}]}
+  size:
+    s: {positions: {cells: [0, 2]}}
+    t: {positions: {cells: null}}
+    u: {velocity: {uniform: [1, 2, 3]}}
+scene:
+  dimension: 2
+  types: [{mass: 1}, {mass: 2}]
+  pressure: [{types: "1", style: linear}]
+  positions: {lattice: sq, spacing: 0.8, cells: [5, 4]}
+  rho: {ratio: [0.8, 1]}
+"""
+
+
+def test_a_mistake_in_a_patch_is_placed_in_the_patch_and_said_once(tmp_path: Path) -> None:
+    said = _refused(tmp_path / "matrix.yaml", MATRIX)
+    assert [line[line.rindex("(") :] for line in said] == [
+        "(line 5, column 49, case matrix.a.s)",
+        "(line 5, column 66, case matrix.a.s)",
+        "(line 6, column 40, case matrix.b.s)",
+        "(line 8, column 28, case matrix.a.s)",
+        "(line 9, column 28, case matrix.a.t)",
+    ]
+    mended = MATRIX.replace("gama: 1", "").replace("linaer", "linear").replace("rato", "ratio")
+    mended = mended.replace("[0, 2]", "[1, 2]").replace("cells: null", "cells: [2, 2]")
+    (said_of_vector,) = _refused(tmp_path / "matrix.yaml", mended)
+    assert "velocity.uniform needs 2 components, found 3 (line 10, column 29, case matrix.a.u)" in said_of_vector
+
+
+def test_a_case_that_cannot_be_built_names_line_and_column(case_file: Callable[..., Path]) -> None:
+    from lammps_cases.run.campaign import prepare
+
+    (case,) = casefile.load_file(case_file(rho={"values": [1.0, 1.1]}))
+    with pytest.raises(
+        InputError, match=r"one value per particle \(20\).*mine\.yaml, line 16, column 3, case mine, rho"
+    ):
+        prepare(case)
+
+
+RICH: dict[str, Any] = {
+    "name": "rich",
+    "about": "all kinds of values",
+    "tags": ["a"],
+    "exercises": {"*": ["shift"]},
+    "matrix": {"axis": {"one": {"units": "lj"}}},
+    "scene": {
+        "units": "lj",
+        "dimension": 2,
+        "types": [{"mass": 1.3, "rho0": 1.2, "cs": 3.0, "viscosity": {"eta": 0.1, "gd0": 0.2, "K": 0.1, "n": 0.5}}],
+        "positions": {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "periodic": [True, True], "tilt": [0.1]},
+        "pressure": [{"types": "*", "style": "cubic", "A3": 2.0}],
+        "rho": {"ratio": [0.8, 1.3], "spacing": "log"},
+        "energy": {"offset": {"low": 0.1, "high": 0.2}},
+        "velocity": {"uniform": [1.0, 0.0]},
+        "rheo": {"kernel": "RK1", "shift": {"exclude": ["1"], "scale_cross_type": [1.0, 0.1, 0.2]}},
+        "forces": [{"style": "setforce", "vector": [0.0, None]}],
+        "evolve": {"steps": 2, "timestep": 0.01, "compare_at": [0, 2], "stops": [{"at": 1, "displace": {"x": 0.1}}]},
+        "compare": ["f"],
+        "engine": {"newton": True, "skin": 0.2, "processors": [1, 1, 1], "boundary": "f"},
+        "twin": {"relabel": True},
+        "expect": {"refused": "a long refusal"},
+    },
+}
+WRONG = (
+    "word",
+    "",
+    1.5,
+    -3,
+    True,
+    None,
+    [],
+    {},
+    [None],
+    [[1]],
+    {"odd": 1},
+    {"odd": {"even": []}},
+    ["a", "b", "c", "d"],
+)
+# What pydantic and Python say of values, and YAML does not.
+FOREIGN = re.compile(
+    r"\b(tuple|dict|dictionary|NoneType|None|True|False|literal|instance|pydantic|str|float|int|bool|boolean|input|"
+    r"Field|Value|valid|object|validation|extra|forbidden|permitted|discriminator|tag|parse|type=)\b",
+)
+
+
+def _places(content: Any, keys: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    for key, value in content.items() if isinstance(content, dict) else enumerate(content):
+        yield (*keys, key)
+        if isinstance(value, dict | list):
+            yield from _places(value, (*keys, key))
+
+
+@pytest.mark.parametrize("keys", [*_places(RICH)], ids=lambda keys: ".".join(map(str, keys)))
+def test_no_word_of_python_is_in_a_complaint(keys: tuple[Any, ...], tmp_path: Path) -> None:
+    said = []
+    for wrong in WRONG:
+        content = copy.deepcopy(RICH)
+        at: Any = content
+        for key in keys[:-1]:
+            at = at[key]
+        at[keys[-1]] = wrong
+        text = yaml.safe_dump(content, sort_keys=False)
+        path = tmp_path / "rich.yaml"
+        path.write_text(text)
+        try:
+            casefile.load_file(path)
+        except InputError as error:
+            said += [f"{each.what}: {each.rule} ({each.where})" for each in error.errors]
+    assert said
+    for line in said:
+        assert not FOREIGN.search(line), line
+        assert re.search(r"line \d+, column \d+", line), line
+
+
+@pytest.mark.parametrize(
+    ("key", "under"),
+    [("tags", "belongs under no other key"), ("cells", "belongs under positions:"), ("wibble", "unknown key (")],
+)
+def test_a_key_of_another_level_is_told_its_place(key: str, under: str, case_file: Callable[..., Path]) -> None:
+    with pytest.raises(InputError, match=re.escape(f"{key}: unknown key")) as refusal:
+        casefile.load_file(case_file(**{key: 1}))
+    assert under in str(refusal.value)
+
+
+def test_a_key_at_the_wrong_level_is_not_missing_besides(tmp_path: Path) -> None:
+    text = "name: a\nabout: b\npressure: []\nscene: {dimension: 2, types: [{mass: 1}], positions: {extxyz: a.xyz}}\n"
+    assert _refused(tmp_path / "a.yaml", text) == ["pressure: unknown key (belongs under scene:) (line 3, column 1)"]

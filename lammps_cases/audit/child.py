@@ -11,6 +11,7 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, Task
+from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine.session import EngineMissing, EngineRefused, describe, open_lammps
 from lammps_cases.records.run_record import Seconds
@@ -46,6 +47,8 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.allow_shell)
     refused = ""
     try:
+        if options.suffix is not None:
+            follower.start(f"suffix {options.suffix}")
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
@@ -53,4 +56,5 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()
     warnings, margins = questions.lines(), questions.stability
-    return DeckEnd(watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead)
+    mistaken = (HYPHEN,) if questions.mistaken else ()
+    return DeckEnd(watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead, mistaken)

@@ -6,7 +6,9 @@ followed (a keyword of a later version, a variable where a number is expected) i
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -47,7 +49,7 @@ class Deck:
         """Take a command that LAMMPS has executed."""
         match values:
             case ["fix", name, _, _, *_]:
-                self.fixes[name] = values
+                self.fixes[name] = [_as_taken(word) for word in values] if hyphens(values) else values
             case ["unfix", name]:
                 self.fixes.pop(name, None)
             case ["pair_style", *arguments]:
@@ -175,8 +177,32 @@ class Deck:
         """
         return [action(values) for values in self.fixes.values() if values[3] in _FOLLOWED]
 
+    def plain_actions(self) -> list[Action]:
+        """Return those of `actions` whose vectors are plain numbers."""
+        found = []
+        for values in self.fixes.values():
+            if values[3] in _FOLLOWED:
+                with contextlib.suppress(InputError):
+                    found.append(action(values))
+        return found
+
 
 _LAWS = ("rheo", "rheo/pressure")
+_HYPHEN = re.compile("([0-9]+)-[0-9]+")  # no number looks so
+
+
+def hyphens(values: Sequence[str]) -> list[str]:
+    """Return the words of a command of RHEO's fixes that are meant as ranges of types, and are none."""
+    of_rheo = values[0] == "fix" and values[3:4] and values[3].startswith("rheo")
+    return [word for word in values[4:] if _HYPHEN.fullmatch(word)] if of_rheo else []
+
+
+def _as_taken(word: str) -> str:
+    """Return a word as LAMMPS takes it; see the finding hyphen-range-accepted."""
+    hyphen = _HYPHEN.fullmatch(word)
+    return hyphen[1] if hyphen else word
+
+
 _FOLLOWED = ("gravity", "addforce", "setforce")
 _PAIR_WORDS = ("rheo", *commands.PAIR_KEYWORDS)
 # Fixes that leave forces alone, or do not act between an evaluation and a sample.

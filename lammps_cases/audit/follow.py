@@ -74,6 +74,16 @@ class Follower:
         except Finished:
             return
 
+    def start(self, command: str) -> None:
+        """Execute a command before the deck, as a switch of LAMMPS' command line does.
+
+        Raises
+        ------
+        EngineRefused, InputError
+        """
+        self.where = "command line"
+        self._line(command)
+
     def _file(self, path: Path) -> None:
         self.scripts.append(self._script(path))
         while (line := next(self.scripts[-1].lines, None)) is not None:
@@ -129,6 +139,7 @@ class Follower:
                     raise Finished
             case _:
                 self._hidden(words)
+                self.watch.heed(values)
                 self.execute(command)
                 self.watch.note(values)
 

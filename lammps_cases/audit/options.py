@@ -44,6 +44,8 @@ class AuditOptions:
         Fields to check, by LAMMPS' names, or ``all`` that can be.
     keep : Path, optional
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
+    suffix : str, optional
+        Style suffix that LAMMPS is started with, as by its own switch -sf.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class AuditOptions:
     progress: Progress = field(default=SILENT, compare=False)
     keep: Path | None = None
     fields: tuple[str, ...] = DEFAULT
+    suffix: str | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.every < 2**31:
@@ -74,6 +77,7 @@ class AuditOptions:
         words = ["--every", str(self.every)]
         words += [] if self.steps is None else ["--steps", str(self.steps)]
         words += [] if self.fields == DEFAULT else ["--fields", ",".join(self.fields)]
+        words += [] if self.suffix is None else ["-sf", self.suffix]
         words += ["--allow-shell"] if self.allow_shell else []
         return words + ([] if self.engine is None else ["--engine", f"path:{self.engine}"])
 
@@ -181,3 +185,4 @@ class DeckEnd:
     refused: str = ""
     outlook: OutlookRecord | None = None
     effects: list[EffectRecord] = field(default_factory=list)
+    mistaken: tuple[str, ...] = ()  # findings by which LAMMPS takes commands of the deck for something else

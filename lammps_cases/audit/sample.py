@@ -7,13 +7,14 @@ only. LAMMPS evaluates a compute anew for every step and after every set-up, fro
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.parameters import Box, Model, State
+from eos_ref.model.parameters import BoolArray, Box, Model, State
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
@@ -42,7 +43,7 @@ class Sampler:
         The pressure among them is left out.
     model : Model
     actions : sequence of Action
-        Fixes that change forces; used only with ``f``.
+        Fixes that change forces by plain numbers; see `follow_group`.
     mass_t : array or None
         Mass per type, from index 1; None where every particle has its own.
     engine : str
@@ -58,9 +59,8 @@ class Sampler:
         mass_t: Array | None,
         engine: str,
     ) -> None:
-        self.lmp, self.model, self.mass_t = lmp, model, mass_t
+        self.lmp, self.model, self.actions, self.mass_t = lmp, model, actions, mass_t
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
-        self.actions = list(actions) if "f" in self.fields else []
         self.listed = [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
         self.explained: Explained = {}  # by earlier samples
         self.last: ParticleSample | None = None
@@ -75,9 +75,6 @@ class Sampler:
             # stress/t without it ends in a segmentation fault (LAMMPS 22Jul2025).
             names = ["pressure", *(FIELDS[field].words() for field in self.columns)]
             lmp.command(f"compute {COMPUTE} all rheo/property/atom {' '.join(names)}")
-        self.groups = {group: f"{MEMBERS}{k}" for k, group in enumerate(sorted({a.group for a in self.actions}))}
-        for group, name in self.groups.items():
-            lmp.command(f"variable {name} atom gmask({group})")
 
     def compare(self, tag_n: Array, x_nc: Array, setup: bool) -> dict[str, Comparison]:
         """Compare all fields of the particles there are; ``setup`` on the set-up of a run."""
@@ -126,14 +123,9 @@ class Sampler:
             record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
 
     def _sample(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
-        atoms, model = self.lmp.numpy, self.model
-        d, fix = model.dimension, model.fix
-        state, box = particles(self.lmp, model, n, x_nc)
-        mass_n = atoms.extract_atom("rmass")[:n].copy() if self.mass_t is None else self.mass_t[state.type_n]
-        acts = {g: atoms.extract_variable(name, "all", ATOM_VARIABLE)[:n] != 0 for g, name in self.groups.items()}
-        actions = [(action, acts[action.group]) for action in self.actions]
-        summed = setup and fix.rho_sum and fix.interface_reconstruct
-        return ParticleSample(model, box, state, mass_n, actions, summed, x_nc[:n, 2].copy() if d == 2 else None)
+        fix = self.model.fix
+        sample = taken(self.lmp, self.model, self.actions, self.mass_t, n, x_nc)
+        return replace(sample, summed=setup and fix.rho_sum and fix.interface_reconstruct)
 
     def _shown(self, n: int) -> dict[str, Array]:
         d = self.model.dimension
@@ -148,8 +140,10 @@ class Sampler:
         return shown
 
 
-def particles(lmp: Any, model: Model, n: int, x_nc: Array) -> tuple[State, Box]:
-    """Return the particles and the box as they are now, copied."""
+def taken(
+    lmp: Any, model: Model, actions: Sequence[Action], mass_t: Array | None, n: int, x_nc: Array
+) -> ParticleSample:
+    """Return the particles and the box as they are now, copied; see `follow_group` for the groups of actions."""
     atoms, d = lmp.numpy, model.dimension
     state = State(
         x_nc=x_nc[:n, :d].copy(),
@@ -162,7 +156,21 @@ def particles(lmp: Any, model: Model, n: int, x_nc: Array) -> tuple[State, Box]:
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     tilt = (xy, xz, yz)[: d * (d - 1) // 2]
     ends = tuple(low[:d]), tuple(high[:d])
-    return state, Box(*ends, tuple(bool(flag) for flag in periodic[:d]), tilt if any(tilt) else ())
+    box = Box(*ends, tuple(bool(flag) for flag in periodic[:d]), tilt if any(tilt) else ())
+    mass_n = atoms.extract_atom("rmass")[:n].copy() if mass_t is None else mass_t[state.type_n]
+    z_n = x_nc[:n, 2].copy() if d == 2 else None
+    return ParticleSample(model, box, state, mass_n, [(a, members(lmp, a.group, n)) for a in actions], z_n=z_n)
+
+
+def follow_group(lmp: Any, group: str) -> None:
+    """Define what `members` reads; during a run LAMMPS takes no commands."""
+    lmp.command(f"variable {MEMBERS}{group} atom gmask({group})")
+
+
+def members(lmp: Any, group: str, n: int) -> BoolArray:
+    """Return the particles that are in a group now, (n,)."""
+    in_n: BoolArray = lmp.numpy.extract_variable(f"{MEMBERS}{group}", "all", ATOM_VARIABLE)[:n] != 0
+    return in_n
 
 
 def drop(lmp: Any) -> None:

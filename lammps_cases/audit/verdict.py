@@ -88,8 +88,11 @@ class Findings:
                 self.fields["pressure", t].digits_lost = record.digits_lost
         fields = [self.fields[key] for key in sorted(self.fields, key=lambda key: (offered().index(key[0]), key[1]))]
         of_fields = worst([record.verdict for record in fields])
+        if self.ended and self.ended.mistaken and fields:
+            of_fields = worst([of_fields, "explained"])
         facts = self.facts or NOTHING
-        explained = [name for record in fields for name in record.explained_by]
+        mistaken = self.ended.mistaken if self.ended else ()
+        explained = [*mistaken, *(name for record in fields for name in record.explained_by)]
         case = CaseRecord(
             case=name,
             tags=["audit"],

@@ -15,10 +15,13 @@ import numpy.typing as npt
 
 from eos_ref import EOS
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Box, Model, State
+from eos_ref.model.parameters import Model
+from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.audit.lints import Stillness, lints
 from lammps_cases.studies.stability.advice import judge
 
 DEFAULT_RHO = 1.0  # LAMMPS 22Jul2025's density of an atom for which none is set
+HYPHEN = "hyphen-range-accepted"  # of the ledger
 SOLID = 1  # bit of rheo_status
 OFFSET = 10  # a pressure is offset if its mean is this many times its range
 _FROM_FILE = frozenset({"read_data", "read_restart", "read_dump"})
@@ -65,7 +68,11 @@ class Questions:
 
     _rho_set: bool = False
     _types: dict[tuple[int, EOS], _TypeHistory] = field(default_factory=dict)
+    _far: dict[tuple[int, EOS], str] = field(default_factory=dict)
     _lines: list[str] = field(default_factory=list)
+    _said: set[str] = field(default_factory=set)  # subjects of the lints of this system
+    stillness: Stillness = field(default_factory=Stillness)
+    mistaken: bool = False  # whether LAMMPS takes commands of the deck for something else
     tilted: int = 0  # atoms of a 2D deck with neighbours above or below
     stability: list[str] = field(default_factory=list)  # how far from failing, where that is no warning
     _judged: tuple[Model, float] | None = None
@@ -77,8 +84,26 @@ class Questions:
             self._lines = self.lines()
             self._rho_set = False
             self._types.clear()
+            self._far.clear()
+            self._said.clear()
+            self.stillness = Stillness()
         if values[0] in _FROM_FILE or (values[0] == "set" and "rheo/rho" in values):
             self._rho_set = True
+
+    def misread(self, values: list[str], words: list[str]) -> None:
+        """Note a command of RHEO's with words that LAMMPS takes for something else."""
+        self.mistaken = True
+        self._lines += [
+            f"fix {values[1]} ({values[3]}): '{word}' is no range of types: LAMMPS takes it for "
+            f"'{word.partition('-')[0]}' alone (known bug {HYPHEN}), and so does this audit; write "
+            f"'{word.replace('-', '*')}'"
+            for word in words
+        ]
+
+    def suffixed(self, styles: list[str]) -> None:
+        """Note suffixes that no style of RHEO has."""
+        names = " and ".join(f"rheo/{style}" for style in styles)
+        self._lines.append(f"suffix {' '.join(styles)}: this LAMMPS has no {names}; RHEO's styles run without it")
 
     def unwatched(self, run: int) -> None:
         """Note a run without laws."""
@@ -107,22 +132,32 @@ class Questions:
         history.rho.add(rho_n)
         history.p.add(p_n)
 
-    def begin(self, run: int, model: Model, box: Box, state: State, timestep: float) -> None:
+    def begin(self, run: int, sample: ParticleSample, timestep: float) -> None:
         """Take the particles at the start of a run; judged once for a model and a time step."""
+        model, state = sample.model, sample.state
         if self._judged == (model, timestep):
             return
+        prefix = "" if run == 1 else f"run {run}: "
+        if self._judged is None or self._judged[0] != model:
+            far, found = lints(sample)
+            self._far |= {(t, model.eos[t]): line for t, line in far.items()}
+            self._lines += [prefix + line for subject, line in found.items() if subject not in self._said]
+            self._said |= found.keys()
         self._judged = model, timestep
-        for advice in judge(model, box, state, timestep):
+        for advice in judge(model, sample.box, state, timestep):
             lines = self._lines if advice.warns else self.stability
-            lines.append(advice.text if run == 1 else f"run {run}: {advice.text}")
+            lines.append(prefix + advice.text)
 
     def lines(self) -> list[str]:
         """Return the warnings, in the order of systems and types, each once."""
         lines = list(self._lines)
         for (t, law), history in self._types.items():
             if not law.needs_energy:  # a gas has neither rho0 nor a pressure around 0
-                questions = [_unset(history)] if _unset(history) else [_unreached(history), _offset(history)]
+                off = self._far.get((t, law)) or _unreached(history)
+                questions = [_unset(history)] if _unset(history) else [off, _offset(history)]
                 lines += [f"type {t}: {line}" for line in questions if line]
+        if self.stillness.line:
+            lines.append(self.stillness.line)
         if self.tilted:
             lines.append(
                 f"{self.tilted} atoms of this 2D deck have neighbours at another height z: LAMMPS takes distances in "

@@ -22,7 +22,7 @@ from eos_ref.errors import InputError
 from eos_ref.model.parameters import TILTED, Model
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample
-from lammps_cases.audit.deck import HARMLESS, Deck
+from lammps_cases.audit.deck import HARMLESS, Action, Deck, hyphens
 from lammps_cases.audit.effects import effects
 from lammps_cases.audit.options import AuditOptions, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import RUNAWAY, Good, mach, outlook
@@ -49,6 +49,7 @@ class WatchedRun:
     continued : whether it begins without a set-up
     table : laws of its types; None: it evaluates no pressure
     mass_t : mass per type, from index 1; None where every particle has its own
+    actions : fixes that change forces by plain numbers
     choice : what is checked
     sampler : of the fields beside the pressure, if any is checked
     """
@@ -58,6 +59,7 @@ class WatchedRun:
     continued: bool
     table: EOSTable | None
     mass_t: Array | None
+    actions: list[Action]
     choice: fields.Choice
     sampler: sample.Sampler | None
 
@@ -91,6 +93,16 @@ class DeckWatch:
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
+
+    def heed(self, values: list[str]) -> None:
+        """Take down what LAMMPS will not do as a command that it is about to execute says."""
+        if words := hyphens(values):
+            self.questions.misread(values, words)
+        if values[0] == "suffix":
+            styles = [word for word in values[1:] if word not in ("on", "off", "hybrid")]
+            lacking = [style for style in styles if not self.lmp.has_style("pair", f"rheo/{style}")]
+            if lacking:
+                self.questions.suffixed(lacking)
 
     def note(self, values: list[str]) -> None:
         """Take down a command that LAMMPS has executed."""
@@ -140,10 +152,12 @@ class DeckWatch:
             self._run = replace(self._run, first=first, stop=stop, continued=True, table=table, mass_t=mass_t)
         else:
             sample.drop(lmp)
-            choice, sampler = fields.Choice((), {}), None
+            choice, sampler, actions = fields.Choice((), {}), None, self.deck.plain_actions()
+            for group in sorted({action.group for action in actions}):
+                sample.follow_group(lmp, group)
             if table is not None:
-                choice, sampler = self._choose(table, mass_t, values)
-            self._run = WatchedRun(first, stop, False, table, mass_t, choice, sampler)
+                choice, sampler = self._choose(table, mass_t, actions, values)
+            self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler)
             if lmp.has_id("fix", FIX):
                 lmp.command(f"unfix {FIX}")
             # Called on the steps to sample, on the first one, and on the last one that the audit is to do.
@@ -153,7 +167,7 @@ class DeckWatch:
         self.send(self._facts(self._run))
 
     def _choose(
-        self, table: EOSTable, mass_t: Array | None, values: list[str]
+        self, table: EOSTable, mass_t: Array | None, actions: list[Action], values: list[str]
     ) -> tuple[fields.Choice, sample.Sampler | None]:
         """Choose what is checked in the run that begins."""
         if self.options.fields == fields.PRESSURE:
@@ -169,7 +183,6 @@ class DeckWatch:
         choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
-        actions = self.deck.actions() if "f" in choice.fields else []
         return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine)
 
     def _model(self, table: EOSTable, mass_t: Array | None) -> Model | InputError:
@@ -215,8 +228,8 @@ class DeckWatch:
         if step == run.first and n and np.isfinite(x_nc).all():
             model = self._model(table, run.mass_t)
             if isinstance(model, Model):
-                state, box = sample.particles(self.lmp, model, n, x_nc)
-                self.questions.begin(self.runs, model, box, state, float(self.lmp.extract_global("dt")))
+                of_run = sample.taken(self.lmp, model, run.actions, run.mass_t, n, x_nc)
+                self.questions.begin(self.runs, of_run, float(self.lmp.extract_global("dt")))
         now = pressure.read(self.lmp, table, run.mass_t, step, tag_n, x_nc)
         status_n = self.lmp.numpy.extract_atom("rheo_status")[:n]
         # A run calls back twice on one step where it is set up anew, in between (run ... every).
@@ -227,6 +240,8 @@ class DeckWatch:
             self.questions.run_away(self.runs, step)
         if sampler is not None:
             self.questions.tilted = max(self.questions.tilted, sampler.tilted)
+        if sampler is not None and sampler.last is not None:
+            self.questions.stillness.look(step, tag_n, sampler.last, step == run.first)
         if setup and self.deck.sums_walls():  # LAMMPS then shows other densities of walls than it used (see the ledger)
             fluid_n = status_n & SOLID == 0
             now, status_n = now.of(fluid_n), status_n[fluid_n]

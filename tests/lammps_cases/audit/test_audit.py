@@ -75,8 +75,9 @@ FIXES = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\n
 
 # --- healthy decks ---
 
-# Their densities lie on both sides of rho0 at random: the audit says rightly that such a tension would clump in time.
-CLUMPING = "the tension at which particles clump"
+# Their densities lie on both sides of rho0 at random, of which the audit says rightly that such a tension would clump
+# in time; their masses, densities and speeds are odd numbers, so that none can be taken for another.
+DELIBERATE = ("the tension at which particles clump", " times rho0 V = ", " times rho0 = ", " times the largest speed ")
 
 
 @pytest.mark.parametrize("name", HEALTHY)
@@ -86,7 +87,7 @@ def test_healthy_deck_is_clean(name: str, kept: Callable[[str], Path]) -> None:
     assert case.verdict in ("exact", "pass"), case.message
     assert result.record.exit_code() == 0
     assert case.tags == ["audit"] and case.case == f"in.{name}"
-    assert [warning for warning in case.warnings if CLUMPING not in warning] == []
+    assert [warning for warning in case.warnings if not any(part in warning for part in DELIBERATE)] == []
     assert [field.atom_type for field in case.fields] == [1, 2]
     assert all(field.worst_step is not None and (field.max_over_bound or 0) < 1 for field in case.fields)
 
@@ -464,14 +465,21 @@ def test_errors_of_the_flow_are_refused(command: str, tmp_path: Path) -> None:
 
 
 def test_density_never_set() -> None:
-    (line,) = [w for w in case_of(audit_deck(DECKS / "in.never_set")).warnings if w.startswith("type 1")]
+    mass, line = [w for w in case_of(audit_deck(DECKS / "in.never_set")).warnings if w.startswith("type 1")]
+    assert "m = 1.3 is 0.0013 times rho0 V" in mass
     assert line.startswith("type 1: rho was never set: all 32 fluid atoms") and "rho0 = 1000" in line
 
 
 def test_offset_and_density_off_rho0() -> None:
-    offset, unreached = case_of(audit_deck(DECKS / "in.offset")).warnings
+    *_, offset, far = case_of(audit_deck(DECKS / "in.offset")).warnings
     assert offset.startswith("type 1: fixed pressure offset") and "(5 of it is the background" in offset
-    assert unreached.startswith("type 2: rho0 = 0.8 was never reached")
+    assert far.startswith("type 2: rho is 1.62 times rho0 = 0.8 ") and "a pressure of 0.625 rho0 c^2" in far
+
+
+def test_density_that_stays_near_rho0_but_off_it(tmp_path: Path) -> None:
+    commands = f"mass * 1\nset group all rheo/rho 1.05\n{FIXES}fix 3 all rheo/pressure * linear\nrun 1\n"
+    lines = case_of(audit_deck(write_deck(tmp_path, commands), OF_PRESSURE)).warnings
+    assert len([line for line in lines if ": rho0 = 1 was never reached: " in line]) == 2
 
 
 def test_run_without_pressure_is_said(tmp_path: Path) -> None:
@@ -479,7 +487,7 @@ def test_run_without_pressure_is_said(tmp_path: Path) -> None:
     deck = write_deck(tmp_path, commands)
     deck.write_text(f"{MELT}clear\n{deck.read_text()}")
     case = case_of(audit_deck(deck))
-    assert case.warnings == ["run 1: no fix rheo/pressure was defined, nothing was checked"]
+    assert case.warnings[0] == "run 1: no fix rheo/pressure was defined, nothing was checked"
     assert {check.run for check in case.checks} == {2}
 
 

@@ -314,6 +314,22 @@ def test_what_adds_to_the_force(commands: str, why: str) -> None:
     assert why in reason and bool(why) == bool(reason)
 
 
+def test_shifts_of_particles_that_oxidize_are_left_out() -> None:
+    """LAMMPS' own oxidation example differs from step 69 on, and agrees without fix rheo/oxidation and its bonds."""
+    model = Model(
+        2,
+        parse_fix_rheo("fix 1 all rheo 3.0 quintic 0 shift"),
+        (1.0,),
+        EOSTable((EOS("linear"),)),
+        PairRheo(3.0),
+        (Viscosity("constant", 0.1),),
+    )
+    oxidizing = followed(MODEL + "fix 5 all rheo/oxidation 1.5 2 1.0")
+    assert fields.why_not("shift/v", model, fields.Setting(oxidizing, "lj")) == fields.MARKED
+    assert not fields.why_not("shift/v", model, fields.Setting(followed(MODEL), "lj"))
+    assert not fields.why_not("grad/v", model, fields.Setting(oxidizing, "lj"))
+
+
 def test_what_takes_pairs_out() -> None:
     assert followed("neigh_modify exclude type 1 1").hides_pairs() and not followed(MODEL).hides_pairs()
     assert not followed("neigh_modify exclude type 1 1\nneigh_modify exclude none").hides_pairs()

@@ -24,7 +24,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.jit import announce_first_use
-from eos_ref.model.parameters import Gradients, PairTerms, State
+from eos_ref.model.parameters import Box, Gradients, PairTerms, State
 from eos_ref.numbers.columns import Axes, axes, joined, matrix, summed, symmetric
 from eos_ref.numbers.number import Array
 
@@ -55,12 +55,9 @@ class CompiledEvaluator(Evaluator):
     def __post_init__(self) -> None:
         super().__post_init__()
         announce_first_use(loops.quintic_geometry)
-        model, box = self.model, self.box
-        if box.tilted:
-            raise InputError("tilt of the box", "must be 0 for compiled sums: take ArrayEvaluator", box.tilt)
+        model = self.model
         self.like = (0.0,) * model.dimension
-        self.neighbours = Neighbours(box, model.cut, SKIN * model.cut if self.skin is None else self.skin)
-        self.edge = tuple(edge if p else 0.0 for edge, p in zip(box.edge_c, box.periodic, strict=True))
+        self.take(self.box)
         self.reach = _least_square(model.cut)
         self.basis = corrections.Basis(model.order, model.dimension) if model.corrects_gradients else None
         if not isinstance(self.threads, int) or self.threads < 1:
@@ -68,6 +65,21 @@ class CompiledEvaluator(Evaluator):
         self.workers = ThreadPoolExecutor(self.threads)  # without threads until there is something for two of them
         self.parts: list[Any] = []  # `loops.Pairs` for every thread, with the rows of the others empty
         self._buffers: dict[str, Any] = {}
+
+    def take(self, box: Box) -> None:
+        """Go on in another box, whose pairs are listed anew.
+
+        Raises
+        ------
+        InputError
+            A tilted box.
+        """
+        if box.tilted:
+            raise InputError("tilt of the box", "must be 0 for compiled sums: take ArrayEvaluator", box.tilt)
+        super().take(box)
+        cut = self.model.cut
+        self.neighbours = Neighbours(box, cut, SKIN * cut if self.skin is None else self.skin)
+        self.edge = tuple(edge if p else 0.0 for edge, p in zip(box.edge_c, box.periodic, strict=True))
 
     # --- internal order
 

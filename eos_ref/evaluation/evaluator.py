@@ -101,6 +101,10 @@ class Evaluator(ABC):
         """Take masses of the particles' own, (n,), for those of their types."""
         self.mass_n = mass_n
 
+    def take(self, box: Box) -> None:
+        """Go on in another box."""
+        self.box = box
+
     def of_type(self, values_t: Iterable[Any]) -> npt.NDArray[Any]:
         """Return values given per type for every particle, (n,)."""
         return np.asarray(values_t if isinstance(values_t, np.ndarray) else list(values_t))[self.type_n - 1]

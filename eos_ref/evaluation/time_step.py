@@ -211,6 +211,13 @@ class Simulation:
         """Evaluate before the first step, without a history of forces."""
         self.evaluate()
 
+    def remap(self, box: Box) -> None:
+        """Change the box, and the positions with it: fractions of its edges stay what they are."""
+        fraction_nc = (self.state.x_nc - np.array(self.box.low_c)) / self.box.edge_c
+        self.state.x_nc = np.array(box.low_c) + fraction_nc * box.edge_c
+        self.box = box
+        self.evaluator.take(box)
+
     def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
         """Evaluate the state reached as one that is given: a run begins so, whatever came before it.
 

@@ -44,6 +44,7 @@ class Stop:
     read_back : whether the state is read from a file
     digits : significant digits that the state goes through a text file with; None: all
     new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined anew
+    box : the box from here on, with which the positions change; None: as before
     """
 
     step: int
@@ -52,6 +53,7 @@ class Stop:
     by_nc: FloatArray | None = None
     read_back: bool = False
     digits: int | None = None
+    box: Box | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,10 @@ class Problem:
     fields: tuple[str, ...]
     steps: tuple[int, ...]
     stops: tuple[Stop, ...] = ()
+
+    def box_at(self, step: int) -> Box:
+        """Return the box at a step, after a stop there."""
+        return next((stop.box for stop in reversed(self.stops) if stop.box and stop.step <= step), self.box)
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,8 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[Stop
         sim.run(step - done, dt)
         done = step
         if stop := stop_at.get(step):
+            if stop.box is not None:
+                sim.remap(stop.box)
             if stop.by_nc is not None:
                 sim.state.x_nc = sim.state.x_nc + stop.by_nc
             if isinstance(sim, Shaken):
@@ -230,6 +238,12 @@ class Shaken(Simulation):
         """Take a step, and move the state."""
         super().step(dt)
         self.shake()
+
+    def remap(self, box: Box) -> None:
+        """Change box and positions, and move these by all roundings on the way to fractions and back, 6 on a side."""
+        super().remap(box)
+        reach_c = np.abs(box.low_c) + np.array(box.edge_c)
+        self.state.x_nc = self.state.x_nc + self._signs(self.state.x_nc) * 6 * EPS * reach_c
 
     def shake(self, relative: float = 0.0) -> None:
         """Move the state by one unit of the last place and by a fraction of every value, with random signs."""

@@ -133,7 +133,9 @@ class RedCase:
 
     def _lammps(self, name: str, at: int, fields: Fields) -> Any:
         lammps_n = np.asarray(self.snapshots[at][name], float)
-        return nearest_image(self.problem, lammps_n, np.asarray(fields[name], float)) if name == "x" else lammps_n
+        if name != "x":
+            return lammps_n
+        return nearest_image(self.problem.box_at(self.problem.steps[at]), lammps_n, np.asarray(fields[name], float))
 
     def changed(self, values: list[Fields]) -> bool:
         """Return whether fields differ from the reference's where LAMMPS' do first."""

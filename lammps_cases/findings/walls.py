@@ -152,7 +152,7 @@ class BeginningWithParts(PressureForceKept, CountingSteps):
         """Return the pressure force on every particle, and in the slots of images what pairs have added there."""
         here, old, new = len(self.state.x_nc), *self.evaluator.lists[self.at - 1 : self.at + 1]
         slots_sc = self.evaluator.parts()
-        if read_back or not old.newton[0]:
+        if read_back or new_n.all() or not old.newton[0]:
             slots_sc[:] = 0.0
         slots_sc[:here] = np.asarray(value(self.kept_at_stop(new_n)), float)[new.row_s[:here]]
         return slots_sc
@@ -310,8 +310,8 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids takes for "
     "the accelerations without pressure of all particles, walls included, the pressure forces of the evaluation "
     "before, neither taken out of the force nor divided by the mass. They are kept in restart files too, so that a "
-    "run after read_restart begins with them, and displace_atoms is refused there. Densities of solids are wrong "
-    "until the first step recomputes them, and with them the forces that this step begins with.",
+    "run after read_restart begins with them, and displace_atoms and change_box are refused there. Densities of "
+    "solids are wrong until the first step recomputes them, and with them the forces that this step begins with.",
     argument="Between two runs of 0 steps nothing happens, and yet the forces differ. A fluid particle at distance 1 "
     "of a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
     "setforce): after 'run 0' the solid has the density 1, after a second 'run 0' 1.280 = 1 + 2 * 0.3 * 2 * 0.2331, "

@@ -53,12 +53,16 @@ def _stop(scope: Scope, chance: Chance, at: int) -> Content:
     if chance.coin(0.25):
         stop["count"] = chance.choice([0, 7, 1000])
     kept = walls and stop.get("by") in ("restart", "other scene")
-    if chance.coin(0.25) and not kept:  # what a restart file holds of walls keeps displace_atoms from working
+    if kept:  # what a restart file holds of walls keeps displace_atoms and change_box from working
+        return stop
+    if chance.coin(0.25):
         axes = "xy" if scope.planar else "xyz"
         moved = {axis: chance.between(-0.05, 0.05) * scope.spacing for axis in axes if chance.coin(0.7)}
         stop["displace"] = {axis: rounded(value) for axis, value in moved.items()}
         if chance.coin():
             stop["displace"]["types"] = str(chance.whole(1, scope.count))
+    if chance.coin(0.2) and "tilt" not in scope.content["positions"]:
+        stop["stretch"] = {axis: chance.between(0.9, 1.1) for axis in "xyz"[: scope.d] if chance.coin()}
     return stop
 
 
@@ -125,7 +129,9 @@ def engine(scope: Scope, chance: Chance) -> Content:
 
 
 def boundary(scope: Scope, chance: Chance) -> str:
-    """Return a style of faces; none that shrinks where the volume of the box shows."""
+    """Return a style of faces; none that shrinks where the volume of the box shows, fixed ones if it is stretched."""
+    if any("stretch" in stop for stop in scope.content.get("evolve", {}).get("stops", ())):
+        return "f"
     volume = {"virial", "press"}.intersection(scope.content.get("compare", ()))
     styles: tuple[str, ...] = get_args(Boundary)
     return chance.choice([style for style in styles if not (volume and "s" in style)])

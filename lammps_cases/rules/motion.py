@@ -152,4 +152,10 @@ RULES = (
         "Particles cross a periodic boundary.",
         _crossed,
     ),
+    _step(
+        "step-stretched",
+        "Positions keep their fractions of a box that changes.",
+        lambda at: np.full(at.evaluator.n, at.sim.box != at.box),
+        "formula.stretched-alone",
+    ),
 )

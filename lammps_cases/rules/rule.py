@@ -16,7 +16,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, IntArray, State
+from eos_ref.model.parameters import BoolArray, Box, IntArray, State
 
 Counted = Literal["particle", "pair"]
 
@@ -33,12 +33,14 @@ class Evaluated:
     start : the state before the first evaluation
     compared : fields that the scene compares
     step : number of the step
+    box : before the first evaluation
     """
 
     sim: Simulation
     start: State
     compared: tuple[str, ...]
     step: int
+    box: Box
 
     @cached_property
     def evaluator(self) -> ArrayEvaluator:

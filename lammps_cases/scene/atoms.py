@@ -51,6 +51,10 @@ class Atoms:
     def __len__(self) -> int:
         return len(self.id_n)
 
+    def stretched(self, high_c: Sequence[float]) -> Atoms:
+        """Return the particles where they are, in a box with another upper corner."""
+        return replace(self, high_c=np.array(high_c))
+
     def box(self, dimension: int = 3) -> Box:
         """Return the box along some axes."""
         tilt = self.tilt[: dimension * (dimension - 1) // 2]

@@ -21,7 +21,7 @@ from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity, check_tilt
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.stops import FOR_EACH_ATOM, LOSES_MASSES
+from lammps_cases.scene.stops import FOR_EACH_ATOM, LOSES_MASSES, Stretch
 from lammps_cases.scene.values import SceneModel
 from lammps_cases.scene.violations import Violation
 
@@ -197,10 +197,20 @@ class Scene(SceneModel):
                 raise ValueError(f"stops: {stop.by} needs all atoms on one rank, found {self.engine.ranks} ranks")
             if self.mass and stop.by in LOSES_MASSES:
                 raise ValueError(f"stops: {stop.by} does not keep the masses of particles, which mass gives")
+            if stop.stretch:
+                self._check_stretch(stop.stretch)
             if stop.displace:
                 type_range(stop.displace.types or "*", len(self.types))
                 if stop.displace.z and self.dimension == 2:
                     raise ValueError(f"displace.z must be 0 in 2D, found {stop.displace.z!r}")
+
+    def _check_stretch(self, stretch: Stretch) -> None:
+        if stretch.z != 1 and self.dimension == 2:
+            raise ValueError(f"stretch.z must be 1 in 2D, found {stretch.z!r}")
+        if getattr(self.positions, "tilt", None):
+            raise ValueError("stretch needs a box without tilt")
+        if self.engine.boundary != "f":  # LAMMPS sets such faces itself
+            raise ValueError(f"stretch needs faces that are periodic or fixed, found boundary {self.engine.boundary}")
 
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from collections.abc import Sequence
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -44,6 +45,9 @@ LOSES_MASSES: tuple[Route, ...] = (*AS_TEXT, "replicated", "recreated")  # that 
 FOR_EACH_ATOM: tuple[Route, ...] = ("set", "recreated")  # commands that hold LAMMPS' own values of every atom
 
 
+Factor = Annotated[Finite, Field(ge=0.5, le=2.0)]
+
+
 class Displacement(SceneModel):
     """A move of some atoms by displace_atoms."""
 
@@ -58,6 +62,19 @@ class Displacement(SceneModel):
         return self.x, self.y, self.z
 
 
+class Stretch(SceneModel):
+    """A box whose edges change by factors, the lower corner staying, and all positions with them (change_box)."""
+
+    x: Factor = 1.0
+    y: Factor = 1.0
+    z: Factor = 1.0
+
+    @property
+    def factors(self) -> tuple[float, float, float]:
+        """Return the factors of the edges."""
+        return self.x, self.y, self.z
+
+
 class Stop(SceneModel):
     """A step at which a run ends and another begins, with a set-up of its own."""
 
@@ -66,6 +83,7 @@ class Stop(SceneModel):
     timestep: Positive | None = Field(None, description="from here on")
     count: int | None = Field(None, ge=0, strict=True, description="LAMMPS counts on from here (reset_timestep)")
     displace: Displacement | None = None
+    stretch: Stretch | None = None
 
     def renews(self, natoms: int) -> int:
         """Return how many atoms, those of the highest ids, are created anew, or all if the fixes are defined anew."""
@@ -76,3 +94,15 @@ def counted(steps: tuple[int, ...], stops: tuple[Stop, ...]) -> tuple[int, ...]:
     """Return LAMMPS' own count at some steps, which a stop may set."""
     ahead = {stop.at: stop.count - stop.at for stop in stops if stop.count is not None}
     return tuple(step + next((ahead[at] for at in sorted(ahead, reverse=True) if at <= step), 0) for step in steps)
+
+
+def upper_corners(stops: Sequence[Stop], low_c: Sequence[float], high_c: Sequence[float]) -> dict[int, list[float]]:
+    """Return the upper corner of the box from every stop on at which it is stretched."""
+    corners, last_c = {}, list(high_c)
+    for stop in stops:
+        if stop.stretch:
+            ends = zip(low_c, last_c, stop.stretch.factors, strict=True)
+            corners[stop.at] = last_c = [
+                low + factor * (high - low) if factor != 1 else high for low, high, factor in ends
+            ]
+    return corners

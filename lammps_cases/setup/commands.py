@@ -104,7 +104,7 @@ def _interlude(stop: Stop, scene: Scene, atoms: Atoms, plan: Plan) -> Interlude:
     model = tuple(_model(scene, atoms, plan))
     neighbours = (*_neighbours(scene, atoms, plan), *_masses(scene))
     lines = Lines(tuple(_style(scene, atoms)), neighbours, model)
-    return interlude(stop, scene, lines, len(atoms))
+    return interlude(stop, scene, lines, atoms)
 
 
 def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.engine.interlude import FOLDER, Action, Interlude
 from lammps_cases.scene import Scene
-from lammps_cases.scene.stops import Displacement, Stop
+from lammps_cases.scene.atoms import Atoms
+from lammps_cases.scene.stops import Displacement, Stop, upper_corners
 
 # Another scene: another dimension, atom style, number of types and cutoff, with all keywords of fix rheo. Its kernel is
 # the quintic one: beside walls, reproducing kernels with few neighbours give what the memory of the process decides.
@@ -62,20 +63,30 @@ class Lines:
     model: tuple[str, ...]
 
 
-def interlude(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> Interlude:
+def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude:
     """Return what LAMMPS is given at a stop before the next run."""
-    actions = [*_route(stop, scene, lines, natoms), *_settings(stop, scene)]
-    return Interlude(tuple(actions), moves=stop.displace is not None)
+    actions = [*_route(stop, scene, lines, len(atoms)), *_settings(stop, scene, atoms)]
+    return Interlude(tuple(actions), moves=stop.displace is not None or stop.stretch is not None)
 
 
-def _settings(stop: Stop, scene: Scene) -> Iterable[Action]:
+def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[Action]:
     """Yield what a stop changes beside its route."""
     if stop.timestep is not None:
         yield Action(f"timestep {stop.timestep!r}")
     if stop.count is not None:
         yield Action(f"reset_timestep {stop.count}")
+    if stop.stretch:
+        yield _stretched(stop, scene, atoms)
     if stop.displace:
         yield from _displaced(stop, stop.displace, scene)
+
+
+def _stretched(stop: Stop, scene: Scene, atoms: Atoms) -> Action:
+    assert scene.evolve is not None
+    low_c = atoms.low_c.tolist()
+    high_c = upper_corners(scene.evolve.stops, low_c, atoms.high_c.tolist())[stop.at]
+    ends = [f"{axis} final {low!r} {high!r}" for axis, low, high in zip("xyz", low_c, high_c, strict=True)]
+    return Action(f"change_box all {' '.join(ends[: scene.dimension])} remap units box")
 
 
 def _displaced(stop: Stop, move: Displacement, scene: Scene) -> Iterable[Action]:

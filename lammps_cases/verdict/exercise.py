@@ -58,9 +58,9 @@ def _visited(problem: Problem, interacts: bool) -> Iterator[Evaluated]:
     if interacts:
         sim = Simulation(problem.model, problem.box, start, wanted(problem))
         for step in visit(sim, problem.steps, problem.timestep, problem.stops):
-            yield Evaluated(sim, start, problem.fields, step)
+            yield Evaluated(sim, start, problem.fields, step, problem.box)
     else:
         evaluator = ArrayEvaluator(problem.model, problem.box, start.type_n, start.solid_n)
         sim = Simulation.with_evaluator(start.copy(), evaluator, problem.fields)
         sim.evaluate()
-        yield Evaluated(sim, start, problem.fields, 0)
+        yield Evaluated(sim, start, problem.fields, 0, problem.box)

@@ -20,7 +20,7 @@ from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.scene.stops import AS_TEXT, FROM_FILE
+from lammps_cases.scene.stops import AS_TEXT, FROM_FILE, upper_corners
 from lammps_cases.setup import reference_side
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.outcome import (
@@ -47,8 +47,13 @@ def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -
     )
 
 
+def _corners(scene: Scene, atoms: Atoms) -> dict[int, list[float]]:
+    return upper_corners(scene.evolve.stops if scene.evolve else (), atoms.low_c.tolist(), atoms.high_c.tolist())
+
+
 def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
     """Return where a scene's runs end and others begin, as the reference takes them."""
+    evolve, corners = scene.evolve, _corners(scene, atoms)
     return tuple(
         Stop(
             stop.at,
@@ -57,8 +62,9 @@ def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
             reference_side.displacement(stop, scene, atoms),
             stop.by in FROM_FILE,
             TEXT_DIGITS if stop.by in AS_TEXT else None,
+            atoms.stretched(corners[stop.at]).box(scene.dimension) if stop.stretch else None,
         )
-        for stop in (scene.evolve.beginnings if scene.evolve else ())
+        for stop in (evolve.beginnings if evolve else ())
     )
 
 
@@ -108,7 +114,8 @@ def judge_model(
     record.unseen = [entry.id for entry in judged.unseen]
     record.lint = judged.lint
     record.ended, record.blame, record.beyond = "answered", judged.first, judged.beyond
-    return field_arrays(atoms, answer.arrays, comparisons)
+    *_, last_c = (atoms.high_c, *_corners(scene, atoms).values())
+    return field_arrays(atoms.stretched(last_c), answer.arrays, comparisons)
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
+from eos_ref.model.parameters import Box
 from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.findings.variants import Snapshot
@@ -33,7 +34,7 @@ def sides(
     """Return a field of LAMMPS, of the reference, and its bound, at one of the steps."""
     lammps_n, reference_n = snapshot[field], prediction.fields[at][field]
     if field == "x":
-        lammps_n = nearest_image(problem, lammps_n, reference_n)
+        lammps_n = nearest_image(problem.box_at(problem.steps[at]), lammps_n, reference_n)
     return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
 
 
@@ -43,9 +44,9 @@ def derived(step: int) -> str:
     return one if step == 0 else f"{one}; plus the spread of runs moved by that in every one of {step} steps"
 
 
-def nearest_image(problem: Problem, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
+def nearest_image(box: Box, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
     """Positions moved by whole periods to where the reference, which does not wrap, has them."""
-    return np.asarray(x_nc + problem.box.shift(problem.box.periods(reference_nc - x_nc)))
+    return np.asarray(x_nc + box.shift(box.periods(reference_nc - x_nc)))
 
 
 def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Comparison:

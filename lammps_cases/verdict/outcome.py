@@ -117,7 +117,7 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
         text = stop.by in AS_TEXT
         half = 0.5 * 10.0 ** (1 - digits) if text else 0.0
         for name, before_n in carried.before.items():
-            if name == "id" or (name == "x" and stop.displace):
+            if name == "id" or (name == "x" and (stop.displace or stop.stretch)):
                 continue
             after_n = carried.after[name]
             if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone

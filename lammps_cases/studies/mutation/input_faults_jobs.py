@@ -166,6 +166,18 @@ def _not_between(*beginnings: str) -> JobChange:
     return lambda of: replace(of, runs=tuple(map(change, of.runs)))
 
 
+def _between_without(words: str) -> JobChange:
+    """Leave out words of the commands between runs."""
+
+    def change(stretch: RunCommand | Interlude) -> RunCommand | Interlude:
+        if isinstance(stretch, RunCommand):
+            return stretch
+        fewer = tuple(replace(action, text=action.text.replace(words, "")) for action in stretch.actions)
+        return replace(stretch, actions=fewer)
+
+    return lambda of: replace(of, runs=tuple(map(change, of.runs)))
+
+
 def _never_again(of: Job) -> Job:
     """Continue where a run should begin with a set-up of its own."""
     first, *others = of.runs
@@ -246,6 +258,8 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ("between-no-timestep", "unset", "time step not set between runs", _not_between("timestep")),
     ("between-no-forces", "missing term", "forces of other fixes not defined anew", _not_between("fix force")),
     ("between-no-displacement", "missing term", "atoms not displaced", _not_between("displace_atoms")),
+    ("between-no-stretch", "missing term", "the box as it was", _not_between("change_box")),
+    ("stretch-without-atoms", "missing term", "positions not changed with the box", _between_without(" remap")),
     ("between-no-velocities", "unset", "velocities of atoms created anew not set", _not_between("set atom")),
     ("between-no-count", "unset", "steps counted on where the count is set", _not_between("reset_timestep")),
     # --- what atoms are given

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from eos_ref.model.parameters import Box
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor
@@ -213,17 +214,19 @@ class RepeatedCase:
         ratios: dict[str, float] = {}
         of, prediction = self.fitting
         sides = zip(self._snapshots(answer), prediction.fields, prediction.bounds, strict=True)
-        for got, fields, bounds in sides:
+        for step, (got, fields, bounds) in zip(of.steps, sides, strict=True):
             for name in in_step_order(of.fields):
-                ratios[name] = max(ratios.get(name, 0.0), _ratio(of, name, got[name], fields[name], bounds[name]))
+                ratios[name] = max(
+                    ratios.get(name, 0.0), _ratio(of.box_at(step), name, got[name], fields[name], bounds[name])
+                )
         return ratios
 
 
-def _ratio(of: Problem, name: str, lammps: Any, fitting: Any, bound: Any) -> float:
+def _ratio(box: Box, name: str, lammps: Any, fitting: Any, bound: Any) -> float:
     """Return the largest ratio of difference to bound, where there is a bound."""
     fitting_n, lammps_n = np.asarray(fitting, float), np.asarray(lammps, float)
     if name == "x":
-        lammps_n = nearest_image(of, lammps_n, fitting_n)
+        lammps_n = nearest_image(box, lammps_n, fitting_n)
     bound_n = np.broadcast_to(bound, fitting_n.shape)
     bounded_n = np.isfinite(bound_n)
     return float(excess(lammps_n[bounded_n], fitting_n[bounded_n], bound_n[bounded_n])[1].max(initial=0.0))

@@ -107,6 +107,24 @@ def test_an_old_list_gives_the_same_bits(name: str, dimension: int) -> None:
         assert np.array_equal(old[field], new[field]), field
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_box_may_change(dimension: int) -> None:
+    """`Simulation.remap` leaves nothing of the old box in the list."""
+    built = recipe("divergence", dimension)
+    wider = replace(
+        built.box,
+        high_c=tuple(low + 1.25 * (high - low) for low, high in zip(built.box.low_c, built.box.high_c, strict=True)),
+    )
+    first = built.simulate(evaluator=CompiledEvaluator)
+    first.evaluate()
+    first.remap(wider)
+    first.evaluate()
+    second = replace(built, box=wider).with_state(x_nc=first.state.x_nc).simulate(evaluator=CompiledEvaluator)
+    second.evaluate()
+    for field, values in results(second).items():
+        assert np.array_equal(results(first)[field], values), field
+
+
 def test_phases_may_change() -> None:
     """``solid_n`` set anew is the same as an evaluator made with it."""
     built = recipe("walls, RK1", 2)

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Box
 from lammps_cases.comparison.trajectory import Problem, Stop, predict, visit, wanted
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -72,6 +74,29 @@ def test_displaced_particles() -> None:
     by_nc = np.where(of.state.type_n[:, None] == 1, [0.3, -0.2], 0.0)
     moved, unmoved = (visited(replace(of, stops=(stop(of, 2, by_nc=by),)))[1]["x"] for by in (by_nc, None))
     np.testing.assert_array_equal(moved, unmoved + by_nc)
+
+
+def test_particles_go_with_a_box_that_changes() -> None:
+    of = problem("stretched.fluid.once")
+    wider = Box(of.box.low_c, (of.box.high_c[0] * 2, of.box.high_c[1]), of.box.periodic)
+    changed = replace(of, stops=(stop(of, 2, box=wider),))
+    moved, unmoved = (visited(each)[1]["x"] for each in (changed, replace(of, stops=(stop(of, 2),))))
+    np.testing.assert_allclose(moved, unmoved * [2.0, 1.0], rtol=2 * EPS, atol=0)  # to a fraction, and back
+    assert [changed.box_at(step) for step in (0, 1, 2, 4)] == [of.box, of.box, wider, wider]
+    sim = begun(of)
+    sim.run(2, of.timestep)
+    sim.remap(wider)
+    other = Simulation(of.model, wider, sim.state, wanted(of), ArrayEvaluator)
+    assert np.array_equal(sim.evaluate()["f"], other.evaluate()["f"])
+
+
+def test_bounds_of_a_box_that_changes_hold_the_way_to_fractions_and_back() -> None:
+    of = problem("stretched.fluid.once", steps=(0, 1))
+    plain, changed = (
+        predict(replace(of, stops=(stop(of, 0, box=box),)), ArrayEvaluator).bounds[0]["x"].max()
+        for box in (None, Box(of.box.low_c, tuple(1.3 * high for high in of.box.high_c), of.box.periodic))
+    )
+    assert 6 * EPS * 1.3 * max(of.box.high_c) < plain + changed < 16 * EPS * max(of.box.high_c)
 
 
 def test_stops_behind_the_last_step_are_none() -> None:

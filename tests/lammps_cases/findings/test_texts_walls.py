@@ -261,10 +261,11 @@ def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
         rho = lammps.fields(scene)[0]["rho"]
         assert agree(rho, scene.predicted(BEGIN) if kept else scene.predicted(), "rho"), by
         assert kept == (abs(rho[0] - 1.0) > 0.1)
-    moved = beside_a_wall({"at": 0, "by": "restart", "displace": {"x": 0.1}})
-    with pytest.raises(AssertionError, match="Cannot displace_atoms after reading restart file with per-atom info"):
-        lammps.answer(moved)
-    assert "displace_atoms is refused" in ENTRIES[BEGIN].observed
+    refusals = {"displace": "Cannot displace_atoms after", "stretch": "Change_box parameter not allowed after"}
+    for moves, refusal in refusals.items():
+        with pytest.raises(AssertionError, match=f"{refusal} reading restart file with per-atom info"):
+            lammps.answer(beside_a_wall({"at": 0, "by": "restart", moves: {"x": 1.1}}))
+    assert "displace_atoms and change_box are refused" in ENTRIES[BEGIN].observed
     # The workarounds: continue, or define the fixes anew after read_restart.
     continued = replace(beside_a_wall(), steps=(0, 1))
     assert all(agree(at["rho"], continued.predicted(FORCES), "rho", k) for k, at in enumerate(lammps.fields(continued)))

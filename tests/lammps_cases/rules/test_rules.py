@@ -32,7 +32,7 @@ def evaluated(compared: tuple[str, ...] = ("f", "drho"), x: Any = X, **changes: 
     state = State(np.array(x), np.array(V), np.array([1.1, 1.3, 0.8, 0.9]), np.array(TYPES), np.array(SOLID))
     sim = Simulation(model, Box((0.0, 0.0), (9.0, 9.0), (True, True)), state, compared)
     sim.setup()
-    return Evaluated(sim, state, compared, 0)
+    return Evaluated(sim, state, compared, 0, sim.box)
 
 
 def counts(at: Evaluated) -> dict[str, int]:

@@ -11,7 +11,17 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.scene import casefile
 from lammps_cases.scene.settings import Evolve
-from lammps_cases.scene.stops import ABOUT, AS_TEXT, DEFINED_ANEW, FOR_EACH_ATOM, ROUTES, Stop, counted
+from lammps_cases.scene.stops import (
+    ABOUT,
+    AS_TEXT,
+    DEFINED_ANEW,
+    FOR_EACH_ATOM,
+    ROUTES,
+    Stop,
+    Stretch,
+    counted,
+    upper_corners,
+)
 
 CaseFile = Callable[..., Path]
 
@@ -34,6 +44,12 @@ def test_lammps_counts_on_from_where_a_stop_sets_it() -> None:
 @pytest.mark.parametrize(("by", "renewed"), [("run", 0), ("restart", 0), ("recreated", 2), ("redefined", 9)])
 def test_atoms_that_are_new_to_the_fixes(by: str, renewed: int) -> None:
     assert Stop.model_validate({"at": 0, "by": by}).renews(9) == renewed
+
+
+def test_upper_corners_follow_one_another_and_are_kept_where_nothing_is_stretched() -> None:
+    stops = [Stop(at=1, stretch=Stretch(x=2.0)), Stop(at=3), Stop(at=4, stretch=Stretch(x=0.5, z=1.5))]
+    assert upper_corners(stops, (-1.0, -1.0, 0.1), (2.0, 0.7, 2.1)) == {1: [5.0, 0.7, 2.1], 4: [2.0, 0.7, 3.1]}
+    assert upper_corners([Stop(at=1, stretch=Stretch())], (0.1,) * 3, (0.3,) * 3) == {1: [0.3] * 3}
 
 
 def test_a_stop_is_compared_unless_the_scene_says_which_steps_are() -> None:
@@ -62,6 +78,18 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
         ({"stops": [{"at": 1, "by": "set"}]}, {"engine": {"ranks": 2}}, "set needs all atoms on one rank"),
         ({"stops": [{"at": 1, "displace": {"z": 0.5}}]}, {}, r"displace.z must be 0 in 2D, found 0.5"),
         ({"stops": [{"at": 1, "displace": {"x": 0.5, "types": 3}}]}, {}, "must lie within the atom types 1 to 1"),
+        ({"stops": [{"at": 1, "stretch": {"z": 1.5}}]}, {}, r"stretch.z must be 1 in 2D, found 1.5"),
+        ({"stops": [{"at": 1, "stretch": {"x": 2.5}}]}, {}, "stretch.x: must be at most 2.0, found 2.5"),
+        (
+            {"stops": [{"at": 1, "stretch": {"x": 1.5}}]},
+            {"positions": {"lattice": "sq", "spacing": 1.0, "cells": [6, 6], "tilt": [0.5]}},
+            "stretch needs a box without tilt",
+        ),
+        (
+            {"stops": [{"at": 1, "stretch": {"x": 1.5}}]},
+            {"engine": {"boundary": "fs"}},
+            "stretch needs faces that are periodic or fixed, found boundary fs",
+        ),
         ({"stops": [{"at": 1}]}, {"twin": {"skin": 0.7}}, "stops go with no twin"),
     ],
 )

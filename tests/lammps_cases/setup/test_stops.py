@@ -64,6 +64,9 @@ def test_settings_come_after_the_route() -> None:
         "displace_atoms displaced_1 move 0.5 0.0 0.0 units box",
     ]
     assert lines("run", displace={"y": 0.5})[1] == ["displace_atoms all move 0.0 0.5 0.0 units box"]
+    low, (x, y) = -0.9, (7 * 0.9 + 0.9, 6 * 0.9 + 0.9)  # corners of the box; the faces of y stay where they are
+    told = f"x final {low} {low + 1.5 * (x - low)!r} y final {low} {y!r}"
+    assert lines("run", stretch={"x": 1.5})[1] == [f"change_box all {told} remap units box"]
 
 
 def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:

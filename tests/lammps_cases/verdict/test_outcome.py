@@ -148,8 +148,9 @@ def test_what_text_carries_has_its_digits(case_file: Write) -> None:
     ]
 
 
-def test_positions_are_not_compared_where_particles_are_displaced(case_file: Write) -> None:
-    fields = compared(case_file, {"at": 1, "by": "run", "displace": {"x": 0.1}})
+@pytest.mark.parametrize("moves", [{"displace": {"x": 0.1}}, {"stretch": {"x": 1.1}}])
+def test_positions_are_not_compared_where_particles_are_moved(case_file: Write, moves: Any) -> None:
+    fields = compared(case_file, {"at": 1, "by": "run"} | moves)
     assert [field for field, *_ in fields] == [f"{name} (run at 1)" for name in ("type", "rho", "rheo_status")]
 
 

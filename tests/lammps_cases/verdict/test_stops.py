@@ -99,6 +99,8 @@ def test_text_may_lose_what_lies_beyond_its_digits_and_no_more(judge: Any) -> No
         (FILES, "restart-loses-v", "v (restart at 0)"),
         (FILES, "between-no-timestep", "x"),
         (SETTINGS, "between-no-displacement", "x"),
+        ("stretched.fluid.once", "between-no-stretch", "x"),
+        ("stretched.fluid.once", "stretch-without-atoms", "x"),
         ("runs.stored.files", "restart-loses-status", "rheo_status (restart at 0)"),
         ("runs.thermal.files", "restart-loses-energy", "esph (given)"),
         ("runs-walls.fluid.anew", "between-no-forces", "x"),

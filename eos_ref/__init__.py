@@ -16,17 +16,21 @@ from eos_ref.eos.law import Interval
 from eos_ref.eos.registry import STYLES
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.errors import InputError
-from eos_ref.syntax.fixes import FixRheo, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.syntax.ranges import type_range
 
 if TYPE_CHECKING:
+    from eos_ref.compiled.evaluator import CompiledEvaluator
+    from eos_ref.evaluation.array_evaluator import ArrayEvaluator
     from eos_ref.evaluation.time_step import Simulation
     from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
 
 __all__ = [
     "EOS",
     "STYLES",
+    "ArrayEvaluator",
     "Box",
+    "CompiledEvaluator",
     "EOSTable",
     "FixRheo",
     "Force",
@@ -34,8 +38,10 @@ __all__ = [
     "Interval",
     "Model",
     "PairRheo",
+    "Shift",
     "Simulation",
     "State",
+    "SurfaceDetection",
     "Thermal",
     "Viscosity",
     "parse_fix_rheo",
@@ -44,13 +50,16 @@ __all__ = [
     "type_range",
 ]
 
-_MODEL = ("Box", "Force", "Model", "PairRheo", "State", "Thermal", "Viscosity")
+_LATER = {
+    "ArrayEvaluator": "evaluation.array_evaluator",
+    "CompiledEvaluator": "compiled.evaluator",
+    "Simulation": "evaluation.time_step",
+    **dict.fromkeys(("Box", "Force", "Model", "PairRheo", "State", "Thermal", "Viscosity"), "model.parameters"),
+}
 
 
 def __getattr__(name: str) -> Any:
     """Import the particle model when it is first used: laws alone do without it."""
-    if name == "Simulation":
-        return import_module("eos_ref.evaluation.time_step").Simulation
-    if name in _MODEL:
-        return getattr(import_module("eos_ref.model.parameters"), name)
+    if name in _LATER:
+        return getattr(import_module(f"eos_ref.{_LATER[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

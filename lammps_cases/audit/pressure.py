@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,19 +23,21 @@ class PressureSample:
     Attributes
     ----------
     table : EOSTable
-    box_c : (2, 3) low and high corner
+    box_c : (2, 3) low and high corner, and xy, xz, yz if an edge leans
+    periodic : one flag per axis
     step : LAMMPS' count of steps
-    arrays : per atom ``id``, ``type``, ``x``, ``rho``, ``p``, ``mass``, and ``energy`` if a law needs it
+    arrays : per atom ``id``, ``type``, ``x``, ``v``, ``rho``, ``p``, ``mass``, and ``energy`` if a law needs it
     """
 
     table: EOSTable
     box_c: Array
+    periodic: tuple[bool, ...]
     step: int
     arrays: Mapping[str, Array]
 
     def of(self, rows_n: Array) -> PressureSample:
         """Return the sample of some atoms."""
-        return PressureSample(self.table, self.box_c, self.step, {k: v[rows_n] for k, v in self.arrays.items()})
+        return replace(self, arrays={name: array[rows_n] for name, array in self.arrays.items()})
 
     def compare(self, digits: bool = False) -> dict[int, tuple[Array | slice, Comparison]]:
         """Compare the pressures; for each type its rows and their comparison."""
@@ -61,8 +63,8 @@ class PressureSample:
         order_n = np.argsort(self.arrays["id"], kind="stable")
         ordered = self.of(order_n)
         now = ordered.arrays
-        arrays = {name: now[name] for name in ("id", "type", "x", "rho")}
-        arrays |= {"box": self.box_c, "step": np.array(self.step)}
+        arrays = {name: now[name] for name in ("id", "type", "x", "v", "rho", "mass")}
+        arrays |= {"box": self.box_c, "periodic": np.array(self.periodic), "step": np.array(self.step)}
         if "energy" in now:
             arrays["e"] = now["energy"] / now["mass"]
         for field, c in others.items():
@@ -90,13 +92,17 @@ def read(lmp: Any, table: EOSTable, mass_t: Array | None, step: int, tag_n: Arra
         "id": tag_n.copy(),
         "type": type_n,
         "x": x_nc.copy(),
+        "v": atoms.extract_atom("v")[:n].copy(),
         "rho": atoms.extract_atom("rho")[:n].copy(),
         "p": atoms.extract_atom("pressure")[:n].copy(),
         "mass": mass_t[type_n] if mass_t is not None else atoms.extract_atom("rmass")[:n].copy(),
     }
     if table.needs_energy:
         arrays["energy"] = atoms.extract_atom("esph")[:n].copy()
-    return PressureSample(table, np.array(lmp.extract_box()[:2]), step, arrays)
+    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+    tilt = (xy, xz, yz)
+    box_c = np.array([low, high, *[tilt] * any(tilt)])
+    return PressureSample(table, box_c, tuple(bool(flag) for flag in periodic), step, arrays)
 
 
 def load_compiled(table: EOSTable) -> None:
@@ -104,4 +110,4 @@ def load_compiled(table: EOSTable) -> None:
     types_n, ones_n = np.arange(1, len(table) + 1, dtype=np.int32), np.ones(len(table))
     arrays: dict[str, Array] = {"id": types_n, "type": types_n}
     arrays |= dict.fromkeys(("rho", "p", "mass", "energy"), ones_n)
-    PressureSample(table, np.zeros((2, 3)), 0, arrays).compare()
+    PressureSample(table, np.zeros((2, 3)), (True,) * 3, 0, arrays).compare()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
@@ -49,17 +50,26 @@ def pressures(atoms: ase.Atoms, eos: EOSTable) -> FloatArray:
 def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
     """Return the particles of a case (its ``fields/CASE.npz``) as an `ase.Atoms`, all fields as per-atom arrays.
 
-    Types become chemical symbols in the order H, He, ... for viewers; the array ``type`` keeps the numbers.
+    Types become chemical symbols in the order H, He, ... for viewers; the array ``type`` keeps the numbers. Arrays are
+    named and shaped so that extended XYZ takes them: ``grad_v_lammps`` (n, 4) of ``grad/v.lammps`` (n, 2, 2), row by
+    row. The corner of the box, from which an `ase.Atoms` has none, is ``info["Origin"]``. Velocities and masses are in
+    the units of the scene, as everything else.
     """
     import ase
 
     low_c, high_c, *tilt = arrays["box"]
     (lx, ly, lz), (xy, xz, yz) = high_c - low_c, tilt[0] if tilt else (0.0, 0.0, 0.0)
     cell = [[lx, 0.0, 0.0], [xy, ly, 0.0], [xz, yz, lz]]
-    atoms = ase.Atoms(numbers=arrays["type"], positions=arrays["x"], cell=cell, pbc=True)
+    atoms = ase.Atoms(numbers=arrays["type"], positions=arrays["x"], cell=cell, pbc=arrays.get("periodic", True))
+    atoms.info["Origin"] = np.asarray(low_c)
+    if "mass" in arrays:  # a run of an earlier version has neither
+        atoms.set_masses(arrays["mass"])
+        atoms.set_velocities(arrays["v"])
     for name in sorted(arrays):
-        if name not in ("box", "x"):
-            atoms.set_array(name.replace(".", "_"), np.asarray(arrays[name]))
+        values = np.asarray(arrays[name])
+        if name not in ("box", "x", "v", "mass", "periodic", "step"):
+            shape = values.shape if values.ndim < 3 else (len(values), -1)
+            atoms.set_array(re.sub(r"[^A-Za-z0-9]+", "_", name), values.reshape(shape))
     return atoms
 
 

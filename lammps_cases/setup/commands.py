@@ -20,7 +20,7 @@ from lammps_cases.scene.violations import broken
 from lammps_cases.setup.plan import Plan
 from lammps_cases.setup.stops import Lines, interlude
 
-ALWAYS_READ = ("type", "x", "rho", "pressure")  # arrays of atoms
+ALWAYS_READ = ("type", "x", "v", "rho", "pressure")  # arrays of atoms
 ARRAYS_OF = {"atomic": (), "rheo": ("rho",), "rheo/thermal": ("rho", "esph")}  # that are given, by atom style
 
 

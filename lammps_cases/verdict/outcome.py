@@ -138,8 +138,10 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
 
 def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
     """Return the arrays of ``fields/CASE.npz``: the atoms, their box, and both sides and the bound of fields."""
-    arrays: Arrays = {"id": got["id"], "type": got["type"], "x": got["x"], "rho": got["rho"]}
+    arrays: Arrays = {name: got[name] for name in ("id", "type", "x", "v", "rho")}
+    arrays["mass"] = atoms.mass_n
     arrays["box"] = np.stack([atoms.low_c, atoms.high_c, *[atoms.tilt] * any(atoms.tilt)])
+    arrays["periodic"] = np.array(atoms.periodic)
     for comparison in comparisons:
         name = comparison.record.field
         arrays[f"{name}.lammps"] = comparison.lammps_n

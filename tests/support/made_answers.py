@@ -23,6 +23,7 @@ PREDICTOR = Predictor()  # each answer is computed once
 def given(atoms: Atoms) -> dict[str, Any]:
     """The arrays that LAMMPS has been given."""
     arrays: dict[str, Any] = {"id": atoms.id_n, "type": atoms.type_n, "x": atoms.x_nc, "rho": atoms.rho_n}
+    arrays["v"] = np.zeros((len(atoms), 3)) if atoms.v_nc is None else atoms.v_nc
     return arrays if atoms.energy_n is None else arrays | {"esph": atoms.energy_n}
 
 

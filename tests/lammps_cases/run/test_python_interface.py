@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import ase
-import ase.build
+import ase.io
 import numpy as np
 import pytest
 
+import eos_ref
 from eos_ref import EOS, EOSTable, InputError
+from lammps_cases import audit, run
+from lammps_cases.records.files import read_arrays
 from lammps_cases.run import tables
 from lammps_cases.scene import ase_io
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.lammps
+
+DECKS = Path(__file__).parents[2] / "decks"
+PAGE = Path(__file__).parents[3] / "docs" / "python.md"
 
 
 def test_atoms_in_and_out(tmp_path: Path, eos_ref_command: Callable[..., Outcome]) -> None:
@@ -55,3 +62,71 @@ def test_tables_of_the_particle_model(tmp_path: Path, eos_ref_command: Callable[
     with np.load(tmp_path / "report" / "fields" / "external.gravity.npz") as arrays:
         assert np.array_equal(rows["grad/v/yx.lammps"], arrays["grad/v.lammps"][:, 1, 0])
         assert ase_io.as_atoms(dict(arrays)).arrays["f_lammps"].shape == (len(rows), 2)
+
+
+def read_back(atoms: ase.Atoms, path: Path) -> ase.Atoms:
+    """Atoms through a file of extended XYZ, which keeps eight digits."""
+    ase.io.write(path, atoms, format="extxyz")
+    return ase.io.read(path, format="extxyz")
+
+
+@pytest.mark.parametrize(
+    ("case", "periodic"),
+    [("boundaries.fixed.drop", [False, False, True]), ("tilted.little.fluid", [True] * 3)],
+)
+def test_atoms_of_a_run_are_whole(case: str, periodic: list[bool], tmp_path: Path) -> None:
+    """Box, axes, velocities and all fields reach a file that other programs read."""
+    result = run(case, jobs=1)
+    arrays = read_arrays(result.folder / "fields" / f"{case}.npz")
+    atoms = result.atoms()
+    assert atoms.pbc.tolist() == periodic
+    low_c, high_c, *tilt = arrays["box"]
+    np.testing.assert_array_equal(np.diag(atoms.cell.array), high_c - low_c)
+    assert atoms.cell.array[1, 0] == (tilt[0][0] if tilt else 0.0) and bool(tilt) == case.startswith("tilted")
+    np.testing.assert_array_equal(atoms.info["Origin"], low_c)
+    assert arrays["v"].any()
+    np.testing.assert_array_equal(atoms.get_masses(), arrays["mass"])
+    # times the mass and over it: two roundings
+    np.testing.assert_allclose(atoms.get_velocities(), arrays["v"], rtol=2 * 2.0**-53, atol=0)
+    worst = {field.field: field.worst_step for field in result.record.cases[0].fields}
+    assert worst["v"] == result.record.cases[0].steps, "the case shows its last velocities"
+    np.testing.assert_array_equal(arrays["v"][:, :2], arrays["v.lammps"])
+    back = read_back(atoms, tmp_path / "x.extxyz")
+    assert back.arrays.keys() == atoms.arrays.keys() and back.pbc.tolist() == periodic
+    assert all(re.fullmatch(r"\w+", name) for name in back.arrays)
+    gradient = arrays["grad/v.lammps"]
+    np.testing.assert_allclose(back.arrays["grad_v_lammps"].reshape(gradient.shape), gradient, atol=0.5e-8)
+    np.testing.assert_allclose(back.cell.array, atoms.cell.array, rtol=2.0**-53)
+
+
+def test_atoms_of_an_audit(tmp_path: Path) -> None:
+    atoms = audit(DECKS / "in.tilted", steps=10).atoms()
+    back = read_back(atoms, tmp_path / "x.extxyz")
+    assert back.cell.array[1, 0] == atoms.cell.array[1, 0] != 0
+    assert back.pbc.all() and back.get_velocities().any()
+    assert {"pressure_lammps", "f_reference", "grad_v_bound"} <= set(back.arrays)
+
+
+def test_atoms_of_an_earlier_version() -> None:
+    """Its reports have neither axes nor velocities nor masses."""
+    arrays = {
+        "id": np.arange(1, 3),
+        "type": np.ones(2, int),
+        "x": np.eye(2, 3),
+        "box": np.array([[0, 0, 0], [2, 2, 2]]),
+    }
+    atoms = ase_io.as_atoms(arrays)
+    assert atoms.pbc.all() and not atoms.has("momenta") and atoms.cell.array.tolist() == (2 * np.eye(3)).tolist()
+
+
+def test_what_a_user_needs_is_in_the_package() -> None:
+    """Every name of eos_ref can be imported from it, and is the one of its module."""
+    for name in eos_ref.__all__:
+        assert getattr(eos_ref, name) is not None
+    assert {"ArrayEvaluator", "Box", "CompiledEvaluator", "Model", "Simulation", "State"} <= set(eos_ref.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Models'"):
+        eos_ref.Models  # noqa: B018
+    for page in (PAGE, PAGE.parents[1] / "README.md", PAGE.parents[1] / "eos_ref" / "NUMERICS.md"):
+        for line in re.findall(r"^from eos_ref import (.*)$", page.read_text(), flags=re.MULTILINE):
+            assert set(line.split(", ")) <= set(eos_ref.__all__), line
+        assert not re.findall(r"^from eos_ref\.", page.read_text(), flags=re.MULTILINE)

@@ -127,7 +127,7 @@ def test_every_setting_is_a_line_or_a_word(case_file: Write) -> None:
         "compute q all rheo/property/atom grad/v/*",
     )
     assert given.outputs == {"grad/v": (2, 2)}
-    assert given.atom_arrays == ("type", "x", "rho", "pressure", "f")
+    assert given.atom_arrays == ("type", "x", "v", "rho", "pressure", "f")
 
 
 def test_summed_densities_and_energies_in_an_open_box(case_file: Write) -> None:

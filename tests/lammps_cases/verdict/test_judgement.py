@@ -157,8 +157,8 @@ def test_both_sides_of_every_field_are_kept_with_the_atoms(law: PreparedCase) ->
     wrong = changed(answer, q__pressure=answer.arrays["q.pressure"] + 1.0)
     _, arrays = evaluate(law.case, law.eos, atoms, wrong, ENGINE)
     fields = [f"{name}.{side}" for name in ("type", "rho", "pressure_used", "pressure") for side in SIDES]
-    assert list(arrays) == ["id", "type", "x", "rho", "box", *fields]
-    assert all(arrays[name] is answer.arrays[name] for name in ("id", "type", "x", "rho"))
+    assert list(arrays) == ["id", "type", "x", "v", "rho", "mass", "box", "periodic", *fields]
+    assert all(arrays[name] is answer.arrays[name] for name in ("id", "type", "x", "v", "rho"))
     np.testing.assert_array_equal(arrays["box"], [atoms.low_c, atoms.high_c])
     np.testing.assert_array_equal(arrays["pressure.lammps"], arrays["pressure.reference"] + 1.0)
     np.testing.assert_array_equal(arrays["type.reference"], atoms.type_n)

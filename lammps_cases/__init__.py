@@ -6,7 +6,9 @@ The commands that judge are functions as well, and return their results instead 
 >>> run("near-rho0.*").headline.state
 'PASS'
 
-They are imported when they are used. `run` and `audit` are packages of the harness too, so these packages can be
+The calculators for ASE, `EosRefCalculator` and `LammpsRheoCalculator`, are here as well.
+
+All are imported when they are used. `run` and `audit` are packages of the harness too, so these packages can be
 called.
 """
 
@@ -16,13 +18,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lammps_cases.audit.command import audit
     from lammps_cases.regression.command import compare
+    from lammps_cases.run.calculators import EosRefCalculator, LammpsRheoCalculator
     from lammps_cases.run.command import run
 
-__all__ = ["audit", "compare", "run"]
+__all__ = ["EosRefCalculator", "LammpsRheoCalculator", "audit", "compare", "run"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import a function when it is first used."""
+    """Import a function or a class when it is first used."""
+    if name in ("EosRefCalculator", "LammpsRheoCalculator"):
+        return getattr(import_module("lammps_cases.run.calculators"), name)
     if name == "compare":
         return import_module("lammps_cases.regression.command").compare
     if name in ("audit", "run"):

@@ -26,6 +26,7 @@ setup: $(READY) ## create the environment in .venv and install everything into i
 
 validate: $(READY) ## set up, run every case against real LAMMPS, say where the report lies
 	$(BIN)/eos-ref run
+	@echo 'all reports: reports/index.html; the commands are in $(BIN): source $(BIN)/activate'
 
 quick: $(READY) ## the cases that take a few seconds, against the accepted baseline
 	$(BIN)/eos-ref run --tag quick --baseline reports/accepted

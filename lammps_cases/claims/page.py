@@ -66,6 +66,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
         ASSETS,
         "claims",
         headline.look.css,
+        engine=", ".join(column.engine for column in columns),
         scripts=[frame.FILTER],
         headline=headline,
         described=[wording.engine(column.who) for column in columns],

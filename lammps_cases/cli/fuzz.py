@@ -23,7 +23,7 @@ RAREST = 8  # choices named
 @click.option("--shrink/--no-shrink", "shrinks", default=True, help="Make small what is red, or keep it as drawn.")
 @shared.engine_option
 @shared.jobs_option
-@shared.folder_option("--out", "reports/fuzz", "Folder of fuzz.json and of the scenes that are red.")
+@shared.folder_option("--out", "reports/fuzz", "Folder of fuzz.html, fuzz.json and the scenes that are red.")
 @shared.json_option
 def fuzz_command(
     seconds: float, seed: int, draw: int | None, shrinks: bool, engine: str, jobs: int, out: Path, as_json: bool
@@ -40,6 +40,7 @@ def fuzz_command(
     shared.start_fork_server()
     shared.page_folder(out)
     from lammps_cases.engine import installations
+    from lammps_cases.fuzz import page
     from lammps_cases.fuzz.hunt import Hunt
     from lammps_cases.fuzz.record import DOCUMENT
     from lammps_cases.run.campaign import command_line
@@ -58,14 +59,16 @@ def fuzz_command(
             progress=bar,
         )
         record = hunt.run()
+    written = page.write(record, out)
     if as_json:
         click.echo(DOCUMENT.text(record), nl=False)
     else:
-        _print(record, out)
+        _print(record)
+        click.echo(f"page: {written}")
     return record.exit_code
 
 
-def _print(record: FuzzRecord, out: Path) -> None:
+def _print(record: FuzzRecord) -> None:
     from lammps_cases.records.wording import counted
 
     counts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(record.verdicts.items()))
@@ -89,4 +92,3 @@ def _print(record: FuzzRecord, out: Path) -> None:
     )
     rarest = sorted(record.choices.items(), key=lambda item: item[1])[:RAREST]
     click.echo("  rarest: " + ", ".join(f"{choice} {count}" for choice, count in rarest))
-    click.echo(f"record: {out / 'fuzz.json'}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import signal
 import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import click
@@ -82,8 +84,20 @@ def group(context: click.Context) -> None:
 
     Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing.
     """
+    context.obj = time.time_ns()
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
+
+
+@group.result_callback()
+@click.pass_context
+def _index(context: click.Context, code: object) -> object:
+    """Bring the index of the reports up to date after a command that wrote a report there."""
+    if Path("reports").is_dir():
+        from lammps_cases.pages import index
+
+        index.refresh(Path("reports"), context.obj)
+    return code
 
 
 def main() -> None:

@@ -50,7 +50,7 @@ def run_command(
     """Run cases against LAMMPS, compare atom by atom, and write a report.
 
     Without names: every case that is not tagged long. A name selects a case, or all below it, or a pattern. Without
-    --out a whole run is kept in reports/runs, and reports/latest points to it; a run of some cases in reports/parts.
+    --out a whole run is kept in reports, and reports/latest points to it; a run of some cases in reports/parts.
 
     \b
     Example:  eos-ref run --tag quick

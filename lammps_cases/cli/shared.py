@@ -69,7 +69,7 @@ def folder_option(name: str, default: str, about: str) -> Callable[[Command], Co
 
 
 REPORTS = Path("reports")
-report_option = click.option("--out", type=PATH, help="Report folder.  [default: by date, in reports/runs or parts]")
+report_option = click.option("--out", type=PATH, help="Report folder.  [default: by date, in reports or reports/parts]")
 
 
 @contextmanager

@@ -20,6 +20,7 @@ def render(adoption: Adoption) -> str:
         ASSETS,
         "adopt",
         "bad" if adoption.unexplained else "good",
+        engine=adoption.engine.label,
         adoption=adoption,
         rows=rows,
         reactions=dict(sorted(Counter(row.reaction for row in adoption.inputs).items())),

@@ -42,6 +42,8 @@ def page(
     name: str,
     status: str = "",
     *,
+    engine: str = "",
+    date: str = "",
     styles: Sequence[Path] = (),
     scripts: Sequence[Path] = (),
     filters: Mapping[str, Callable[..., object]] | None = None,
@@ -57,7 +59,9 @@ def page(
     name : str
         Of the page, and of the command that writes it.
     status : str
-        Colour of the header: good, bad or none.
+        Colour of the header: good, known, bad, empty or none.
+    engine, date : str
+        What the page is about and when that was measured, for the index of the reports.
     styles, scripts : sequence of Path
         Further ones, embedded before those of the page.
     filters : mapping
@@ -79,6 +83,8 @@ def page(
     return environment.get_template(f"{name}.html.j2").render(
         command=name,
         status=status,
+        about_engine=engine,
+        about_date=date,
         css=Markup("\n".join(path.read_text(encoding="utf-8") for path in css if path.is_file())),
         scripts=[_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()],
         **content,

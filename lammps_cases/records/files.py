@@ -24,6 +24,11 @@ _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, ver
 def write_atomically(path: Path, content: bytes | str) -> None:
     """Write a file so that a reader, or a kill at any moment, sees the old content or the new one, never a part."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, content)
+
+
+def replace_file(path: Path, content: bytes | str) -> None:
+    """Do the same in a folder that exists."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

@@ -53,7 +53,7 @@ class Shelf:
             The shelf cannot be written.
         """
         with ExitStack() as making:
-            with folders.exclusive(self.folder, WHAT):
+            with folders.exclusive(self.link, WHAT):
                 folder = self._free(engines)
                 making.enter_context(folders.exclusive(_making(folder), WHAT, "another program makes it"))
                 folder.mkdir(parents=True)
@@ -67,11 +67,11 @@ class Shelf:
     def entries(self) -> list[Path]:
         """Return the complete reports, the newest first."""
         found = self.folder.glob(f"*/{self.mark}")
-        return sorted((mark.parent for mark in found if _ENTRY.fullmatch(mark.parent.name)), key=_begun, reverse=True)
+        return sorted((mark.parent for mark in found if is_entry(mark.parent)), key=begun, reverse=True)
 
     def settle(self) -> None:
         """Point the link to the newest report, drop the oldest of each engine, and what killed programs left."""
-        with folders.exclusive(self.folder, WHAT):
+        with folders.exclusive(self.link, WHAT):
             entries = self.entries()
             if entries:
                 self._point(entries[0])
@@ -87,7 +87,7 @@ class Shelf:
         """Return a new folder, the newest; those of one second are counted."""
         now, label = time.strftime(_DATE, time.gmtime()), folder_name("+".join(map(_version, engines)))
         there = self.folder.iterdir() if self.folder.is_dir() else ()
-        last = max((k for date, k in map(_begun, there) if date == now), default=0)
+        last = max((k for date, k in map(begun, there) if date == now), default=0)
         return self.folder / f"{now}{f'-{last + 1}' if last else ''}_{label}"
 
     def _point(self, entry: Path) -> None:
@@ -104,7 +104,7 @@ class Shelf:
         for path in list(self.folder.iterdir()):
             beside = _BESIDE.fullmatch(path.name)
             entry = path.with_name(beside["entry"]) if beside else path
-            if path in complete or not _ENTRY.fullmatch(entry.name):
+            if path in complete or not is_entry(entry):
                 continue
             try:
                 with folders.exclusive(_making(entry), WHAT, "is being made"):
@@ -114,8 +114,8 @@ class Shelf:
 
 
 def whole_runs(reports: Path) -> Shelf:
-    """Return the shelf of runs of every case; ``latest`` is the newest."""
-    return Shelf(reports / "runs", reports / "latest", "run.json")
+    """Return the shelf of runs of every case; the link is as deep as they are, so that links of a page hold in both."""
+    return Shelf(reports, reports / "latest", "run.json")
 
 
 def parts_of_runs(reports: Path) -> Shelf:
@@ -133,14 +133,19 @@ def parts_of_claims(reports: Path) -> Shelf:
     return Shelf(reports / "claims-parts", reports / "claims-parts" / "latest", "claims.html")
 
 
+def is_entry(folder: Path) -> bool:
+    """Return whether a folder has the name of a report that is kept by date."""
+    return _ENTRY.fullmatch(folder.name) is not None
+
+
 def is_part(folder: Path) -> bool:
     """Return whether a folder lies among the runs of some cases."""
-    return folder.parent == parts_of_runs(folder.parent.parent).folder and _ENTRY.fullmatch(folder.name) is not None
+    return folder.parent == parts_of_runs(folder.parent.parent).folder and is_entry(folder)
 
 
 def is_link(folder: Path) -> bool:
     """Return whether a folder is a link to a report that is kept: nothing is written through it."""
-    return folder.is_symlink() and _ENTRY.fullmatch(folder.resolve().name) is not None
+    return folder.is_symlink() and is_entry(folder.resolve())
 
 
 def _version(engine: str) -> str:
@@ -159,7 +164,7 @@ def _engine(entry: Path) -> str:
     return named["engine"]
 
 
-def _begun(entry: Path) -> tuple[str, int]:
+def begun(entry: Path) -> tuple[str, int]:
     """Return when a report was begun: the second, and its place among those of that second."""
     named = _ENTRY.fullmatch(entry.name)
     return (named["date"], int(named["of_second"] or 1)) if named else ("", 0)

@@ -62,6 +62,8 @@ def render(
         ASSETS,
         "report",
         of_run.headline.look.css,
+        engine=run.engine.label,
+        date=run.date,
         filters={"shade": shade, "sortable": _sortable},
         styles=[HISTORY_CSS] if history else [],
         scripts=[_plotly(), ASSETS / "plots.js"],

@@ -33,6 +33,7 @@ def write(table: InputTable, folder: Path) -> None:
         ASSETS,
         "inputs",
         "bad" if table.unexplained else "good",
+        engine=table.engine.get("distribution", ""),
         scripts=[frame.FILTER],
         table=table,
         about=ABOUT,

@@ -215,13 +215,17 @@ class ArrayEvaluator(Evaluator):
         return [self.total(volume * g_a) for g_a in self.gradw], self.total(-(volume * dot(self.x, self.gradw)))
 
     def nearest(self, class_n: Array) -> Array:
-        """Return the distance to the nearest neighbour of class 1, (n,); open where a neighbour's class is."""
+        """Return the distance to the nearest neighbour of class 1, (n,); open where a neighbour's class is.
+
+        Without such a neighbour it is the cutoff, which nothing rounds.
+        """
         near = (value(class_n) == 1)[self.j]
         nearest_n = np.full(self.n, self.model.cut)
         np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
         if isinstance(self.r, Rounded):
             open_n = np.bincount(self.i[(error(class_n) > 0)[self.j]], minlength=self.n) > 0
-            return Rounded(nearest_n, self.r.error.max(initial=0.0) + open_n * self.model.cut)
+            rounded_n = np.bincount(self.i[near], minlength=self.n) > 0
+            return Rounded(nearest_n, rounded_n * self.r.error.max(initial=0.0) + open_n * self.model.cut)
         return nearest_n
 
     # --- properties of a particle

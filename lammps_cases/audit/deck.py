@@ -198,7 +198,7 @@ def hyphens(values: Sequence[str]) -> list[str]:
 
 
 def _as_taken(word: str) -> str:
-    """Return a word as LAMMPS takes it; see the finding hyphen-range-accepted."""
+    """Return a word as LAMMPS takes it: a range with a hyphen for its first number, which is a finding."""
     hyphen = _HYPHEN.fullmatch(word)
     return hyphen[1] if hyphen else word
 

@@ -18,10 +18,11 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.parameters import Model
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.lints import Stillness, lints
+from lammps_cases.findings.refusals import HYPHEN_RANGE_ACCEPTED
 from lammps_cases.studies.stability.advice import judge
 
 DEFAULT_RHO = 1.0  # LAMMPS 22Jul2025's density of an atom for which none is set
-HYPHEN = "hyphen-range-accepted"  # of the ledger
+HYPHEN = HYPHEN_RANGE_ACCEPTED.id
 SOLID = 1  # bit of rheo_status
 OFFSET = 10  # a pressure is offset if its mean is this many times its range
 _FROM_FILE = frozenset({"read_data", "read_restart", "read_dump"})

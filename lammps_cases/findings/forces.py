@@ -149,7 +149,7 @@ MASS_OF_FIRST = Finding(
     id="mass-of-first",
     number=61,
     title="With masses of particles both of a pair have the mass of the one that is listed first",
-    effect="Particles of unequal rmass push and heat each other by the ratio of their masses too much or too little",
+    effect="Forces and heat flows between particles of unequal rmass are wrong by the ratio of their masses",
     severity="high",
     documented="pair rheo, as published: forces, density damping and heat exchange of a pair go with the volumes m/rho "
     "of both particles; fix property/atom: rmass gives every particle a mass of its own, which stands in place of that "

@@ -33,6 +33,25 @@ def _section_of_walls(scene: Scene) -> str:
     return "rheo_interface_fix_property_atom" if written and scene.rheo.interface_reconstruct else ""
 
 
+HYPHEN_RANGE_ACCEPTED = Finding(
+    id="hyphen-range-accepted",
+    number=8,
+    title="A type range with a hyphen is taken for its first number",
+    severity="medium",
+    effect="Types behind the hyphen keep another law, without a message",
+    documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
+    observed="'1-2' is taken for '1', without a message: '* linear 1-2 tait/water' leaves type 2 linear. "
+    "'1-2 linear' alone is refused because type 2 has no law ('Must specify pressure for atom type 2'), not for "
+    "the range.",
+    argument="A user who writes '1-2' means both types, and is not told that one of them has another law; '1;2' "
+    "and '0*' are refused ('Invalid range string').",
+    workaround="Write '1*2'.",
+    applies_to=("refused.range-hyphen",),
+    expected_inputs=("range-with-hyphen", "*.types*.hyphen", "*.exclude.hyphen"),
+    outcome="differs",
+    ended="accepted",
+)
+
 ENTRIES: tuple[Finding, ...] = (
     Finding(
         id="no-pressure-segfault",
@@ -171,24 +190,7 @@ ENTRIES: tuple[Finding, ...] = (
         outcome="crashed",
         engine_error="SIGABRT",
     ),
-    Finding(
-        id="hyphen-range-accepted",
-        number=8,
-        title="A type range with a hyphen is taken for its first number",
-        severity="medium",
-        effect="Types behind the hyphen keep another law, without a message",
-        documented="fix rheo/pressure, description of types: the forms are *, n, *n, m* and m*n.",
-        observed="'1-2' is taken for '1', without a message: '* linear 1-2 tait/water' leaves type 2 linear. "
-        "'1-2 linear' alone is refused because type 2 has no law ('Must specify pressure for atom type 2'), not for "
-        "the range.",
-        argument="A user who writes '1-2' means both types, and is not told that one of them has another law; '1;2' "
-        "and '0*' are refused ('Invalid range string').",
-        workaround="Write '1*2'.",
-        applies_to=("refused.range-hyphen",),
-        expected_inputs=("range-with-hyphen", "*.types*.hyphen", "*.exclude.hyphen"),
-        outcome="differs",
-        ended="accepted",
-    ),
+    HYPHEN_RANGE_ACCEPTED,
     Finding(
         id="unknown-style-misnamed",
         number=9,

@@ -171,7 +171,7 @@ SOUND_OF_MASS_OF_TYPE = Finding(
     id="sound-of-mass-of-type",
     number=63,
     title="The speed of sound of an ideal gas takes the mass of the type where particles have masses of their own",
-    effect="Artificial viscosity and repulsion by walls of a gas are wrong where rmass is not the mass of the type",
+    effect="Artificial viscosity and walls of a gas are wrong where rmass is not the mass of the type",
     severity="low",
     documented="fix rheo/pressure: c is ignored by ideal/gas, whose speed of sound is not constant; fix property/atom: "
     "rmass gives every particle a mass of its own, which stands in place of that of its type.",

@@ -22,6 +22,7 @@ from lammps_cases.ci.pytest_cases import JUDGE, Abandoned, CaseItem, CaseJudge, 
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import installations
 from lammps_cases.records import wording
+from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 from lammps_cases.run import campaign
@@ -196,7 +197,10 @@ class SessionPlugin:
             terminalreporter.line(self._written)
         if self._run is not None:
             of_run = findings.outcome(self._run)
-            terminalreporter.line(str(of_run.headline), bold=True, **{of_run.headline.look.terminal: True})
+            headline = of_run.headline
+            if self._unjudged and headline.state != "FAIL":
+                headline = Headline("FAIL", f"{self._unjudged} cases or files could not be judged")
+            terminalreporter.line(str(headline), bold=True, **{headline.look.terminal: True})
             for line in of_run.closing():
                 terminalreporter.line(line)
 

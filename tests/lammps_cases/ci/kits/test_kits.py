@@ -284,7 +284,7 @@ def test_action_with_a_fault_and_decks(case_file: Write, faulty: Path, tmp_path:
     done = run_action(ACTION, given, tmp_path, BIN)
     assert done.code == 1 and done.outputs["exit-code"] == "1", done.out
     assert "actions/upload-artifact@v4" in done.used
-    assert {path.name for path in (tmp_path / "reports").iterdir()} == {"cases", "audit-decks-a-b-in.one"}
+    assert {path.name for path in (tmp_path / "reports").iterdir()} == {"cases", "audit-decks-a-b-in.one", "index.html"}
     run = json.loads((tmp_path / "reports" / "cases" / "run.json").read_text())
     assert run["summary"] == {"differs": 1}
     looks = json.loads((tmp_path / "reports" / "audit-decks-a-b-in.one" / "run.json").read_text())["cases"][0]["checks"]

@@ -25,6 +25,7 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
+from lammps_cases.records.wording import one_line
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.fields import FIELDS
@@ -156,7 +157,7 @@ class LammpsRheoCalculator(RheoCalculator):
         limit = self.scene.engine.time_limit
         outcome = self.workers.outcome(self.workers.submit(job(self.scene, atoms, plan(self.scene)), limit), limit)
         if isinstance(outcome, Failure):
-            raise CalculationFailed(f"{outcome.verdict}: {' '.join(outcome.message.split())}")
+            raise CalculationFailed(f"{outcome.verdict}: {one_line(outcome.message)}")
         return {field: FIELDS[field].of(outcome.arrays, self.scene.dimension) for field in self.scene.compare}
 
 

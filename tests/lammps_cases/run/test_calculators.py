@@ -14,6 +14,7 @@ from ase.md.verlet import VelocityVerlet
 
 from eos_ref import InputError
 from lammps_cases import EosRefCalculator, LammpsRheoCalculator, run
+from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.run.calculators import RheoCalculator, particles, scene_of
 from lammps_cases.run.results import Result
 from lammps_cases.scene import Scene, casefile
@@ -164,8 +165,9 @@ def test_bad_input_is_one_line(ran: Result) -> None:
         EosRefCalculator(scene).bounds()
 
 
-def test_lammps_without_an_answer_is_a_failed_calculation(ran: Result) -> None:
-    scene = scene_of_case("external.gravity")
-    short = scene.model_copy(update={"engine": scene.engine.model_copy(update={"time_limit": 1e-6})})
-    with lammps(short) as engine, pytest.raises(CalculationFailed, match="timeout: LAMMPS did not finish"):
+def test_lammps_without_an_answer_is_a_failed_calculation(ran: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    late = Failure("timeout", "LAMMPS did not finish\n within the time limit")
+    monkeypatch.setattr(Workers, "outcome", lambda *arguments: late)
+    said = "timeout: LAMMPS did not finish within the time limit"
+    with lammps(scene_of_case("external.gravity")) as engine, pytest.raises(CalculationFailed, match=said):
         results(engine, ran.atoms("external.gravity"))

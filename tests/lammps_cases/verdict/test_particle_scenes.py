@@ -213,7 +213,7 @@ def test_two_ranks_give_what_one_gives(name: str, make: Make, workers: Workers) 
         assert here.keys() == there.keys()
         ours, theirs = (snapshot(case.scene, arrays) for arrays in (here, there))
         for field in set(scene.fields) - {"status"}:  # its layer bit follows the order of neighbours
-            other = nearest_image(scene, theirs[field], ours[field]) if field == "x" else theirs[field]
+            other = nearest_image(scene.box, theirs[field], ours[field]) if field == "x" else theirs[field]
             assert np.all(np.abs(other - ours[field]) <= 2 * bounds[at][field]), (field, one.steps[at])
 
 

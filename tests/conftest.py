@@ -89,6 +89,12 @@ def no_service() -> None:
 
 
 @pytest.fixture(autouse=True, scope="session")
+def no_width() -> None:
+    """What tests print has no width, unless they set one: processes that share the tests are given one."""
+    os.environ.pop("COLUMNS", None)
+
+
+@pytest.fixture(autouse=True, scope="session")
 def own_history(tmp_path_factory: pytest.TempPathFactory) -> None:
     """No run of the tests is kept in the user's history."""
     os.environ[history.VARIABLE] = str(tmp_path_factory.mktemp("history") / "history.sqlite")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from eos_ref.errors import InputError
+from eos_ref.errors import InputError, nearest
 from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES, has, keyword_of, required
 from lammps_cases.audit.deck import Deck
@@ -46,7 +46,12 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
     names = list(names)
     for name in names:
         if name not in (*offered(), ALL):
-            raise InputError("field", f"must be one of {', '.join((ALL, *offered()))}", name, "option --fields")
+            raise InputError(
+                "field",
+                f"must be one of {', '.join((ALL, *offered()))}{nearest(name, offered())}",
+                name,
+                "option --fields",
+            )
     if not names:
         raise InputError("fields", "must name at least one", where="option --fields")
     return (ALL,) if ALL in names else tuple(name for name in offered() if name in names)

@@ -162,7 +162,7 @@ def _manuals(chosen: Sequence[Claim], as_json: bool) -> int:
         return 0
     counts = ", ".join(f"{manual}: {sum(claim.made_in(manual) for claim in chosen)} claims" for manual in MANUALS)
     click.echo(f"{counts}; {len(some)} not in every one")
-    shared.table(("claim", "since", "until", "text"), [(c.id, c.since, c.until, c.text) for c in some])
+    shared.table(("claim", "since", "until", "text"), [(c.id, c.since, c.until, c.text) for c in some], prose=("text",))
     return 0
 
 

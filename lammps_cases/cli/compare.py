@@ -85,10 +85,11 @@ def _split(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _show(comparison: SideComparison) -> None:
+    from lammps_cases.records.wording import counted
     from lammps_cases.regression import pairs
 
     for label, side in comparison.sides.items():
-        click.echo(f"{label}: {side.title}, {len(side.cases)} cases")
+        click.echo(f"{label}: {side.title}, {counted(len(side.cases), 'case')}")
     for note in comparison.notes:
         click.secho(note, fg="red")
     if comparison.alone:

@@ -12,26 +12,81 @@ from lammps_cases.cli import shared
 
 
 @click.command("explain")
-@click.argument("name", metavar="CASE")
+@click.argument("name", metavar="CASE|FINDING|FIELD|VERDICT")
 @shared.paths_option
 @shared.json_option
 def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
     """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
 
     What it is for, and the rules of the reference that it takes besides, are counted by running the reference on it.
+    Of a finding, a field or a verdict, say what it is.
 
     \b
     Example:  eos-ref explain near-rho0.tait-water.2d
+              eos-ref explain surface/divr
     """
+    from eos_ref.errors import unknown
+    from lammps_cases.findings import LEDGER
+    from lammps_cases.records.wording import MEANINGS
     from lammps_cases.scene import casefile
+    from lammps_cases.scene.fields import FIELDS
 
-    explanations = [_explanation(case) for case in casefile.select(casefile.load(paths), (name,))]
+    cases = casefile.load(paths)
+    if not casefile.names_like(name, cases):
+        others = {**{entry.id: _finding for entry in LEDGER}, **dict.fromkeys(FIELDS, _field)}
+        others |= dict.fromkeys(MEANINGS, _verdict)
+        if name not in others:
+            files = dict.fromkeys(case.name.split(".")[0] for case in cases)
+            raise unknown("case, finding, field or verdict", name, [*others, *files, *(case.name for case in cases)])
+        others[name](name, as_json)
+        return 0
+    explanations = [_explanation(case) for case in casefile.select(cases, (name,))]
     if as_json:
         click.echo(json.dumps({"cases": explanations}, indent=1))
         return 0
     for explanation in explanations:
         _show(explanation)
     return 0
+
+
+def _finding(name: str, as_json: bool) -> None:
+    """Say what a finding is, as the ledger does."""
+    from lammps_cases.cli import ledger
+
+    ledger.say((name,), as_json)
+
+
+def _field(name: str, as_json: bool) -> None:
+    """Say what a field is, which stage of a step makes it, and where LAMMPS shows it."""
+    from lammps_cases.scene.fields import FIELDS
+
+    field = FIELDS[name]
+    quantity = field.quantity
+    shown = f"compute rheo/property/atom {field.column}" if field.column else field.compute or f"array {field.array}"
+    said = {
+        "field": name,
+        "about": quantity.about,
+        "kind": ("scalar", "vector", "tensor")[quantity.rank],
+        "stage": field.stage,
+        "shown_by": shown,
+        "needs": quantity.keyword,
+    }
+    if as_json:
+        click.echo(json.dumps(said, indent=1))
+        return
+    needs = f"; needs fix rheo ... {quantity.keyword}" if quantity.keyword else ""
+    shared.show(f"{name}: {quantity.about} ({said['kind']}), of the stage {field.stage}; LAMMPS: {shown}{needs}", "  ")
+
+
+def _verdict(name: str, as_json: bool) -> None:
+    """Say what a verdict means."""
+    from lammps_cases.records.wording import MEANINGS
+
+    meaning: str = {str(verdict): text for verdict, text in MEANINGS.items()}[name]
+    if as_json:
+        click.echo(json.dumps({"verdict": name, "meaning": meaning}, indent=1))
+    else:
+        shared.show(f"{name}: {meaning}", "  ")
 
 
 def _explanation(case: Any) -> dict[str, Any]:
@@ -131,7 +186,7 @@ def _show(explanation: dict[str, Any]) -> None:
     from lammps_cases.records.wording import counted
 
     click.secho(f"{explanation['case']}  ({explanation['particles']} particles, {explanation['source']})", bold=True)
-    click.echo(explanation["about"])
+    shared.show(explanation["about"])
     if explanation["expects"]:
         click.echo(f"LAMMPS is expected to refuse this scene with: {explanation['expects']}")
     if explanation["twin"]:
@@ -152,12 +207,12 @@ def _show(explanation: dict[str, Any]) -> None:
         for row in explanation["exercises"]
     ]
     if taken:
-        shared.table(columns, taken, "exercised, counted on the reference")
+        title, sentence = "exercised, counted on the reference", columns[3:]
+        shared.table(columns, taken, title, drop=columns[2:3], prose=sentence)
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
-        shared.table(
-            ("", "what", "why"), rows, "modelled by the reference" if side == "reference" else "told to LAMMPS"
-        )
+        title = "modelled by the reference" if side == "reference" else "told to LAMMPS"
+        shared.table(("", "what", "why"), rows, title, prose=("why",))
     click.echo("LAMMPS commands:")
     click.echo("\n".join(f"  {line}" for line in explanation["commands"]))
     if explanation["commands_of_twin"]:

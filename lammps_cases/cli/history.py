@@ -171,7 +171,8 @@ def _show_runs(lines: Sequence[RunLine], every: int) -> None:
         )
         for line in lines
     ]
-    shared.table(("date", "engine", "cases", "seconds", "against the same engine", "against the engine before"), rows)
+    columns = ("date", "engine", "cases", "seconds", "against the same engine", "against the engine before")
+    shared.table(columns, rows, drop=columns[:2:-1], prose=(columns[2], *columns[4:]))
     if len(lines) < every:
         click.echo(f"{len(lines)} of {every} runs (--last {every} lists all)")
 
@@ -195,7 +196,8 @@ def _show_case(view: CaseView, only: Only | None) -> None:
     if only in (None, "times"):
         columns["LAMMPS s"] = [_seconds(span.lammps) for span in view.spans]
         columns["reference s"] = [_seconds(span.reference) for span in view.spans]
-    shared.table(list(columns), list(zip(*columns.values(), strict=True)))
+    least = ("date", "runs", "reference s", "LAMMPS s", "worst field")
+    shared.table(list(columns), list(zip(*columns.values(), strict=True)), drop=[c for c in least if c in columns])
     for text in _changes(view):
         click.echo(text)
 
@@ -234,7 +236,8 @@ def _show_cases(case_views: Sequence[CaseView], labels: Sequence[str], only: Onl
         first = next((change.engine for change in view.changes if change.first), "")
         values = [span.lammps.median if only == "times" else span.outcome.worst for span in view.spans]
         rows.append((view.case, spark(values, logarithmic=only != "times"), *cells, first))
-    shared.table(("case", "time" if only == "times" else "error", *labels, "first change"), rows)
+    spark_of = "time" if only == "times" else "error"
+    shared.table(("case", spark_of, *labels, "first change"), rows, drop=(spark_of, *labels[:-1], "first change"))
 
 
 def _seconds(spread: Spread) -> str:

@@ -4,21 +4,41 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
 from lammps_cases.cli import shared
-from lammps_cases.records.wording import by_file
+from lammps_cases.records.run_record import SEVERITIES
+from lammps_cases.records.wording import by_file, counted
+
+if TYPE_CHECKING:
+    from lammps_cases.findings import Finding
 
 
 @click.command("ledger")
 @click.argument("names", nargs=-1, metavar="[FINDING]...")
 @shared.json_option
 def ledger_command(names: tuple[str, ...], as_json: bool) -> int:
-    """List the findings, all or some: where LAMMPS differs from its manual, why, and what to do meanwhile.
+    """List the findings, the most severe first: where LAMMPS differs from its manual.
+
+    With names, say all about these: why, and what to do meanwhile.
 
     \b
     Example:  eos-ref ledger
+              eos-ref ledger ID
+    """
+    say(names, as_json)
+    return 0
+
+
+def say(names: Sequence[str], as_json: bool) -> None:
+    """Print the ledger, or all about some findings.
+
+    Raises
+    ------
+    InputError
+        A name that is of no finding.
     """
     from eos_ref.errors import unknown
     from lammps_cases.findings import LEDGER, accepted_cases
@@ -36,17 +56,39 @@ def ledger_command(names: tuple[str, ...], as_json: bool) -> int:
             for entry in chosen
         ]
         click.echo(json.dumps({"entries": entries}, indent=1))
-        return 0
-    for entry in chosen:
-        click.secho(f"{entry.id} ({entry.severity}): {entry.title}", bold=True)
-        for key in ("documented", "observed", "argument", "workaround"):
-            click.echo(f"  {key}: {getattr(entry, key)}")
-        if entry.scene:
-            click.echo(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}")
-        cases = _cases(shown_by.get(entry.id, []), entry.applies_to)
-        click.echo(f"  seen in: {', '.join(entry.engines)}; shown by: {cases}")
-        click.echo(f"  upstream: {entry.upstream}; eos-ref report-bug {entry.id}")
-    return 0
+        return
+    if names:
+        for entry in chosen:
+            show(entry, shown_by.get(entry.id, []))
+        return
+    rows = [
+        (entry.severity, entry.id, entry.title, _versions(entry.engines))
+        for entry in sorted(chosen, key=lambda entry: SEVERITIES.index(entry.severity))
+    ]
+    columns = ("severity", "id", "title", "seen on")
+    shared.table(columns, rows, counted(len(rows), "finding"), drop=columns[:1:-1], prose=("title",))
+    click.echo("eos-ref ledger ID says all about one")
+
+
+def show(entry: Finding, cases: Sequence[str]) -> None:
+    """Print all about a finding."""
+    shared.show(f"{entry.id} ({entry.severity}): {entry.title}", "  ", bold=True)
+    for key in ("documented", "observed", "argument", "workaround"):
+        shared.show(f"  {key}: {getattr(entry, key)}", "    ")
+    if entry.scene:
+        shared.show(f"  smallest scene: {entry.scene}; reproduced by: {entry.named_variant}", "    ")
+    shown = _cases(cases, entry.applies_to)
+    shared.show(f"  seen in: {', '.join(entry.engines) or 'none'}; shown by: {shown}", "    ")
+    shared.show(f"  upstream: {entry.upstream}; eos-ref report-bug {entry.id}", "    ")
+
+
+def _versions(engines: Sequence[str]) -> str:
+    """Return versions of LAMMPS, the first and the last of those in a row."""
+    from lammps_cases.findings import KNOWN
+
+    at = [KNOWN.index(engine) for engine in engines if engine in KNOWN]
+    in_a_row = len(at) > 2 and at == list(range(at[0], at[0] + len(engines)))
+    return f"{engines[0]} to {engines[-1]}" if in_a_row else ", ".join(engines)
 
 
 def _cases(cases: Sequence[str], applies_to: Sequence[str]) -> str:

@@ -21,6 +21,7 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
     \b
     Example:  eos-ref list --tag quick
     """
+    from lammps_cases.records.wording import counted
     from lammps_cases.scene import casefile
 
     cases = casefile.load(paths)
@@ -31,5 +32,5 @@ def list_command(names: tuple[str, ...], tag: str | None, paths: tuple[Path, ...
         return 0
     laws = [", ".join(dict.fromkeys(law.style for law in c.scene.pressure)) for c in cases]
     rows = [(c.name, ", ".join(c.tags), styles, c.scene.units) for c, styles in zip(cases, laws, strict=True)]
-    shared.table(("case", "tags", "laws", "units"), rows, f"{len(cases)} cases")
+    shared.table(("case", "tags", "laws", "units"), rows, counted(len(cases), "case"), drop=("units", "laws", "tags"))
     return 0

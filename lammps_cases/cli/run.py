@@ -87,7 +87,7 @@ def run_command(
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:
         for line in _notes([case for case in chosen if not case.shipped], run):
-            click.secho(line, fg="yellow")
+            shared.show(line, "  ", fg="yellow")
     return shared.finish(run, folder, as_json, changes)
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 import tempfile
+import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,7 +20,9 @@ from lammps_cases.records.run_record import FAIL_ON, RunRecord
 
 Command = TypeVar("Command", bound=Callable[..., object])
 PATH = click.Path(path_type=Path)
-WIDE = 160  # columns of a table that is printed into a file or a pipe
+UNBROKEN = 10_000  # columns of a line in a file or a pipe
+PROSE = 22  # columns that a column of sentences has at least
+LEAST = 20  # columns of a terminal below which lines are broken by it
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document, and nothing else.")
 
 
@@ -132,13 +137,13 @@ def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str
     announce(of_run, directory, os.environ)
     say(of_run.headline)
     for line in of_run.closing():
-        click.echo(line)
+        show(line, "        ")
     return of_run.exit_code
 
 
 def say(headline: Headline) -> None:
     """Print a headline in its colour."""
-    click.secho(str(headline), fg=headline.look.terminal, bold=True)
+    show(str(headline), "  ", fg=headline.look.terminal, bold=True)
 
 
 def _details(run: RunRecord) -> None:
@@ -148,35 +153,74 @@ def _details(run: RunRecord) -> None:
     click.echo(f"{tally(run)} ({run.seconds:.1f} s)")
     for case in run.cases:
         if not case.as_expected:
-            click.secho(f"  {case.verdict:9s} {case.case}: {case.message}", fg="red")
+            show(f"  {case.verdict:9s} {case.case}: {case.message}", 12 * " ", fg="red")
     skipped = Counter(case.message for case in run.cases if case.verdict == "skipped")
     for reason, cases in skipped.items():
-        click.echo(f"  {counted(cases, 'case')} skipped: {reason}")
+        show(f"  {counted(cases, 'case')} skipped: {reason}", "    ")
     for line in triage_lines(run):
-        click.echo(f"  {line}")
+        show(f"  {line}", "      ")
     if run.predictions.stored:
         click.echo(f"  {run.predictions} (--fresh computes them anew)")
     if run.carried:
-        click.secho(f"  {carried(run.carried)}", fg="yellow")
+        show(f"  {carried(run.carried)}", "    ", fg="yellow")
         for finding, what, cases in carried_rows(run.carried):
-            click.echo(f"    {finding:28s} {what}: {counted(cases, 'case')}")
+            show(f"    {finding:28s} {what}: {counted(cases, 'case')}", "      ")
     for note in run.notes:
-        click.secho(f"  {note}", fg="yellow")
+        show(f"  {note}", "    ", fg="yellow")
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None) -> None:
-    """Print a table; wide where there is no terminal to fit it into."""
+def width() -> int | None:
+    """Return the columns that text has to fit into: those of the terminal, or of COLUMNS; None in a file or pipe."""
+    if os.environ.get("COLUMNS", "").isdigit() or sys.stdout.isatty():
+        return shutil.get_terminal_size().columns
+    return None
+
+
+def show(text: str, indent: str = "", **style: Any) -> None:
+    """Print a paragraph, its further lines indented, broken between words where it does not fit the terminal."""
+    if (columns := width()) is not None:
+        breaks: Any = {"break_long_words": False, "break_on_hyphens": False}
+        text = textwrap.fill(text, max(columns, LEAST), subsequent_indent=indent, drop_whitespace=True, **breaks)
+    click.secho(text, **style)
+
+
+def table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    title: str | None = None,
+    drop: Sequence[str] = (),
+    prose: Sequence[str] = (),
+) -> None:
+    """Print a table; in a file or pipe as wide as its lines are, on a terminal so that none of them is broken.
+
+    Parameters
+    ----------
+    drop : columns that are left out, in this order, until the others fit
+    prose : columns of sentences, which are broken between words; where it is still too narrow the others are shortened
+    """
     from rich import box
     from rich.console import Console
-    from rich.markup import escape
+    from rich.measure import Measurement
     from rich.table import Table
+    from rich.text import Text
 
-    grid = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
-    for column in columns:
-        grid.add_column(column, overflow="fold")
-    for row in rows:
-        grid.add_row(*map(escape, row))
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDE
-    console.print(grid)
+    room, body = width(), [*rows]
+    console = Console(width=room or UNBROKEN)
+    left, taken = list(drop), list(columns)
+
+    def grid(least: bool) -> Table:
+        """Return the table of the columns taken; those of sentences as narrow as may be, or as there is room."""
+        made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+        for name in taken:
+            sentence = name in prose
+            widest = PROSE if sentence and least else None
+            overflow: Any = "fold" if sentence else "ellipsis"
+            made.add_column(name, no_wrap=not sentence, overflow=overflow, min_width=PROSE * sentence, max_width=widest)
+        for row in body:
+            made.add_row(*(Text(cell) for name, cell in zip(columns, row, strict=True) if name in taken))
+        return made
+
+    unbounded = console.options.update(max_width=UNBROKEN)
+    while left and Measurement.get(console, unbounded, grid(least=True)).maximum > console.width:
+        taken.remove(left.pop(0))
+    console.print(grid(least=False), crop=False)

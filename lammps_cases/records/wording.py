@@ -25,6 +25,19 @@ from lammps_cases.records.run_record import (
     Verdict,
 )
 
+# What a verdict means; docs/verdicts.md says the same.
+MEANINGS: dict[Verdict, str] = {
+    "exact": "the numbers are those of the reference, evaluated in LAMMPS' order of operations, bit for bit",
+    "pass": "every atom is within the bound",
+    "explained": "some atoms are outside, and one or more findings, put into the reference as variants, bring every "
+    "atom of every field at every step back inside",
+    "differs": "some atoms are outside, and no set of findings explains them",
+    "refused": (_ended := "how LAMMPS ended instead of answering; refused is right where a case expects the refusal"),
+    "crashed": _ended,
+    "timeout": _ended,
+    "error": "the case, or the harness, is at fault: nothing is said about LAMMPS",
+    "skipped": "this LAMMPS was built without what the case needs; the reason is given",
+}
 INSIDE = ("exact", "pass")  # the verdicts of what lies within its bound
 EXPECTED_REFUSAL = "refused as expected"
 MOST_NAMES = 8  # of cases, beyond which they are counted

@@ -101,7 +101,7 @@ def _agreement(matrix: agreement.Matrix) -> str:
     rows = [(text(row.field), *map(_cell, row.cells)) for row in matrix.rows if not row.exact]
     same = [row.field for row in matrix.rows if row.exact]
     blocks = [
-        f"### Agreement: {matrix.title} ({matrix.cases} cases)",
+        f"### Agreement: {matrix.title} ({counted(matrix.cases, 'case')})",
         "Cases inside the bound (largest difference/bound); of explained ones the variants are inside.",
         table(("field", *(f"step {step}" for step in matrix.steps)), rows) if rows else "",
         f"The same bits in every case: {', '.join(map(text, same))}." if same else "",
@@ -120,7 +120,7 @@ def _twins(matrix: agreement.Matrix) -> str:
         f"{exact} with the same bits, {inside} inside the bound (largest difference/bound {wording.brief(largest)})"
     )
     counts += f", {explained} explained, {outside} outside" if explained + outside else ""
-    return f"{matrix.title} ({matrix.cases} cases), fields at steps: {counts}."
+    return f"{matrix.title} ({counted(matrix.cases, 'case')}), fields at steps: {counts}."
 
 
 def _cell(cell: agreement.AgreementCell | None) -> str:

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from eos_ref import InputError
-from eos_ref.errors import together, unknown
+from eos_ref.errors import nearest, together, unknown
 from eos_ref.syntax.manual import Manual
 from lammps_cases.records.yaml_files import flow, read_yaml
 from lammps_cases.rules import RULES
@@ -260,13 +260,16 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     InputError
         A name that matches no case (the nearest is suggested) or a tag that no case has.
     """
-    names_chosen = set[str]().union(*(_names_like(name, cases) for name in names))
+    for name in names:
+        if not names_like(name, cases):
+            raise unknown("case", name, sorted({part for c in cases for part in (c.name, c.name.split(".")[0])}))
+    names_chosen = set[str]().union(*(names_like(name, cases) for name in names))
     chosen = [case for case in cases if not names or case.name in names_chosen]
     if tag is not None:
         chosen = [case for case in chosen if tag in case.tags]
         if not chosen:
             tags = sorted({each for case in cases for each in case.tags})
-            raise InputError("tag", f"no case has it (tags: {', '.join(tags)})", tag)
+            raise InputError("tag", f"no case has it{nearest(tag, tags)} (tags: {', '.join(tags)})", tag)
     elif not names:
         chosen = [case for case in chosen if "long" not in case.tags]
     if not chosen:
@@ -274,10 +277,6 @@ def select(cases: Sequence[Case], names: Sequence[str] = (), tag: str | None = N
     return chosen
 
 
-def _names_like(name: str, cases: Sequence[Case]) -> list[str]:
+def names_like(name: str, cases: Sequence[Case]) -> list[str]:
     """Return the names of cases that a name or pattern selects."""
-    names = [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]
-    if not names:
-        candidates = sorted({part for c in cases for part in (c.name, c.name.split(".")[0])})
-        raise unknown("case", name, candidates)
-    return names
+    return [c.name for c in cases if fnmatch.fnmatchcase(c.name, name) or c.name.startswith(f"{name}.")]

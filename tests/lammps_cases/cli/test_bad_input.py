@@ -357,7 +357,7 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("rnu",), "did you mean 'run'?"),
         (("run", "--bogus"), "bogus"),
         (("run", "near-rho0.linear.2d", "--baseline", "/nowhere"), "a folder of accepted baselines"),
-        (("explain", "nothing"), "no such case: 'nothing'"),
+        (("explain", "nothing"), "no such case, finding, field or verdict: 'nothing'"),
         (("explain",), "CASE"),
     ],
 )

@@ -197,7 +197,7 @@ def test_a_new_finding_is_a_record_and_a_class(
 
     (tmp_path / "shown_by.json").write_text(documents[findings.SHOWN_BY])
     monkeypatch.setattr(findings, "SHOWN_BY", tmp_path / "shown_by.json")
-    out = eos_ref_command("ledger").out
+    out = eos_ref_command("ledger", "halved").out
     assert "halved (low): Forces are halved" in out
     assert "seen in: 2099.1.1; shown by: images.quintic.two\n" in out
 

@@ -6,6 +6,7 @@ import importlib
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -109,11 +110,9 @@ def main() -> None:
     try:
         code = group.main(prog_name="eos-ref", standalone_mode=False)
     except click.ClickException as error:
-        click.echo(f"eos-ref: {_one_line(error)}", err=True)
-        code = 2
+        code = _say(2, {"what": "usage", "rule": _one_line(error)}, _one_line(error))
     except (click.Abort, KeyboardInterrupt):
-        click.echo("eos-ref: interrupted; no partial files were written", err=True)
-        code = 130
+        code = _say(130, {"what": "run", "rule": "interrupted"}, "interrupted; no partial files were written")
     except Exception as error:
         code = _exit_code(error)
     sys.exit(code if isinstance(code, int) else 0)
@@ -126,26 +125,50 @@ def _one_line(error: click.ClickException) -> str:
     return f"{text} ({context.command_path} --help shows the usage)" if context else text
 
 
+def _say(code: int, error: dict[str, Any], *lines: str, others: Sequence[dict[str, Any]] = ()) -> int:
+    """Report a failure on standard error, with --json as a document on standard output; return its exit code.
+
+    Parameters
+    ----------
+    error : what, rule, value and where, as far as they are known
+    others : further complaints about the same input
+    """
+    if "--json" in sys.argv[1:]:
+        import json
+
+        from lammps_cases.records.wording import plain
+
+        every = [dict.fromkeys(("what", "rule", "value", "where")) | each for each in (error, *others)]
+        document = {"error": every[0]} | ({"errors": every} if others else {})
+        click.echo(json.dumps(plain(document), indent=1, default=str))
+        return code
+    for line in lines:
+        click.echo(f"eos-ref: {line}", err=True)
+    return code
+
+
 def _exit_code(error: Exception) -> int:
     """Report a foreseen failure in one line; anything else is a fault of this program and keeps its traceback."""
     from eos_ref.errors import InputError  # here, not above: importing the reference loads numpy
     from lammps_cases.engine.session import EngineMissing
 
     if isinstance(error, InputError):
-        for each in error.errors:
-            click.echo(f"eos-ref: {each}", err=True)
-        return 2
+        first, *others = (
+            {"what": each.what, "rule": each.rule, "value": each.found, "where": each.where or None}
+            for each in error.errors
+        )
+        return _say(2, first, *map(str, error.errors), others=others)
     if isinstance(error, EngineMissing):
-        click.echo(f"eos-ref: {error} (eos-ref doctor says more)", err=True)
-        return 3
+        text = f"{error} (eos-ref doctor says more)"
+        return _say(3, {"what": "LAMMPS", "rule": text}, text)
     if isinstance(error, OSError) and error.strerror and error.filename:
-        click.echo(f"eos-ref: {error.filename}: cannot be used: {error.strerror}", err=True)
-        return 2
+        rule = f"cannot be used: {error.strerror}"
+        return _say(2, {"what": "file", "rule": rule, "where": str(error.filename)}, f"{error.filename}: {rule}")
     import traceback
 
     traceback.print_exception(error)
-    click.echo("eos-ref: this is a fault of eos-ref itself, not a verdict on LAMMPS", err=True)
-    return 3
+    text = "this is a fault of eos-ref itself, not a verdict on LAMMPS"
+    return _say(3, {"what": "eos-ref", "rule": text, "value": f"{type(error).__name__}: {error}"}, text)
 
 
 if __name__ == "__main__":

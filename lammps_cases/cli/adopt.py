@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 
 
 @click.command("adopt")
-@click.argument("engine")
+@click.argument("engine", shell_complete=completion.engines)
 @shared.launcher_option
 @shared.jobs_option
 @click.option("--out", type=shared.PATH, help="Folder of the page.  [default: reports/adopt-VERSION]")

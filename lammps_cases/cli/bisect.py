@@ -7,12 +7,12 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 
 
 @click.command("bisect")
-@click.argument("names", nargs=-1, required=True, metavar="ENGINE ENGINE...")
+@click.argument("names", nargs=-1, required=True, metavar="ENGINE ENGINE...", shell_complete=completion.engines)
 @click.option(
     "--case", "cases", multiple=True, metavar="CASE", help="Only this case, or those below it or of a pattern."
 )

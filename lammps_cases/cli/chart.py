@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from lammps_cases.cli import completion
 from lammps_cases.cli.shared import json_option, launcher_option
 from lammps_cases.records.progress import Bar
 
@@ -19,7 +20,13 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
 @click.option(
     "--out", type=click.Path(path_type=Path), default="reports/chart", show_default=True, help="Folder of the chart."
 )
-@click.option("--engine", "engines", multiple=True, help="env (default), pypi:VERSION or path:PLACE; may be repeated.")
+@click.option(
+    "--engine",
+    "engines",
+    multiple=True,
+    shell_complete=completion.engines,
+    help="env (default), pypi:VERSION or path:PLACE; may be repeated.",
+)
 @launcher_option
 @click.option("--save-costs", is_flag=True, help='Keep the laws\' times as those by which method="auto" chooses.')
 @json_option

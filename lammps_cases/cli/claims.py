@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
@@ -27,7 +27,13 @@ PROBES = ".probes.json"  # what the probes of an engine said, beside the report 
 @click.command("claims")
 @click.argument("names", nargs=-1, metavar="[CLAIM]...")
 @click.option("--run", "runs", multiple=True, type=shared.PATH, help="Judge by a finished run; runs nothing.")
-@click.option("--engine", "engines", multiple=True, help="env (default), pypi:VERSION or path:DIR; may be repeated.")
+@click.option(
+    "--engine",
+    "engines",
+    multiple=True,
+    shell_complete=completion.engines,
+    help="env (default), pypi:VERSION or path:DIR; may be repeated.",
+)
 @click.option("--out", type=shared.PATH, help="Folder of the page.  [default: by date, in reports/claims]")
 @shared.jobs_option
 @click.option("--traceability", is_flag=True, help="Only list claims without a case and cases without a claim.")

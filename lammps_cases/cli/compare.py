@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import FAIL_ON, FailOn
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("compare")
-@click.argument("names", nargs=-1, required=True, metavar="A B [SIDE]... [CASE]...")
+@click.argument("names", nargs=-1, required=True, metavar="A B [SIDE]... [CASE]...", shell_complete=completion.engines)
 @shared.tag_option
 @shared.paths_option
 @shared.jobs_option

@@ -8,11 +8,11 @@ from typing import Any
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 
 
 @click.command("explain")
-@click.argument("name", metavar="CASE|FINDING|FIELD|VERDICT")
+@click.argument("name", metavar="CASE|FINDING|FIELD|VERDICT", shell_complete=completion.findings_and_cases)
 @shared.paths_option
 @shared.json_option
 def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.wording import brief, counted, plain
 
@@ -27,7 +27,7 @@ FIELD = ("field", "atom_type", "verdict", "max_over_bound", "max_abs", "digest",
 
 
 @click.command("history")
-@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
 @click.option("--field", default="", help="Errors of this field alone (a name or pattern).")
 @click.option("--engine", default="", help="Only engines whose name or version fits this pattern, or holds it.")
 @click.option("--since", metavar="DATE", default="", help="Only runs from this day on (2026-01-31).")

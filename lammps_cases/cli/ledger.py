@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.run_record import SEVERITIES
 from lammps_cases.records.wording import by_file, counted
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command("ledger")
-@click.argument("names", nargs=-1, metavar="[FINDING]...")
+@click.argument("names", nargs=-1, metavar="[FINDING]...", shell_complete=completion.findings)
 @shared.json_option
 def ledger_command(names: tuple[str, ...], as_json: bool) -> int:
     """List the findings, the most severe first: where LAMMPS differs from its manual.

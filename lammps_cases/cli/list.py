@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 
 
 @click.command("list")
-@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
 @shared.tag_option
 @shared.paths_option
 @shared.json_option

@@ -13,33 +13,43 @@ from typing import Any
 import click
 
 # command: one line of help; the module of the same name, - as _, holds a click command, NAME_command
-COMMANDS = {
-    "run": "Run cases against LAMMPS and write a report: the main job.",
-    "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
-    "list": "List the cases.",
-    "explain": "Show what a case models, what it does not, and why.",
-    "fuzz": "Draw random scenes over the whole schema, and judge them as cases.",
-    "shrink": "Make the smallest scene that still fails the same way.",
-    "ledger": "List the findings: where LAMMPS differs from its manual.",
-    "report-bug": "Write a bug report for LAMMPS: a deck that tells PASS from FAIL, and its text.",
-    "diagnose": "Group the red cases of a finished run, and say what could cause them.",
-    "report": "Render the report of a finished run again.",
-    "merge": "Join the shards of a run.",
-    "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",
-    "accept": "Take a run as the accepted baseline of its engine, with a reason.",
-    "adopt": "Take a new LAMMPS in: what is there, gone and new on it.",
-    "bisect": "Name the first of several engines that changed.",
-    "history": "Show how errors, times and verdicts changed from version to version.",
-    "claims": "Check the manual's claims: which hold, on which engine, by which cases.",
-    "power": "Plant faults and list which case catches each, and which none does.",
-    "witnesses": "List the rules of the reference with the cases that depend on each.",
-    "kit": "Write the files that run this in a CI service.",
-    "chart": "Chart speed against accuracy: LAMMPS, the reference, other methods.",
-    "stability": "Map where methods fail, on LAMMPS and on the reference.",
-    "inputs": "Put bad input to LAMMPS and to the reference: who refuses it, how clearly.",
-    "bench": "Measure speed against peers, as ratios.",
-    "doctor": "Say what is installed, what works, and what to do about the rest.",
+GROUPS = {
+    "Everyday": {
+        "run": "Run cases against LAMMPS and write a report: the main job.",
+        "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
+        "list": "List the cases.",
+        "explain": "Show what a case models, what it does not, and why.",
+        "ledger": "List the findings: where LAMMPS differs from its manual.",
+        "report-bug": "Write a bug report for LAMMPS: a deck that tells PASS from FAIL, and its text.",
+        "report": "Render the report of a finished run again.",
+        "doctor": "Say what is installed, what works, and what to do about the rest.",
+    },
+    "Versions": {
+        "compare": "Compare two engines, two runs, or a run and a baseline, field by field.",
+        "bisect": "Name the first of several engines that changed.",
+        "accept": "Take a run as the accepted baseline of its engine, with a reason.",
+        "adopt": "Take a new LAMMPS in: what is there, gone and new on it.",
+        "history": "Show how errors, times and verdicts changed from version to version.",
+        "claims": "Check the manual's claims: which hold, on which engine, by which cases.",
+    },
+    "Research": {
+        "chart": "Chart speed against accuracy: LAMMPS, the reference, other methods.",
+        "stability": "Map where methods fail, on LAMMPS and on the reference.",
+        "diagnose": "Group the red cases of a finished run, and say what could cause them.",
+        "shrink": "Make the smallest scene that still fails the same way.",
+    },
+    "Maintenance": {
+        "power": "Plant faults and list which case catches each, and which none does.",
+        "witnesses": "List the rules of the reference with the cases that depend on each.",
+        "fuzz": "Draw random scenes over the whole schema, and judge them as cases.",
+        "inputs": "Put bad input to LAMMPS and to the reference: who refuses it, how clearly.",
+        "bench": "Measure speed against peers, as ratios.",
+        "merge": "Join the shards of a run.",
+        "kit": "Write the files that run this in a CI service.",
+        "completion": "Let the shell complete cases, tags, findings and engines.",
+    },
 }
+COMMANDS = {name: text for commands in GROUPS.values() for name, text in commands.items()}
 
 
 class LazyGroup(click.Group):
@@ -61,8 +71,17 @@ class LazyGroup(click.Group):
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(commands.items()))
+
+    def shell_complete(self, context: click.Context, incomplete: str) -> list[Any]:
+        """Complete a command without importing any."""
+        from click.shell_completion import CompletionItem
+
+        if incomplete.startswith("-"):
+            return super().shell_complete(context, incomplete)
+        return [CompletionItem(name, help=text) for name, text in COMMANDS.items() if name.startswith(incomplete)]
 
     def resolve_command(self, context: click.Context, args: list[str]) -> Any:
         """Suggest the nearest command for an unknown one."""

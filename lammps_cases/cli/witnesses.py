@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lammps_cases.cli import shared
+from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ MOST_NAMES = 3  # of the cases of a rule and dimension; the rest is counted
 
 
 @click.command("witnesses")
-@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
 @click.option("--all", "every", is_flag=True, help="All rules that a case takes, not only those it names: minutes.")
 @shared.folder_option("--out", "reports/witnesses", "Folder of the page.")
 @shared.jobs_option

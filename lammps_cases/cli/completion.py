@@ -1,0 +1,130 @@
+"""eos-ref completion: what the shell completes, and the one command that makes it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem, get_completion_class
+
+ROOT = Path(__file__).parents[1]
+VARIABLE = "_EOS_REF_COMPLETE"  # as click names it
+# Shell: file that it reads when it starts, or the one of its own that it finds by itself.
+STARTS = {"bash": ".bashrc", "zsh": ".zshrc", "fish": ".config/fish/completions/eos-ref.fish"}
+BEFORE = {
+    "bash": "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}  # engines are named pypi:VERSION\n",
+    "zsh": "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n",
+    "fish": "",
+}
+
+
+@click.command("completion")
+@click.argument("shell", type=click.Choice(list(STARTS)))
+@click.option("--print", "only_print", is_flag=True, help="Print the script, and install nothing.")
+def completion_command(shell: str, only_print: bool) -> int:
+    """Let a shell complete commands, options, cases, tags, findings and engines: once, for all shells that start then.
+
+    \b
+    Example:  eos-ref completion bash
+    """
+    from lammps_cases.records.files import write_atomically
+
+    script = BEFORE[shell] + _script(shell)
+    if only_print:
+        click.echo(script)
+        return 0
+    start = Path.home() / STARTS[shell]
+    if shell == "fish":
+        file = start
+    else:
+        file = Path.home() / ".local" / "share" / "eos-ref" / f"completion.{shell}"
+        line = f'[ -r "{file}" ] && . "{file}"'
+        before = start.read_text() if start.exists() else ""
+        if line not in before.splitlines():
+            write_atomically(start, before + "\n" * (not before.endswith("\n") and bool(before)) + line + "\n")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, script)
+    click.echo(f"written: {file}; a new {shell} completes eos-ref")
+    return 0
+
+
+def _script(shell: str) -> str:
+    from lammps_cases.cli.main import group
+
+    made = get_completion_class(shell)
+    assert made is not None
+    return made.source_template % made(group, {}, "eos-ref", VARIABLE).source_vars()
+
+
+# --- what there is, read without the packages that check it
+
+
+def _files() -> Iterator[dict[str, Any]]:
+    import yaml
+
+    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    for path in sorted((ROOT / "cases").rglob("*.yaml")):
+        yield yaml.load(path.read_text(encoding="utf-8"), loader)
+
+
+def case_names() -> list[str]:
+    """Return the names of the shipped cases, and of their files."""
+    names = []
+    for file in _files():
+        axes = file.get("matrix", {}).values()
+        names += [file["name"], *(".".join((file["name"], *labels)) for labels in product(*axes) if labels)]
+    return names
+
+
+def tag_names() -> set[str]:
+    """Return the tags of the shipped cases."""
+    tags = set[str]()
+    for file in _files():
+        patches = (patch for axis in file.get("matrix", {}).values() for patch in axis.values())
+        for part in (file, *(patch for patch in patches if isinstance(patch, dict))):
+            tags.update(part["tags"] if isinstance(part.get("tags"), list) else ())
+    return tags
+
+
+def finding_names() -> list[str]:
+    """Return the ids of the findings."""
+    return list(json.loads((ROOT / "findings" / "shown_by.json").read_text(encoding="utf-8")))
+
+
+def engine_names() -> list[str]:
+    """Return the engines that were taken in, by name."""
+    content = json.loads((ROOT / "findings" / "engines.json").read_text(encoding="utf-8"))
+    return ["env", *(f"pypi:{version}" for version in content["engines"]), "path:"]
+
+
+def _items(names: Iterable[str], incomplete: str) -> list[CompletionItem]:
+    return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+
+
+def cases(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete a case."""
+    return _items(case_names(), incomplete)
+
+
+def tags(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete a tag."""
+    return _items(sorted(tag_names()), incomplete)
+
+
+def findings(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete a finding."""
+    return _items(finding_names(), incomplete)
+
+
+def findings_and_cases(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete a finding or a case."""
+    return _items([*finding_names(), *case_names()], incomplete)
+
+
+def engines(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete an engine."""
+    return _items(engine_names(), incomplete)

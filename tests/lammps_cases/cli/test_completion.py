@@ -1,0 +1,101 @@
+"""The help in groups, and what the shell completes: without the packages that make either slow."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lammps_cases.cli import completion
+from lammps_cases.cli.main import COMMANDS, GROUPS
+from lammps_cases.findings import KNOWN, LEDGER
+from lammps_cases.scene import casefile
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+HEAVY = {"numpy", "scipy", "numba", "ase", "pandas", "rich", "matplotlib", "lammps"}
+
+
+def completed(line: str) -> list[str]:
+    """What bash is given for a line that ends where the cursor is."""
+    words = line.split(" ")
+    given = {completion.VARIABLE: "bash_complete", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    command = [sys.executable, "-m", "lammps_cases.cli.main"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **given})
+    return [line.removeprefix("plain,") for line in done.stdout.splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("line", "names"),
+    [
+        ("eos-ref rep", ["report-bug", "report"]),
+        ("eos-ref run near-rho0.linear", ["near-rho0.linear.2d", "near-rho0.linear.3d"]),
+        ("eos-ref run --tag quic", ["quick"]),
+        ("eos-ref ledger force-per", ["force-per-volume"]),
+        ("eos-ref explain force-per", ["force-per-volume"]),
+        ("eos-ref run --engine e", ["env"]),
+        ("eos-ref audit in.deck --engine pypi:2025.7.22.4", ["pypi:2025.7.22.4.0"]),
+        ("eos-ref run --base", ["--baseline"]),
+    ],
+)
+def test_the_shell_completes(line: str, names: list[str]) -> None:
+    assert completed(line) == names
+
+
+def test_what_is_completed_is_what_there_is() -> None:
+    cases = casefile.load()
+    assert {case.name for case in cases} <= set(completion.case_names())
+    assert {name.split(".")[0] for name in completion.case_names()} == {case.name.split(".")[0] for case in cases}
+    assert completion.tag_names() == {tag for case in cases for tag in case.tags}
+    assert sorted(completion.finding_names()) == sorted(entry.id for entry in LEDGER)
+    assert completion.engine_names() == ["env", *(f"pypi:{version}" for version in KNOWN), "path:"]
+
+
+@pytest.mark.parametrize(
+    "call", ["main.group.main(['--help'], 'eos-ref', standalone_mode=False)", "completion.cases(0, 0, 'n')"]
+)
+def test_nothing_heavy_is_imported(call: str) -> None:
+    code = f"import sys\nfrom lammps_cases.cli import completion, main\n{call}\nprint(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert HEAVY.isdisjoint(done.stderr.split())
+
+
+@pytest.mark.parametrize("shell", completion.STARTS)
+def test_one_command_installs_it_and_the_second_time_changes_nothing(
+    shell: str, eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    start = tmp_path / completion.STARTS[shell]
+    if shell != "fish":
+        start.write_text("export OWN=1")
+    code, _, err = eos_ref_command("completion", shell)
+    assert code == 0, err
+    once = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
+    assert eos_ref_command("completion", shell).code == 0
+    assert once == {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
+    (script,) = (text for text in once.values() if completion.VARIABLE in text)
+    assert script == eos_ref_command("completion", shell, "--print").out.removesuffix("\n")
+    assert shell == "fish" or once[start].startswith("export OWN=1\n[ -r ")
+
+
+def test_bash_reads_what_is_installed(eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert eos_ref_command("completion", "bash").code == 0
+    done = subprocess.run(
+        ["bash", "-c", f". {tmp_path}/.bashrc; complete -p eos-ref"], capture_output=True, text=True, check=True
+    )
+    assert "eos-ref" in done.stdout
+
+
+def test_the_help_is_in_groups(eos_ref_command: Run) -> None:
+    out = eos_ref_command("--help").out
+    places = [out.index(f"{title}:\n") for title in GROUPS]
+    assert [*GROUPS] == ["Everyday", "Versions", "Research", "Maintenance"]
+    assert places == sorted(places)
+    assert sum(map(len, GROUPS.values())) == len(COMMANDS)
+    listed = [line.split()[0] for line in out[places[0] :].splitlines() if line.startswith("  ") and line[2] != " "]
+    assert listed == [*COMMANDS]

@@ -52,8 +52,8 @@ def _stop(scope: Scope, chance: Chance, at: int) -> Content:
         stop["timestep"] = TO_BE_SET
     if chance.coin(0.25):
         stop["count"] = chance.choice([0, 7, 1000])
-    kept = walls and stop.get("by") in ("restart", "other scene")
-    if kept:  # what a restart file holds of walls keeps displace_atoms and change_box from working
+    kept = (walls or "mass" in scope.content) and stop.get("by") in ("restart", "other scene")
+    if kept:  # what a restart file holds of walls and masses keeps displace_atoms and change_box from working
         return stop
     if chance.coin(0.25):
         axes = "xy" if scope.planar else "xyz"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from eos_ref.eos.bounds import EPS
 from lammps_cases.comparison.trajectory import Prediction, Problem, predict
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import Answer, Job
@@ -183,3 +184,14 @@ def engine(name: str = "env") -> Iterator[Engine]:
 def agree(found: Any, prediction: Prediction, field: str, at: int = 0) -> bool:
     """Whether a field of LAMMPS lies within the bound of a prediction on every atom."""
     return bool(np.all(np.abs(found - prediction.fields[at][field]) <= prediction.bounds[at][field]))
+
+
+def is_multiple(found: Any, factor: Any, right: Prediction, wrong: Prediction, field: str, roundings: int = 4) -> bool:
+    """Whether a field of LAMMPS is a prediction times a factor.
+
+    But for the bound of the prediction that LAMMPS follows, that of the other times the factor, and the roundings of
+    the factor and the product.
+    """
+    expected = factor * right.fields[0][field]
+    bound = wrong.bounds[0][field] + np.abs(factor) * right.bounds[0][field] + roundings * EPS * np.abs(expected)
+    return bool(np.all(np.abs(found - expected) <= bound)) and bool(np.any(expected))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.told import Engine, Quoted, Told, agree, engine, said, told
+from tests.support.told import Engine, Quoted, Told, agree, engine, is_multiple, said, told
 
 pytestmark = pytest.mark.lammps
 
@@ -33,23 +33,23 @@ def test_one_of_a_pair_has_the_mass_of_the_other(lammps: Engine) -> None:
     types = [{"mass": float(m), "viscosity": 0.0} for m in masses]
     single = [{"mass": 7.0, "viscosity": 0.0}]
 
-    def x_of(order: int) -> tuple[Any, Any, Told]:
+    def x_of(order: int, *factors: float) -> tuple[Any, Any]:
         """Forces along x with masses of types and with those of particles, in one order of places or the other."""
         at = slice(None, None, order)
         rho, m = [rho1, rho2][at], masses[at]
         kinds = two(rho, kind=[1, 2][at], types=types)
         own = two(rho, own=m, types=single)
         (right,), (found, *_) = lammps.fields(kinds), lammps.fields(own, every_step=True)
-        assert agree(found["f"], own.predicted(FIRST, "force-per-volume", snapshot=found), "f")
         assert agree(right["f"], own.predicted("force-per-volume"), "f")
-        return right["f"][:, 0], found["f"][:, 0], own
+        first = own.predicted(FIRST, "force-per-volume", snapshot=found)
+        assert agree(found["f"], first, "f")
+        assert is_multiple(found["f"], np.array(factors)[:, None], own.predicted("force-per-volume"), first, "f")
+        return right["f"][:, 0], found["f"][:, 0]
 
-    right_n, found_n, _ = x_of(1)
+    right_n, found_n = x_of(1, up / down, 1.0)
     assert all(quoted.is_rounded(f) for quoted, f in zip(by_type, right_n, strict=True))
     assert one.is_rounded(found_n[0]) and other.is_rounded(found_n[1])
-    np.testing.assert_allclose(found_n / right_n, [up / down, 1.0], rtol=1e-13)
-    right_n, found_n, _ = x_of(-1)
-    np.testing.assert_allclose(found_n / right_n, [down / up, 1.0], rtol=1e-13)
+    x_of(-1, down / up, 1.0)
 
 
 def test_the_pressure_of_a_gas(lammps: Engine) -> None:

@@ -10,6 +10,7 @@ has the densities of the positions.
 from __future__ import annotations
 
 import weakref
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -95,8 +96,9 @@ class RheoCalculator(Calculator):  # type: ignore[misc]
         found = self._evaluated(particles(self.atoms, self.scene))
         self.results = {name: padded(found[field]) for name, field in FIELDS_OF.items()}
 
+    @abstractmethod
     def _evaluated(self, atoms: Atoms) -> dict[str, Any]:
-        raise NotImplementedError
+        """Return the fields of particles, by LAMMPS' names."""
 
 
 class EosRefCalculator(RheoCalculator):

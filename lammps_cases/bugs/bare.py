@@ -79,17 +79,22 @@ def run(deck: Deck, engine: Engine) -> Ending:
     with tempfile.TemporaryDirectory() as folder:
         deck.write(Path(folder))
         # A wheel finds the MPI beside it by its start script; it is one word of the environment.
-        done = subprocess.run(
+        process = subprocess.Popen(
             [program(engine), "-in", DECK, "-log", "none"],
             cwd=folder,
             env=_environment(engine),
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            timeout=TIME_LIMIT,
-            check=False,
         )
-    return Ending(done.returncode, done.stdout + done.stderr)
+        try:
+            printed, _ = process.communicate(timeout=TIME_LIMIT)
+        finally:
+            process.kill()
+            process.wait()
+            mpi.remove_shared_memory(process.pid)
+    return Ending(process.returncode, printed)
 
 
 def _environment(engine: Engine) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import os
 import re
@@ -11,6 +12,7 @@ from pathlib import Path
 
 VARIABLE = "EOS_REF_LAUNCHER"  # a command with {n} for the number of ranks, in place of the one found
 OPEN_MPI, MPICH = "Open MPI", "MPICH"
+SHARED = Path("/dev/shm")  # where MPICH makes a file of 2 MB for the ranks of a machine, removed by an orderly end only
 _PROGRAMS = {OPEN_MPI: ("mpirun.openmpi", "orterun", "mpirun"), MPICH: ("mpiexec.hydra", "mpiexec.mpich", "mpiexec")}
 # Open MPI refuses to start as root, and more ranks than cores; both are what tests in a container are.
 _SETTINGS = {
@@ -38,6 +40,24 @@ def flavour() -> str:
     if library is None:
         return "MPI"  # linked statically
     return OPEN_MPI if ".so.40" in library.name or ".so.80" in library.name else MPICH
+
+
+def forget_shared_memory() -> None:
+    """Remove the name of the memory that the ranks of this process share, once all of them have it.
+
+    The memory lives as long as they do, however they end: MPICH itself removes it in MPI_Finalize alone, to which a
+    process that is killed, that crashes, or that Python's multiprocessing ends never comes.
+    """
+    lines = Path("/proc/self/maps").read_text().splitlines() if SHARED.is_dir() else ()
+    for file in {line.split(maxsplit=5)[5] for line in lines if f"{SHARED}/mpich_shm_" in line}:
+        Path(file).unlink(missing_ok=True)  # of one whose name is gone "(deleted)" is part of it
+
+
+def remove_shared_memory(pid: int) -> None:
+    """Remove what a process left that has ended while MPI_Init ran in it: alone, it names the file by its id."""
+    for file in SHARED.glob(f"mpich_shm_{pid:x}_*"):
+        with contextlib.suppress(OSError):  # another user's, of the same id in another container
+            file.unlink()
 
 
 def file_of_mpich(name: str, site: Path) -> Path:

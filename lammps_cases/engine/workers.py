@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
-from lammps_cases.engine import forkserver, ranks
+from lammps_cases.engine import forkserver, mpi, ranks
 from lammps_cases.engine.session import (
     Answer,
     EngineCrashed,
@@ -64,7 +64,7 @@ def identify(site: str | None) -> dict[str, str]:
 
 
 def _prepare(folder: str, memory: int, parent: int) -> None:
-    threading.Thread(target=ranks.die_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=ranks.die_with, args=(parent, folder), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
     tempfile.tempdir = folder  # what a killed worker leaves goes with the pool
     # What LAMMPS or the C++ runtime prints when it dies belongs to the case, not on the terminal.
@@ -167,4 +167,7 @@ class Workers:
         self._pool.join()
         for future in self._futures:  # a pool that is stopped while a task ends may leave it open for ever
             future.cancel()
+        for file in Path(self._folder.name).iterdir():
+            if file.name.isdigit() and not Path("/proc", file.name).exists():  # of a worker, by its process
+                mpi.remove_shared_memory(int(file.name))
         self._folder.cleanup()

@@ -6,11 +6,13 @@ import os
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
-from lammps_cases.engine import ranks
+from lammps_cases.engine import mpi, ranks
 from lammps_cases.engine.session import Array, EngineCrashed, EngineRefused, Job, RunCommand
 from lammps_cases.engine.workers import solve
 from lammps_cases.run import campaign
@@ -67,6 +69,34 @@ def test_death_is_a_crash_and_costs_no_later_job(job: Job) -> None:
     with pytest.raises(EngineCrashed):
         ranks.solve(None, job)
     ranks.solve(None, job)
+
+
+def _names(pid: int | str) -> list[str]:
+    """Files of MPICH's shared memory that a process has mapped, with what Linux says of a name that is gone."""
+    lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
+    return [line.split(maxsplit=5)[5] for line in lines if "mpich_shm_" in line]
+
+
+def _children(pid: int | str) -> list[str]:
+    return Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+
+
+def test_nothing_of_mpich_outlives_its_processes(job: Job) -> None:
+    """The memory that ranks share has no name while they run, so that no kill can leave it behind."""
+    ranks.solve(None, job)  # in two processes, and this one opens LAMMPS too
+    running = [str(os.getpid()), *(rank for proxy in _children(_pid()) for rank in _children(proxy))]
+    assert len(running) == 3
+    for pid in running:
+        assert _names(pid), "MPICH of this LAMMPS shares memory by files"
+        assert all(name.endswith("(deleted)") for name in _names(pid)), _names(pid)
+
+
+def test_what_a_process_leaves_that_died_in_mpi_init_is_removed(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
+    for name in ("mpich_shm_12d_0", "mpich_shm_12d0_0", "mpich_shm_ab12d_0", "sem.mp-12d"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(mpi, "SHARED", tmp_path)
+    mpi.remove_shared_memory(0x12D)
+    assert {path.name for path in tmp_path.iterdir()} == {"mpich_shm_12d0_0", "mpich_shm_ab12d_0", "sem.mp-12d"}
 
 
 def test_lists_of_all_ranks_are_joined(job: Job) -> None:

@@ -1,8 +1,8 @@
 """Neighbour list of particles in a box: half of all pairs, with a skin, in an order that depends on nothing but them.
 
-vesin finds the pairs; this module arranges them. Particles get an internal order in which neighbours lie close in
-memory; a row holds the partners j > i of a particle i in rising order, and of several images of one partner in rising
-order of the image. A particle's own images stand once for both directions, as all pairs do.
+`eos_ref.evaluation.pairs` finds the pairs; this module arranges them. Particles get an internal order in which
+neighbours lie close in memory; a row holds the partners j > i of a particle i in rising order, and of several images of
+one partner in rising order of the image. A particle's own images stand once for both directions, as all pairs do.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.pairs import compacted, search_unit
+from eos_ref.evaluation.pairs import half_pairs
 from eos_ref.jit import cached, inline
 from eos_ref.model.parameters import Box, IntArray
 
@@ -81,37 +81,22 @@ class Neighbours:
         if not near_n.all():
             k = int(np.argmin(near_n))
             raise InputError("position", f"of particle {k + 1} must be finite, near the box", tuple(x_nc[k].tolist()))
-        # vesin wants three axes, and along open ones a box that holds everything.
-        n, d = x_nc.shape
-        points = np.zeros((n, 3))
-        points[:, :d] = x_nc + image_nc * np.where(self.box.periodic, self.edge_c, 0.0)
-        for a, periodic in enumerate(self.box.periodic):
-            points[:, a] = points[:, a] - low_c[a] if periodic else compacted(points[:, a], self.reach)
-        extent = points.max(axis=0) + 4 * self.reach
-        extent[:d] = np.where(self.box.periodic, self.edge_c, extent[:d])
+        inside_nc = x_nc + image_nc * np.where(self.box.periodic, self.edge_c, 0.0)
+        inside_nc -= np.where(self.box.periodic, low_c, inside_nc.min(axis=0, initial=np.inf))
         # Chosen once: sums would have other rounding errors in another order.
-        if not self.built and not _coherent(points, extent, self.reach):
-            self.order_n = _along_curve(points, self.reach)
-        if self.order_n is not None:
-            points, image_nc = points[self.order_n], image_nc[self.order_n]
-        self._arrange(points, extent, image_nc.astype(np.int16))
+        if not self.built and not _coherent(inside_nc, self.edge_c, self.reach):
+            self.order_n = _along_curve(inside_nc, self.reach)
+        self._arrange(x_nc if self.order_n is None else x_nc[self.order_n])
         self._x_nc = x_nc.copy()
         self.built += 1
 
-    def _arrange(self, points: FloatArray, extent: FloatArray, image_nc: Any) -> None:
-        import vesin
-
-        # Wrapping moves a position by a rounding error, which must not lose a pair.
-        wide = self.reach * (1 + 1e-9) + 1e-14 * float(np.abs(extent).max())
-        unit = search_unit(self.reach)
-        finder = vesin.NeighborList(cutoff=wide / unit, full_list=False, sorted=False, n_threads=1)
-        periodic = [*self.box.periodic, *([False] * (3 - len(self.box.periodic)))]
-        n, d = image_nc.shape
+    def _arrange(self, x_nc: FloatArray) -> None:
+        n, d = x_nc.shape
         self.j_p, self.image_pc = np.empty(0, np.uint32), np.empty((0, d), np.int16)  # freed before the new ones come
-        pair_p, shift_p = finder.compute(points / unit, np.diag(extent / unit), periodic, "PS", copy=False)
+        one_p, other_p, image_pc = half_pairs(x_nc, self.box, self.reach)
         self.start_n = np.empty(n + 1, np.int64)
-        self.j_p, self.image_pc = np.empty(len(pair_p), np.uint32), np.empty((len(pair_p), d), np.int16)
-        _sorted_rows(pair_p, shift_p, image_nc, self.start_n, self.j_p, self.image_pc)
+        self.j_p, self.image_pc = np.empty(len(one_p), np.uint32), np.empty((len(one_p), d), np.int16)
+        _sorted_rows(one_p, other_p, image_pc, self.start_n, self.j_p, self.image_pc)
 
 
 def _coherent(points: FloatArray, extent: FloatArray, reach: float) -> bool:
@@ -124,7 +109,7 @@ def _coherent(points: FloatArray, extent: FloatArray, reach: float) -> bool:
 def _along_curve(points: FloatArray, size: float) -> IntArray:
     """Return an order of points by cells of a size, along Morton's curve: near in space is near in memory."""
     key_n = np.zeros(len(points), np.uint64)
-    for a in range(3):
+    for a in range(points.shape[1]):
         cell_n = np.minimum(points[:, a] / size, 2.0**21 - 1).astype(np.uint64)
         for bit, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F)):
             cell_n = (cell_n | cell_n << np.uint64(bit)) & np.uint64(mask)
@@ -170,31 +155,29 @@ def _follow(moved_nc: Any, order_n: Any, start_n: Any, j_p: Any, image_pc: Any, 
 
 
 @_jit
-def _sorted_rows(pair_p: Any, shift_p: Any, image_nc: Any, start_n: Any, j_p: Any, image_pc: Any) -> None:
+def _sorted_rows(one_p: Any, other_p: Any, shift_pc: Any, start_n: Any, j_p: Any, image_pc: Any) -> None:
     """Turn every pair so that i < j, or its own image lies in the upper half space, and sort by i, j and image."""
-    n, d = image_nc.shape
+    n, (pairs, d) = start_n.size - 1, shift_pc.shape
     place_n, start_n[:] = np.zeros(n + 1, np.int64), 0
-    for p in range(pair_p.shape[0]):
-        low, high = min(pair_p[p, 0], pair_p[p, 1]), max(pair_p[p, 0], pair_p[p, 1])
-        start_n[low + 1] += 1
-        place_n[high + 1] += 1
+    for p in range(pairs):
+        start_n[min(one_p[p], other_p[p]) + 1] += 1
+        place_n[max(one_p[p], other_p[p]) + 1] += 1
     for k in range(n):
         start_n[k + 1] += start_n[k]
         place_n[k + 1] += place_n[k]
     # By the second index first: each row is then filled in its order.
-    by_j = np.empty(pair_p.shape[0], np.uint32)
-    for p in range(pair_p.shape[0]):
-        high = max(pair_p[p, 0], pair_p[p, 1])
+    by_j = np.empty(pairs, np.uint32)
+    for p in range(pairs):
+        high = max(one_p[p], other_p[p])
         by_j[place_n[high]] = p
         place_n[high] += 1
     place_n[:] = start_n
     image_c = np.empty(d, np.int16)
     for p in by_j:
-        i, j = min(pair_p[p, 0], pair_p[p, 1]), max(pair_p[p, 0], pair_p[p, 1])
-        turned = i != pair_p[p, 0] or (i == j and _points_down(shift_p[p]))
-        sign = -1 if turned else 1
+        i, j = min(one_p[p], other_p[p]), max(one_p[p], other_p[p])
+        sign = -1 if i != one_p[p] or (i == j and _points_down(shift_pc[p])) else 1
         for a in range(d):
-            image_c[a] = sign * shift_p[p, a] + image_nc[j, a] - image_nc[i, a]
+            image_c[a] = sign * shift_pc[p, a]
         q = place_n[i]
         while q > start_n[i] and j_p[q - 1] == j and _before(image_c, image_pc, q - 1):
             j_p[q] = j_p[q - 1]

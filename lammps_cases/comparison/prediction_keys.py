@@ -21,7 +21,7 @@ from lammps_cases.comparison.store import Store, store_folder
 
 # The rooms of this package that predictions go through; with them all of eos_ref. A test follows the imports.
 ROOMS = ("records", "rules", "comparison", "findings", "verdict")
-LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy", "vesin")
+LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy")
 INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have code of its own
 SWITCHES = ("GLIBC_TUNABLES", "NPY_", "NUMBA_", "OPENBLAS_")  # environment variables that may change how code rounds
 

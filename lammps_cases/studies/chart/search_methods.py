@@ -252,7 +252,7 @@ def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> PairList:
 
 
 METHODS: tuple[SearchMethod, ...] = (
-    SearchMethod("vesin, rows", "as the reference: wider search, sorted rows, distances filtered", _reference),
+    SearchMethod("tree, rows", "as the reference: wider search, sorted rows, distances filtered", _reference),
     SearchMethod("vesin", "the library's own list", _vesin),
     SearchMethod("cell list", "of our own, compiled", cell_list),
     SearchMethod(

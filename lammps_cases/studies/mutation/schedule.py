@@ -34,7 +34,10 @@ TOGETHER = 12  # cases given to a worker at a time
 ENOUGH = 3  # answers that a mutated reference changes, judged before it goes on
 EXCLUDED_TAGS = {"long", "open", "crash"}  # of cases that are not used
 # What a fresh process needs that is not of the reference: imported once for all of them.
-LIGHT = ("numpy", "scipy.special", "pydantic", "yaml", "flint", "vesin", "lammps_cases.studies.mutation.substitute")
+LIGHT = (
+    *("numpy", "scipy.special", "scipy.spatial", "pydantic", "yaml", "flint"),
+    "lammps_cases.studies.mutation.substitute",
+)
 
 T = TypeVar("T")
 Detecting = Generator[Future[Any], Any, list[Detection]]

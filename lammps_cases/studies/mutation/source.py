@@ -91,11 +91,11 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
         "eos.laws:tait_stiffness",
         "eos.laws:ideal_gas_stiffness",
     ),
+    "order of summation": ("evaluation.pairs:_order",),
     "changed as a whole by a named fault": ("evaluation.evaluator:Evaluator.sound_speed",),
     "other callers": (
         "eos.laws:cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
         "kernels.reproducing:basis_size",
-        "evaluation.pairs:compacted",
         "evaluation.time_step:Simulation.run",
         "evaluation.time_step:Simulation._check_steps",
     ),
@@ -117,7 +117,8 @@ ONLY = {
 # search lie, which of two forms of a logarithm is taken), or what its rounding bound will be.
 EXCLUDED_ASSIGNMENTS = {
     "numbers.elementary:powm1": ("normal",),
-    "evaluation.pairs:directed_pairs": ("image_nc", "points, extent", "span"),
+    "evaluation.pairs:half_pairs": ("wide",),
+    "evaluation.pairs:_copies": ("room_c", "most"),
     "evaluation.time_step:Simulation._start": ("self.fresh",),
     "evaluation.time_step:Simulation.step": ("self.fresh",),
 }

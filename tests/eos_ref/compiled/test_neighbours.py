@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from eos_ref.compiled.neighbours import WINDOW, Neighbours
 from eos_ref.errors import InputError
-from eos_ref.evaluation.pairs import compacted, directed_pairs
+from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.parameters import Box
 
 pytestmark = pytest.mark.slow
@@ -186,20 +186,3 @@ def test_one_particle_far_away_along_an_open_axis_takes_no_cells(far: float) -> 
     rows = [near.j_p[near.start_n[k] : near.start_n[k + 1]].tolist() for k in range(4)]
     assert 1 in rows[0]
     assert (3 in rows[2]) or not together
-
-
-def test_compacting_keeps_every_distance_within_reach() -> None:
-    random = np.random.default_rng(3)
-    x_n = np.concatenate(
-        [random.uniform(0, 9, 40), random.uniform(1e5, 1e5 + 9, 40), random.uniform(-4e7, -4e7 + 5, 20)]
-    )
-    y_n = compacted(x_n, 1.0)
-    assert y_n.min() == 0
-    assert np.ptp(y_n) < 30
-    before, after = (np.abs(v[:, None] - v[None, :]) for v in (x_n, y_n))
-    near = before <= 2.0
-    # Places are rounded to half a unit of the last place of the largest, differences of two of them once more.
-    assert np.allclose(before[near], after[near], rtol=0, atol=2 * np.spacing(np.abs(x_n).max()))
-    assert (after[~near] > 1.99).all()
-    one = random.uniform(5.0, 9.0, 50)
-    assert np.array_equal(compacted(one, 1.0), one - one.min())  # nothing empty: only moved

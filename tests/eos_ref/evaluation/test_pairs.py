@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.pairs import compacted, directed_pairs
+from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.parameters import Box
 
 
@@ -117,6 +117,36 @@ def test_a_particle_far_away_is_nobodys_neighbour() -> None:
     assert {pair[:2] for pair in as_set(directed_pairs(x_nc, box, 0.75)) if pair[0] != pair[1]} == {(0, 1), (1, 0)}
 
 
-def test_empty_stretches_are_shortened_to_two_reaches() -> None:
-    x_n = np.array([100.0, 0.0, 1.0, 102.5, 3.0])
-    np.testing.assert_array_equal(compacted(x_n, 1.0), [5.0, 0.0, 1.0, 7.0, 3.0])
+# In cutoffs: cell lists of all the space between particles run out of cells, or divide by the number of those left.
+HUGE = {
+    "sheet": ((500.0, 500.0), ()),
+    "tilted sheet": ((500.0, 700.0), (250.0,)),
+    "strip": ((1e6, 1.0), ()),
+    "slab": ((600.0, 700.0, 1.5), ()),
+    "rod": ((1.25, 1e7, 1.0), ()),
+    "cube": ((1e12, 1e12, 1e12), ()),
+    "tilted cube": ((3e5, 3e5, 3e5), (1e5, -2e5, 1e5)),
+}
+
+
+@pytest.mark.parametrize("name", HUGE)
+@pytest.mark.parametrize("open_axis", [False, True])
+def test_few_particles_in_a_huge_box(name: str, open_axis: bool) -> None:
+    """Beside each other, and across the faces: the library that listed pairs before ended the process for most."""
+    edge, tilt = HUGE[name]
+    periodic = (True,) * (len(edge) - 1) + (not (open_axis and not tilt),)
+    box = Box((0.0,) * len(edge), edge, periodic, tilt)
+    steps_nc = np.random.default_rng(9).uniform(-0.6, 0.6, (8, len(edge)))
+    corners_nc = np.array([[0.0] * len(edge), [1.0] * len(edge), [0.5] * len(edge)])
+    x_nc = (corners_nc[:, None] @ box.cell_cc + steps_nc).reshape(-1, len(edge))
+    found = as_set(directed_pairs(x_nc, box, 1.0))
+    assert len(found) > 20 and found == all_pairs(x_nc, box, 1.0)
+
+
+def test_order_where_numbers_of_edges_leave_no_room_for_a_key() -> None:
+    """Particles billions of edges outside: pairs are sorted by all their numbers, as ever."""
+    box = Box((0.0, 0.0), (1.0, 1.0), (True, True))
+    x_nc = np.array([[0.25, 0.5], [0.5, 0.5], [0.75, 0.25]]) + np.array([[0.0, 0.0], [2.0**34, 0.0], [0.0, 2.0**33]])
+    i, j, shift_pc = directed_pairs(x_nc, box, 1.125)
+    keys = [(a, b, *s[::-1]) for a, b, s in zip(i.tolist(), j.tolist(), shift_pc.tolist(), strict=True)]
+    assert keys == sorted(keys) and len(set(keys)) == len(keys) > 20

@@ -15,6 +15,8 @@ from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.scope import Content
 from lammps_cases.fuzz.units import in_own_units
 from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.scene import Scene
+from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.stability.kinds import moment_matrices
 from lammps_cases.studies.stability.limits import numbers
@@ -57,22 +59,16 @@ def _with_time_step(evolve: Content, step: float) -> Content:
     return evolve | {"timestep": step} | ({"stops": stops} if stops else {})
 
 
-def _problem(ready: PreparedCase) -> tuple[Model, State]:
+def _problem(scene: Scene, atoms: Atoms) -> tuple[Model, State]:
     """Return model and state of a scene in consistent numbers."""
-    scene, units = ready.case.scene, UNITS[ready.case.scene.units]
-    model, state = reference_side.model(scene, ready.atoms, ""), reference_side.state(scene, ready.atoms)
+    units = UNITS[scene.units]
+    model, state = reference_side.model(scene, atoms, ""), reference_side.state(scene, atoms)
     return consistent_model(model, units), consistent_state(state, units)
-
-
-def _units(ready: PreparedCase) -> list[str]:
-    """Return the systems of units that LAMMPS is given a scene in."""
-    twin = ready.case.scene.twin
-    return [ready.case.scene.units, *([twin.units] if twin and twin.units else [])]
 
 
 def _has_gradients(ready: PreparedCase) -> bool:
     """Return whether a reproducing kernel has gradients at all particles: the reference defines none without."""
-    model, state = _problem(ready)
+    model, state = _problem(ready.case.scene, ready.atoms)
     if not model.corrects_gradients:
         return True
     box = reference_side.box(ready.case.scene, ready.atoms)
@@ -87,7 +83,7 @@ def _has_gradients(ready: PreparedCase) -> bool:
 def _with_enough_neighbours(content: Content, ready: PreparedCase, chance: Chance) -> Content:
     """Return a content whose reproducing kernel is used by all particles, mostly; without, few values are defined."""
     scene = ready.case.scene
-    model, state = _problem(ready)
+    model, state = _problem(scene, ready.atoms)
     if not (scene.whole_model and model.corrects_gradients and scene.rheo.zmin) or chance.coin(0.2):
         return content
     evaluator = ArrayEvaluator(model, reference_side.box(scene, ready.atoms), state.type_n, state.solid_n)
@@ -100,18 +96,24 @@ def _limits(ready: PreparedCase) -> tuple[float, float, float]:
     """Return the largest time step by sound, viscosity and heat, and the largest speeds of particles and of sound.
 
     Findings may lack factors of the volume or the heat capacity of a particle, or of its units, in a force or a flow of
-    heat: the step is short enough for them too, where that makes it shorter.
+    heat: the step is short enough for them too, where that makes it shorter, and in the numbers of a twin as well.
     """
-    model, state = _problem(ready)
+    model, state = _problem(ready.case.scene, ready.atoms)
     speed = float(np.abs(state.v_nc).max(initial=0.0))
     found = numbers(model, state, 1.0)
     sound = max(found.c, float(model.cs.max()))
-    volume = float((ready.atoms.mass_n / state.rho_n).min())
+    lacking = min(_lacking(*side) for side in ready.sides)
+    return lacking / max(found.fraction, 4 * sound / found.h), speed, sound
+
+
+def _lacking(scene: Scene, atoms: Atoms) -> float:
+    """Return the product of the factors that findings may lack, each 1 where the lack makes nothing larger."""
+    model, state = _problem(scene, atoms)
+    volume = float((atoms.mass_n / state.rho_n).min())
     heats = [each.specific_heat for each in model.thermal or ()]
-    capacity = float((ready.atoms.mass_n * np.array(heats)[state.type_n - 1]).min()) if heats else 1.0
-    factor = min(1.0, volume) * min(1.0, capacity, *(1 / state.rho_n))
-    factor /= max(1.0, *(UNITS[name].energy for name in _units(ready)))
-    return factor / max(found.fraction, 4 * sound / found.h), speed, sound
+    capacity = float((atoms.mass_n * np.array(heats)[state.type_n - 1]).min()) if heats else 1.0
+    sparse = float((1 / state.rho_n).min())
+    return min(1.0, volume) * min(1.0, capacity, sparse) / max(1.0, UNITS[scene.units].energy)
 
 
 def _with_room(content: Content, travel: float) -> Content:

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem, Stop
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import applicable
 from lammps_cases.findings.neighbour_lists import Listed
 from lammps_cases.findings.variants import Snapshot
-from lammps_cases.records.run_record import (
-    CaseRecord,
-    worst,
-)
+from lammps_cases.records.run_record import Beyond, Blame, CaseRecord, worst
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
@@ -28,6 +26,7 @@ from lammps_cases.verdict.outcome import (
     compare_carried,
     compare_inputs,
     field_arrays,
+    first_input_outside,
 )
 from lammps_cases.verdict.particle_model import Reason
 
@@ -95,10 +94,7 @@ def judge_model(
 ) -> Arrays:
     """Judge the fields of the whole model, and the input that LAMMPS has not changed since."""
     scene = case.scene
-    first = answer.snapshots[0]
-    through_text = any(stop.step == 0 and stop.digits for stop in _stops(scene, atoms))
-    unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
-    comparisons = compare_inputs(case, atoms, first, unchanged)
+    inputs = _inputs(case, atoms, answer)
     judged = particle_model.judge(
         problem_of(scene, atoms, case.where, scene.snapshots),
         case.name,
@@ -107,13 +103,15 @@ def judge_model(
         engine,
         predictor,
     )
-    comparisons += compare_carried(case, atoms, answer, TEXT_DIGITS)
-    comparisons += judged.comparisons
+    comparisons = [*(comparison for _, comparison in inputs), *judged.comparisons]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
     record.unseen = [entry.id for entry in judged.unseen]
     record.lint = judged.lint
-    record.ended, record.blame, record.beyond = "answered", judged.first, judged.beyond
+    record.ended = "answered"
+    reason = Reason(judged.first, judged.beyond, judged.entries) if judged.first else None
+    if reason := _with_news(reason, first_input_outside(inputs, atoms.id_n)):
+        record.blame, record.beyond = reason.first, reason.beyond
     *_, last_c = (atoms.high_c, *_corners(scene, atoms).values())
     return field_arrays(atoms.stretched(last_c), answer.arrays, comparisons)
 
@@ -123,4 +121,27 @@ def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor:
     scene = case.scene
     snapshots = read_snapshots(scene, answer)
     every = problem_of(scene, atoms, case.where, tuple(range(len(snapshots))))
-    return particle_model.reason(every, case.name, atoms.id_n, snapshots, engine, predictor)
+    reason = particle_model.reason(every, case.name, atoms.id_n, snapshots, engine, predictor)
+    return _with_news(reason, first_input_outside(_inputs(case, atoms, answer), atoms.id_n))
+
+
+def _inputs(case: Case, atoms: Atoms, answer: Answer) -> list[tuple[int, Comparison]]:
+    """Compare what LAMMPS holds at the beginning and carries over at stops, each with its step."""
+    scene = case.scene
+    through_text = any(stop.step == 0 and stop.digits for stop in _stops(scene, atoms))
+    unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
+    held = compare_inputs(case, atoms, answer.snapshots[0], unchanged)
+    return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS)]
+
+
+def _with_news(reason: Reason | None, news: Blame | None) -> Reason | None:
+    """Return why a case differs with the first of its inputs outside, which no finding explains, in its place."""
+    if reason is None or news is None:
+        return reason if news is None else Reason(news)
+    step, left = news.step or 0, reason.beyond
+    if step <= (reason.first.step or 0):  # the input comes before what is made of it
+        return Reason(news)
+    if (left is None and not reason.explained) or (left and step > (left.blame.step or 0)):
+        return reason
+    beside = left.findings if left else [entry.id for entry in reason.explained]
+    return Reason(reason.first, Beyond(findings=beside, blame=news))

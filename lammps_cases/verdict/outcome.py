@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from eos_ref import EOSTable
+from eos_ref.eos.bounds import EPS
+from eos_ref.model.parameters import Box
 from lammps_cases.comparison.compare import Comparison, compare_field
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
@@ -15,6 +18,7 @@ from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import explain_outcome
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import (
+    Blame,
     CaseRecord,
     EngineRecord,
     LawRecord,
@@ -23,11 +27,13 @@ from lammps_cases.records.run_record import (
     Seconds,
 )
 from lammps_cases.scene import Scene
-from lammps_cases.scene.atoms import Atoms, seed
+from lammps_cases.scene.atoms import Atoms, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
+from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, upper_corners
+from lammps_cases.verdict.model_fields import blame_of
 
 Arrays = dict[str, Any]
+BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of leaning edges"
 
 
 def blank_record(case: Case, eos: EOSTable | None, atoms: Atoms, engine: EngineRecord) -> CaseRecord:
@@ -109,31 +115,64 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
     ]
 
 
-def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> list[Comparison]:
-    """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits."""
+def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> list[tuple[int, Comparison]]:
+    """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits.
+
+    Positions are those of any image: LAMMPS may move a particle into the box at a stop. Returned with the steps.
+    """
     comparisons = []
-    stops = case.scene.evolve.stops if case.scene.evolve else ()
+    scene = case.scene
+    stops = scene.evolve.stops if scene.evolve else ()
+    corners = upper_corners(stops, atoms.low_c.tolist(), atoms.high_c.tolist())
     for stop, carried in zip(stops, answer.carried, strict=True):
         text = stop.by in AS_TEXT
         half = 0.5 * 10.0 ** (1 - digits) if text else 0.0
+        derivation = f"half a unit of the {digits}th digit of the text" if text else "the same doubles"
         for name, before_n in carried.before.items():
             if name == "id" or (name == "x" and (stop.displace or stop.stretch)):
                 continue
-            after_n = carried.after[name]
+            after_n, why = carried.after[name], derivation
+            bound_n = half * np.abs(before_n)
             if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone
                 before_n, after_n = before_n & 1, after_n & 1
+            if name == "x":
+                *_, last_c = (atoms.high_c, *(corner_c for at, corner_c in corners.items() if at < stop.at))
+                places = atoms.stretched(last_c).box(), before_n, after_n, half, kernel_cut(scene, atoms.spacing)
+                after_n, bound_n = _images(*places)
+                why += BY_IMAGES if bound_n.any() and not text else ""
             comparisons.append(
-                compare_field(
-                    f"{name} ({stop.by} at {stop.at})",
-                    "input",
-                    atoms.id_n,
-                    after_n,
-                    before_n,
-                    half * np.abs(before_n),
-                    derivation=f"half a unit of the {digits}th digit of the text" if text else "the same doubles",
+                (
+                    stop.at,
+                    compare_field(
+                        f"{name} ({stop.by} at {stop.at})",
+                        "input",
+                        atoms.id_n,
+                        after_n,
+                        before_n,
+                        bound_n,
+                        derivation=why,
+                    ),
                 )
             )
     return comparisons
+
+
+def _images(box: Box, before_nc: Any, after_nc: Any, half: float, reach: float) -> tuple[Any, Any]:
+    """Return positions as those of the images that were there before, and the bound of each, both (n, 3).
+
+    A period that is added and taken away again rounds twice; leaning edges see `Box.rounding`.
+    """
+    turned_nc = box.shift(box.periods(before_nc - after_nc))
+    left_nc = box.images(before_nc) != 0
+    size_nc = np.abs(before_nc) + np.where(left_nc, np.abs(box.cell_cc).sum(axis=0), 0.0)
+    bound_nc = (half + EPS * left_nc) * size_nc + box.rounding(reach)
+    return np.where(turned_nc != 0, after_nc + turned_nc, after_nc), bound_nc
+
+
+def first_input_outside(comparisons: Sequence[tuple[int, Comparison]], id_n: Any) -> Blame | None:
+    """Return the first of some comparisons, each with its step, that leaves its bound."""
+    outside = (blame_of(comparison, id_n, step) for step, comparison in comparisons if comparison.record.outside)
+    return next(outside, None)
 
 
 def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:

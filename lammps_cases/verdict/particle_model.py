@@ -7,7 +7,7 @@ their bounds on every atom, at every step, in every field.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,10 +41,11 @@ class ModelVerdict:
 
 @dataclass(frozen=True)
 class Reason:
-    """What leaves its bound first, and what does so beyond the findings that the scene shows."""
+    """What leaves its bound first, what does so beyond the findings that the scene shows, and what explains all."""
 
     first: Blame
-    beyond: Beyond | None
+    beyond: Beyond | None = None
+    explained: list[Finding] = field(default_factory=list)
 
 
 def judge(
@@ -114,4 +115,5 @@ def reason(
     first = first_outside(problem, compare_all(problem, id_n, snapshots, prediction), id_n)
     if first is None:
         return None
-    return Reason(first, Trial(problem, snapshots, id_n, prediction, random, predictor).explain(engine, first).beyond)
+    found = Trial(problem, snapshots, id_n, prediction, random, predictor).explain(engine, first)
+    return Reason(first, found.beyond, found.entries)

@@ -12,8 +12,11 @@ import pytest
 from lammps_cases.fuzz import rules, schema
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.coverage import Coverage, argued
-from lammps_cases.fuzz.draw import Drawn, draw
+from lammps_cases.fuzz.draw import SOURCE, Drawn, draw
+from lammps_cases.fuzz.fit import fitted
+from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene import Scene
+from lammps_cases.scene.casefile import Case
 
 SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
 REJECTED = 0.02  # share of attempts that may be no scene
@@ -47,6 +50,31 @@ def test_scenes_are_small_and_their_steps_short(drawn: list[Drawn]) -> None:
     assert max(len(one.ready.atoms) for one in drawn) <= 100
     steps = [one.case.scene.evolve.steps for one in drawn if one.case.scene.evolve]
     assert len(steps) > SCENES / 2 and max(steps) <= 20
+
+
+def test_a_step_suits_the_numbers_of_a_twin_too() -> None:
+    """A force that lacks a volume lacks 1e-6 of it in lj where it lacks 1 in micro, and particles leave the box."""
+    scene: dict[str, Any] = {
+        "units": "micro",
+        "types": [{"mass": 1.0, "viscosity": 0.1}],
+        "positions": {"x": [[0.0, 0.0], [0.0, 1.0]], "low": [-9.0, -9.0], "high": [9.0, 9.0]},
+        "pressure": [{"types": "*", "style": "linear"}],
+        "rho": {"constant": 1.0},
+        "evolve": {"steps": 1, "timestep": 1.0},
+        "dimension": 2,
+        "compare": ["f"],
+    }
+
+    def ready(content: dict[str, Any]) -> PreparedCase:
+        return prepare(Case("drawn", "", (), Scene.model_validate(content), SOURCE, shipped=False))
+
+    def step(**twin: Any) -> float:
+        content = scene | ({"twin": twin} if twin else {})
+        return float(fitted(content, Chance("step"), ready)[0]["evolve"]["timestep"])
+
+    assert step(newton=False) == step()
+    assert step(units="lj") == pytest.approx(1e-6 * step(), rel=0.005)  # of two digits
+    assert step(rescale=2.0) == step()
 
 
 def test_a_draw_is_the_same_whatever_was_drawn_before_it() -> None:

@@ -113,7 +113,7 @@ def test_an_end_that_a_scene_foretells_is_the_verdict_too(case_file: Write) -> N
 STATE: dict[str, Any] = {
     "id": np.arange(1, 21),
     "type": np.ones(20, int),
-    "x": np.linspace(-1.0, 4.0, 60).reshape(20, 3),
+    "x": np.linspace(0.5, 2.0, 60).reshape(20, 3) * [1, 1, 0],
     "rho": np.linspace(0.9, 1.4, 20),
     "rheo_status": np.arange(20) % 4,
 }
@@ -124,7 +124,7 @@ def compared(case_file: Write, *stops: dict[str, Any], after: dict[str, Any] | N
     """Return field, verdict and bound of the state after stops, of which nothing but ``after`` has changed."""
     ready = prepared(case_file(compare=["f"], evolve={"steps": 3, "timestep": 0.001, "stops": list(stops)}))
     carried = tuple(Carried(STATE, STATE | (after or {})) for _ in stops)
-    fields = compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=carried), 16)
+    fields = [c for _, c in compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=carried), 16)]
     assert {comparison.record.stage for comparison in fields} <= {"input"}
     return [(c.record.field, c.record.verdict, c.record.derivation, c.bound_n.max()) for c in fields]
 
@@ -143,9 +143,37 @@ def test_all_that_a_binary_file_carries_has_the_same_bits(case_file: Write) -> N
 def test_what_text_carries_has_its_digits(case_file: Write) -> None:
     text = "half a unit of the 16th digit of the text"
     assert compared(case_file, {"at": 1, "by": "data nofix"}) == [
-        (f"{name} (data nofix at 1)", "exact", text, pytest.approx(HALF * size, rel=1e-15))
-        for name, size in {"type": 1.0, "x": 4.0, "rho": 1.4, "rheo_status": 3.0}.items()
+        (f"{name} (data nofix at 1)", "exact", text, pytest.approx(HALF * STATE[name].max(), rel=1e-15, abs=0))
+        for name in ("type", "x", "rho", "rheo_status")
     ]
+
+
+EDGE = 4.0  # of the box, from 0, along x
+
+
+@pytest.mark.parametrize(
+    ("by", "units", "verdict"),
+    [("replicated", 1, "pass"), ("replicated", 3, "differs"), ("data", 6, "pass"), ("data", 8, "differs")],
+)
+def test_a_particle_outside_the_box_may_come_back_as_its_image(
+    case_file: Write, by: str, units: int, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two sums with a period round 4.3 by 2^-53 each, and text by half of its 16th digit: 2.2 and 7.0 units of 3.7."""
+    left = STATE["x"].copy()
+    left[3, 0] = -0.3
+    monkeypatch.setitem(STATE, "x", left)
+    back = left.copy()
+    back[3, 0] += EDGE
+    back[3, 0] += units * np.spacing(back[3, 0])
+    fields = {field: of for field, of, *_ in compared(case_file, {"at": 1, "by": by}, after={"x": back})}
+    assert fields[f"x ({by} at 1)"] == verdict
+
+
+def test_a_particle_inside_the_box_stays_where_it_is(case_file: Write) -> None:
+    moved = STATE["x"].copy()
+    moved[3, 0] += np.spacing(moved[3, 0])
+    fields = {field: of for field, of, *_ in compared(case_file, {"at": 1, "by": "replicated"}, after={"x": moved})}
+    assert fields["x (replicated at 1)"] == "differs"
 
 
 @pytest.mark.parametrize("moves", [{"displace": {"x": 0.1}}, {"stretch": {"x": 1.1}}])

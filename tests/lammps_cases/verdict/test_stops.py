@@ -84,6 +84,16 @@ def test_one_unit_that_a_restart_loses_is_seen(judge: Any, name: str) -> None:
     assert outside(judge(FILES, carried(name, update))) == [f"{name} (restart at 0)"]
 
 
+@pytest.mark.parametrize("at", [0, 2])
+def test_what_a_stop_loses_is_the_headline_beside_known_findings(judge: Any, at: int) -> None:
+    """From a stop at step 0 on all comes from it; the findings of earlier steps are named beside it later."""
+    record = judge(FILES, carried("v", lambda v: v * 1.5, at=at))
+    assert "explained" in {field.verdict for field in record.fields}
+    assert record.headline.field == f"v (restart at {at})" and record.headline.step == at
+    assert record.message.startswith(f"v (restart at {at}) (stage input) leaves its bound at step {at}")
+    assert record.message.endswith("beside force-per-volume") == bool(at)
+
+
 def test_text_may_lose_what_lies_beyond_its_digits_and_no_more(judge: Any) -> None:
     def losing(part: float) -> Callable[[Answer], Answer]:
         return lambda answer: carried("rho", lambda _: answer.carried[1].before["rho"] * (1 + part), at=1)(answer)

@@ -10,10 +10,12 @@ import jinja2
 from markupsafe import Markup
 
 from eos_ref.cache import cache_folder
+from lammps_cases.pages.packed import packed
 from lammps_cases.records import wording
 
 SHARED = Path(__file__).parent / "assets"
 FILTER = SHARED / "filter.js"  # a script of pages that filter rows
+PACKED = SHARED / "packed.js"  # a script of pages with parts that `packed` made
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def page(
     styles, scripts : sequence of Path
         Further ones, embedded before those of the page.
     filters : mapping
-        Of the page, besides ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
+        Of the page, besides ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
     content
         What the template shows.
     """
@@ -78,7 +80,12 @@ def page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": wording.number, "brief": wording.brief, "counted": wording.counted}
+    environment.filters |= {
+        "number": wording.number,
+        "brief": wording.brief,
+        "counted": wording.counted,
+        "packed": packed,
+    }
     environment.filters |= filters or {}
     return environment.get_template(f"{name}.html.j2").render(
         command=name,

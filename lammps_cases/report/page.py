@@ -38,12 +38,11 @@ class SteppedField:
 
 @dataclass(frozen=True)
 class CaseEntry:
-    """A case as the page shows it; ``text`` is what its search looks through."""
+    """A case as the page shows it."""
 
     record: CaseRecord
     accepted: bool
     drawn: Drawn
-    text: str
     checks: list[CheckRecord]
     steps: list[int]
     rows: list[SteppedField]
@@ -58,6 +57,7 @@ def render(
     """Return the page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``."""
     at_hand, run = drawn or {}, of_run.run
     tags = Counter(tag for case in run.cases for tag in set(case.tags))
+    entries = [_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases]
     return frame.page(
         ASSETS,
         "report",
@@ -66,12 +66,14 @@ def render(
         date=run.date,
         filters={"shade": shade, "sortable": _sortable},
         styles=[HISTORY_CSS] if history else [],
-        scripts=[_plotly(), ASSETS / "plots.js"],
+        scripts=[frame.PACKED, ASSETS / "plots.js"],
+        plotly=_plotly().read_text(encoding="utf-8"),
         run=run,
         of_run=of_run,
         wording=wording,
         rules=RULES,
-        entries=[_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases],
+        entries=entries,
+        families=_families(entries),
         tags={tag: tags[tag] for tag in sorted(tags)},
         matrices=agreement.matrices(run),
         findings=of_run.findings,
@@ -106,17 +108,23 @@ def _rows(case: CaseRecord, steps: list[int], drawn: Collection[str]) -> list[St
 
 
 def _entry(case: CaseRecord, of_run: Outcome, drawn: Drawn) -> CaseEntry:
-    words = (case.case, *case.tags, case.units or "", wording.styles(case), wording.kind(case), case.message, case.twin)
     steps = sorted({at.step for record in case.fields for at in record.steps})
     return CaseEntry(
         record=case,
         accepted=of_run.accepted(case),
         drawn=drawn,
-        text=" ".join(words).lower(),
         checks=[case.checks[i] for i in plots.thinned_checks(case.checks, ROWS)],
         steps=steps,
         rows=_rows(case, steps, drawn.fields) if steps else [],
     )
+
+
+def _families(entries: list[CaseEntry]) -> list[list[CaseEntry]]:
+    """Return the cases by the first part of their names: such cases have much in common, and are packed together."""
+    found: dict[str, list[CaseEntry]] = {}
+    for entry in entries:
+        found.setdefault(entry.record.case.partition(".")[0], []).append(entry)
+    return list(found.values())
 
 
 def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:

@@ -1,8 +1,9 @@
 """The numbers that the page draws from: a few hundred atoms of a case, the curves of its laws, its checks.
 
-Arrays travel as base64 of little-endian floats, NaN and infinity included: no longer than six-digit text and far
-faster to write. Values are float64; what is float32 by its value, or serves for drawing only, is float32 (marked by
-``f:``); a constant is one number. The drawing itself happens in the browser, when a case is opened.
+Arrays travel as base64 of little-endian floats, NaN and infinity included, the first bytes of all numbers before their
+second ones: that, and digits that are zero, is what the page's compression lives on. A prefix says how many bytes a
+number has: ``d:`` float64, ``f:`` float32, ``b:`` the upper half of a float32. A constant is one number. The drawing
+itself happens in the browser, when a case is opened.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ ATOMS = 400  # atoms embedded per case
 MODEL_ATOMS = 200  # of the particle model, where they have a dozen fields
 CHECKS = 600  # looks of an audit embedded per case
 SINGLE = np.finfo(np.float32)
+CURVE, VALUE, SIZE = 20, 14, 8  # binary digits of a curve, of a value, and of a size on a logarithmic scale
 GRID = 200  # points of a curve
 
 
@@ -134,7 +136,7 @@ def _particles(case: CaseRecord, arrays: Arrays, picked: npt.NDArray[np.intp]) -
         "n": int(picked.size),
         "types": [int(t) for t in np.unique(arrays["type"])],
         "rho0": {str(law.type): law.rho0 for law in case.laws if math.isfinite(law.rho0)},
-        "x": [_column(x_nc[:, c], rough=True) for c in range(dimension)],
+        "x": [_column(x_nc[:, c], VALUE) for c in range(dimension)],
         "box": _packed(arrays["box"]) if "box" in arrays else None,
         "id": _column(arrays["id"][picked]),
         "type": _column(arrays["type"][picked]),
@@ -173,12 +175,13 @@ def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp], model: bool
     with np.errstate(all="ignore"):
         difference_n = lammps_n - reference_n
         difference_n[~(np.isfinite(lammps_n) & np.isfinite(reference_n))] = np.inf
-        # Seven digits will do, unless they decide on which side of the bound an atom is.
-        rough = not bool(np.any(np.abs(np.abs(difference_n) / bound_n - 1) < 1e-6))
+        # Few digits will do, unless they decide on which side of the bound an atom is: each may be off by half a unit.
+        decided = np.abs(np.abs(difference_n) / bound_n - 1) > 2.0 ** (2 - SIZE)
+        digits = SIZE if bool(np.all(decided | (difference_n == 0))) else None
     return {
-        "lammps": _column(lammps_n, rough=model),
-        "difference": _column(difference_n, rough),
-        "bound": _column(bound_n, rough),
+        "lammps": _column(lammps_n, VALUE if model else None),
+        "difference": _column(difference_n, digits),
+        "bound": _column(bound_n, digits),
         "scale": scale_of(lammps_n),
     }
 
@@ -225,7 +228,13 @@ def _curve(law: EOS, rho_n: FloatArray, energy_n: FloatArray | None) -> dict[str
             p = law.evaluate(rho)
             # From the rounded density, so that points and curve agree even where rho - rho0 has few digits.
             grid = {"delta": (rho - law.rho0) / law.rho0, "ratio": rho / law.rho0, "rho": rho}[quantity]
-    return {"quantity": quantity, "scale": scale, "x": _packed(grid), "p": _packed(p), "pscale": scale_of(p)}
+    return {
+        "quantity": quantity,
+        "scale": scale,
+        "x": _column(grid, CURVE),
+        "p": _column(p, CURVE),
+        "pscale": scale_of(p),
+    }
 
 
 def _abscissa(rho0: float, rho_n: FloatArray) -> tuple[str, dict[str, Any]]:
@@ -269,23 +278,40 @@ def thinned_checks(checks: list[CheckRecord], limit: int) -> list[int]:
     return [int(i) for i in thinned(ratio, np.arange(len(checks), dtype=float), group, limit)]
 
 
-def _column(values: npt.ArrayLike, rough: bool = False) -> str | float:
-    """Pack a column of atoms into as few bytes as its values need; ``rough`` keeps seven digits."""
+def _column(values: npt.ArrayLike, digits: int | None = None) -> str | float:
+    """Pack a column of atoms into as few bytes as its values need, or as their first binary ``digits`` need."""
     exact = np.asarray(values, "<f8")
     if exact.size and math.isfinite(exact[0]) and bool((exact == exact[0]).all()):
         return float(exact[0])
     with np.errstate(all="ignore"):
         single = exact.astype("<f4")
-        if np.array_equal(single, exact, equal_nan=True) or (rough and _fits(exact)):
-            return "f:" + base64.b64encode(single.tobytes()).decode("ascii")
+        if digits is not None and _fits(exact):
+            return _shortened(single, digits)
+        if np.array_equal(single, exact, equal_nan=True):
+            return "f:" + _planes(single)
     return _packed(exact)
 
 
 def _fits(values: FloatArray) -> bool:
-    """Return whether float32 holds values with all of its digits."""
+    """Return whether float32 holds values with all of its digits, and rounding them up does not overflow."""
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
-    return bool(np.all((sizes > SINGLE.tiny) & (sizes < SINGLE.max)))
+    return bool(np.all((sizes > SINGLE.tiny) & (sizes < SINGLE.max / 2)))
+
+
+def _shortened(single: npt.NDArray[np.float32], digits: int) -> str:
+    """Pack float32 rounded to so many binary digits, the leading one included; NaN and infinity stay."""
+    zeroed = np.uint32(SINGLE.nmant + 1 - digits)  # last digits of the 24 that float32 has
+    bits = np.where(np.isnan(single), np.float32("nan"), single).view("<u4")
+    half, kept = np.uint32(1) << (zeroed - np.uint32(1)), np.uint32(0xFFFFFFFF) << zeroed
+    rounded = np.where(np.isfinite(single), (bits + half) & kept, bits & kept).astype("<u4")
+    return "b:" + _planes((rounded >> np.uint32(16)).astype("<u2")) if zeroed >= 16 else "f:" + _planes(rounded)
 
 
 def _packed(values: npt.ArrayLike) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode("ascii")
+    return "d:" + _planes(np.asarray(values, "<f8"))
+
+
+def _planes(values: npt.NDArray[Any]) -> str:
+    """Return the bytes of numbers as base64: the first of each, then the second of each, and so on."""
+    one_by_one = np.ascontiguousarray(values).reshape(-1, 1).view(np.uint8)
+    return base64.b64encode(one_by_one.T.tobytes()).decode("ascii")

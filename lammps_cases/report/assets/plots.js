@@ -6,24 +6,32 @@ const Plots = (() => {
   const DARK = ["#56B4E9", "#E69F00", "#2bbf94", "#CC79A7", "#b0c4de", "#F0E442"];
   const SYMBOLS = ["circle", "square", "diamond", "triangle-up", "cross", "triangle-down"];
   const OUTSIDE = "#D55E00";
+  const GRID = 200; // points of a curve
   const NAMES = {
     delta: "(ρ − ρ<sub>0</sub>) / ρ<sub>0</sub>", ratio: "ρ / ρ<sub>0</sub>", rho: "density ρ", energy: "energy density ρ e",
   };
   const plain = (text) => String(text).replace(/[<>&]/g, " "); // Plotly reads some tags in its texts
-  const short = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(6))) : String(value));
+  function short(value, digits = 6) {
+    const size = Math.abs(value);
+    if (!Number.isFinite(value) || value === 0 || (size >= 1e-4 && size < 1e6)) return String(Number(value.toPrecision(digits)));
+    return value.toExponential(digits - 1).replace(/\.?0*e\+?/, "e");
+  }
+  const rough = (value) => short(value, 3); // sizes come with 8 binary digits
 
   function numbers(text) {
-    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-    return Array.from(new Float64Array(bytes.buffer));
+    // See lammps_cases.report.plots: the prefix says how many bytes a number has; first bytes come first.
+    const width = { d: 8, f: 4, b: 2 }[text[0]];
+    const planes = atob(text.slice(2)), count = planes.length / width;
+    const size = Math.max(width, 4), lead = size - width; // the upper half of a float32 follows two zeros
+    const bytes = new Uint8Array(size * count);
+    for (let i = 0; i < count; i += 1) for (let k = 0; k < width; k += 1) bytes[size * i + lead + k] = planes.charCodeAt(k * count + i);
+    return Array.from(width === 8 ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer));
   }
 
   function column(value, count) {
-    // A constant, float32 or float64; an array of columns.
+    // A constant or packed numbers; an array of columns.
     if (Array.isArray(value)) return value.map((one) => column(one, count));
-    if (typeof value === "number") return Array(count).fill(value);
-    if (!value.startsWith("f:")) return numbers(value);
-    const bytes = Uint8Array.from(atob(value.slice(2)), (letter) => letter.charCodeAt(0));
-    return Array.from(new Float32Array(bytes.buffer));
+    return typeof value === "number" ? Array(count).fill(value) : numbers(value);
   }
 
   function derive(field) {
@@ -124,8 +132,8 @@ const Plots = (() => {
     const state = (i) => (data.steps ? [] : [`ρ ${short(data.rho[i])}`, `(ρ − ρ0)/ρ0 ${short(data.delta[i])}`]);
     return data.id.map((id, i) => [
       `atom ${id}, type ${data.type[i]}${kind(i)}`, ...state(i),
-      `${plain(name)} ${short(field.lammps[i])}`, `|difference| ${short(field.difference[i])}`,
-      `bound ${short(field.bound[i])}`, `difference/bound ${short(field.ratio[i])}`,
+      `${plain(name)} ${short(field.lammps[i], data.steps ? 5 : 6)}`, `|difference| ${rough(field.difference[i])}`,
+      `bound ${rough(field.bound[i])}`, `difference/bound ${rough(field.ratio[i])}`,
     ].join("<br>"));
   }
 
@@ -259,7 +267,7 @@ const Plots = (() => {
     const traces = outline(data, look);
     if (inside.length) traces.push(particles(data, inside, text, shown, "inside the bound"));
     if (outside.length) traces.push(particles(data, outside, text, { size: 8, symbol: "diamond", color: OUTSIDE, line: { width: 1, color: look.ink } }, "outside the bound"));
-    const note = outside.length ? `${outside.length} atoms drawn lie outside the bound: orange diamonds` : `all inside the bound; largest ratio ${short(Math.max(...field.ratio))}`;
+    const note = outside.length ? `${outside.length} atoms drawn lie outside the bound: orange diamonds` : `all inside the bound; largest ratio ${rough(Math.max(...field.ratio))}`;
     return { title: "Particles: difference/bound", note, traces, layout: particleLayout(data, look) };
   }
 
@@ -401,7 +409,7 @@ const Plots = (() => {
       for (const key of ["lammps", "difference", "bound"]) field[key] = column(field[key], data.n);
       derive(field);
     }
-    for (const law of data.laws ?? []) { law.x = numbers(law.x); law.p = numbers(law.p); }
+    for (const law of data.laws ?? []) for (const key of ["x", "p"]) law[key] = column(law[key], GRID);
     if (data.checks) for (const key of ["step", "run", "type", "ratio"]) data.checks[key] = numbers(data.checks[key]);
     return data;
   }
@@ -415,20 +423,73 @@ const Plots = (() => {
     return label;
   }
 
-  function draw(article, { name, print = false, show = false } = {}) {
+  let plotly; // its script is unpacked for the first picture
+  function ready() {
+    plotly ??= unpacked(document.getElementById("plotly")).then((text) => {
+      const script = element("script");
+      script.textContent = text;
+      document.head.append(script);
+    });
+    return plotly;
+  }
+
+  // ---- an atom pinned: ringed in all plots, its numbers in a table
+
+  function ring(plot, at, look) {
+    const pinned = plot.data.findIndex((trace) => trace.name === "pinned");
+    if (pinned >= 0) Plotly.deleteTraces(plot, pinned);
+    const spots = plot.data.flatMap((trace) => [...(trace.customdata ?? []).keys()].filter((k) => trace.customdata[k] === at).map((k) => [trace, k]));
+    if (!spots.length) return;
+    const axes = ["x", "y", "z"].filter((key) => key in spots[0][0]);
+    const places = Object.fromEntries(axes.map((key) => [key, spots.map(([trace, k]) => trace[key][k])]));
+    const marker = { symbol: "circle-open", size: 17, color: look.ink, line: { color: look.ink, width: 2.5 } };
+    Plotly.addTraces(plot, { type: spots[0][0].type ?? "scatter", ...places, mode: "markers", name: "pinned", hoverinfo: "skip", showlegend: false, marker });
+  }
+
+  function pinned(data, at) {
+    const box = element("div", "atom scroll");
+    const kind = data.phase ? (data.phase[at] ? ", solid" : ", fluid") : "";
+    box.append(element("h4", "", `Atom ${data.id[at]}, type ${data.type[at]}${kind}, at ${data.x.map((column) => short(column[at], 5)).join(", ")}`));
+    const table = element("table", "fields");
+    const line = (part, tag, values) => values.reduce((row, text, k) => (row.append(element(tag, k ? "number" : "", text)), row), part.insertRow());
+    line(table.createTHead(), "th", ["field", ...sides(data), "|difference|", "bound", "difference/bound"]);
+    const body = table.createTBody();
+    for (const [name, field] of Object.entries(data.fields)) {
+      line(body, "td", [name, short(field.lammps[at]), short(field.reference[at]), ...[field.difference, field.bound, field.ratio].map((column) => rough(column[at]))]);
+    }
+    box.append(table);
+    return box;
+  }
+
+  function pin(article, data, at) {
+    const panel = article.querySelector(".plots");
+    panel.querySelector(".atom")?.remove();
+    const found = at >= 0;
+    panel.dataset.atom = found ? data.id[at] : "";
+    if (found) panel.prepend(pinned(data, at));
+    for (const plot of panel.querySelectorAll(".plot")) ring(plot, at, theme(false));
+    article.dispatchEvent(new CustomEvent("pinned"));
+  }
+
+  async function draw(article, { name, atom, print = false, show = false } = {}) {
     const data = load(article);
     if (!data) return;
+    await ready();
+    if (article.hidden) return; // left meanwhile
     remove(article);
     const panel = article.querySelector(".plots");
     const names = Object.keys(data.fields ?? {});
-    const field = name ?? panel.dataset.field ?? data.first ?? (names.includes("pressure") ? "pressure" : names[0]);
+    const wanted = name ?? panel.dataset.field;
+    const field = names.includes(wanted) ? wanted : data.first ?? (names.includes("pressure") ? "pressure" : names[0]);
     if (field) panel.dataset.field = field;
+    if (atom !== undefined) panel.dataset.atom = atom;
     for (const button of article.querySelectorAll(".pick")) button.setAttribute("aria-pressed", String(button.dataset.field === field));
     if (names.length > 1) panel.append(choice(article, names, field));
     if (data.id) {
       const thinned = data.id.length < data.natoms ? ": the worst by difference/bound, the others evenly by density" : "";
-      panel.append(element("p", "note", `${data.id.length} of ${data.natoms} atoms shown in the plots${thinned}.`));
+      panel.append(element("p", "note", `${data.id.length} of ${data.natoms} atoms shown in the plots${thinned}. A click on an atom pins it.`));
     }
+    const index = new Map(field ? hover(data, field).map((text, i) => [text, i]) : []);
     for (const { title, note, traces, layout } of figures(data, field, theme(print))) {
       const figure = element("figure");
       const caption = element("figcaption", "", title);
@@ -439,8 +500,14 @@ const Plots = (() => {
       const buttons = layout.scene ? ["orbitRotation", "pan3d", "resetCameraDefault3d"] : ["zoom2d", "pan2d", "resetScale2d"];
       // Before printing the window still has its own width: draw for the paper's.
       const size = print ? { width: 640, height: 400, autosize: false } : {};
+      for (const trace of traces) if (Array.isArray(trace.text)) trace.customdata = trace.text.map((text) => index.get(text));
       Plotly.newPlot(plot, traces, { ...layout, ...size }, { responsive: true, displaylogo: false, modeBarButtons: [["toImage", ...buttons]] });
+      plot.on("plotly_click", ({ points }) => {
+        const at = points[0].customdata;
+        if (at !== undefined) pin(article, data, data.id[at] === Number(panel.dataset.atom) ? -1 : at);
+      });
     }
+    if (data.id) pin(article, data, panel.dataset.atom ? data.id.indexOf(Number(panel.dataset.atom)) : -1);
     if (show) panel.scrollIntoView({ block: "nearest" });
   }
 

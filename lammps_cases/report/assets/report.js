@@ -1,4 +1,5 @@
-// The table of cases (sort, filter, group), the way to a case or a finding by the URL (#case=NAME), the copy buttons.
+// The table of cases (sort, filter, group), the copy buttons, and what is shown by the URL: #case=NAME&field=f&atom=37 a
+// case, #find=words&verdict=pass&tag=quick&sort=atoms&down a part of the table, #finding=ID a part of the page.
 "use strict";
 (() => {
   const list = document.getElementById("list");
@@ -6,7 +7,8 @@
   const find = document.getElementById("find");
   const select = document.getElementById("kind");
   const chips = [...document.querySelectorAll(".chip")];
-  const articles = new Map([...document.querySelectorAll("article.case")].map((a) => [a.dataset.case, a]));
+  const articles = new Map(); // by case, of those unpacked so far
+  const parts = new Map([...document.querySelectorAll("script[data-cases]")].flatMap((part) => part.dataset.cases.split("\n").map((name) => [name, part])));
   const tags = document.getElementById("tag");
   const grouped = document.getElementById("grouped");
   const table = document.getElementById("cases");
@@ -14,6 +16,7 @@
   let rows = [...body.rows]; // in the order of the table
   const prefix = (row) => row.querySelector("a").textContent.split(".")[0];
   const visible = () => rows.filter((row) => row.fits);
+  const text = (row) => (row.text ??= `${row.textContent} ${row.dataset.tags ?? ""} ${row.dataset.twin ?? ""}`.toLowerCase());
 
   // ---- groups: cases by the first part of their name, each in a part of the table that opens and closes
 
@@ -71,7 +74,7 @@
     const all = !words.length && !select.value && !tag;
     for (const row of rows) {
       const fits = (!select.value || row.dataset.kind === select.value) && (!tag || row.dataset.tags?.split("\n").includes(tag));
-      row.fits = fits && words.every((word) => row.dataset.text.includes(word));
+      row.fits = fits && words.every((word) => text(row).includes(word));
       row.hidden = !row.fits || (grouped.checked && all && !groups.get(prefix(row)).open);
     }
     for (const { part, members, button, count, open } of groups.values()) {
@@ -104,13 +107,41 @@
     header.setAttribute("aria-sort", descending ? "descending" : "ascending");
   }
 
-  function wanted() {
-    const match = /^#case=(.*)$/.exec(location.hash);
-    try {
-      return match && articles.get(decodeURIComponent(match[1]));
-    } catch {
-      return undefined; // a malformed %-sequence names no case
+  // ---- what is shown, by the URL
+
+  const asked = () => new URLSearchParams(location.hash.slice(1));
+  let listed = ""; // the URL's part of the table as it was left
+
+  function remember() {
+    const header = table.querySelector("th[aria-sort]");
+    const state = new URLSearchParams();
+    for (const [name, value] of [["find", find.value], ["verdict", select.value], ["tag", tags?.value]]) if (value) state.set(name, value);
+    if (header && header !== first) state.set("sort", header.textContent.trim());
+    if (header && (header === first) !== (header.getAttribute("aria-sort") === "descending")) state.set("down", "");
+    listed = state.toString().replace(/=(?=&|$)/g, "");
+    if (!list.hidden) history.replaceState(null, "", listed ? `#${listed}` : location.pathname + location.search);
+  }
+
+  function restore(state) {
+    if (!["find", "verdict", "tag", "sort", "down"].some((name) => state.has(name))) return;
+    find.value = state.get("find") ?? "";
+    select.value = state.get("verdict") ?? "";
+    if (tags) tags.value = state.get("tag") ?? "";
+    const header = [...table.tHead.rows[0].cells].find((cell) => cell.textContent.trim() === state.get("sort")) ?? first;
+    order(header, (header === first) !== state.has("down"));
+    filter();
+    find.scrollIntoView();
+  }
+
+  async function opened(name) {
+    const part = parts.get(name);
+    if (part && !articles.has(name)) {
+      const made = document.createElement("template");
+      made.innerHTML = await unpacked(part);
+      for (const article of made.content.querySelectorAll("article.case")) articles.set(article.dataset.case, article);
+      part.after(made.content);
     }
+    return articles.get(name);
   }
 
   function target() {
@@ -131,24 +162,28 @@
     else anchor.removeAttribute("href");
   }
 
-  function show() {
-    const article = wanted();
+  async function show() {
+    const state = asked(), name = state.get("case");
+    const article = await opened(name);
+    if (asked().get("case") !== name) return; // gone elsewhere while it was unpacked
     list.hidden = Boolean(article);
     for (const other of articles.values()) {
       if (other !== article && !other.hidden) Plots.remove(other);
       other.hidden = other !== article;
     }
     if (!article) {
+      restore(state);
       target();
       return;
     }
+    article.querySelector(".back").href = `#${listed}`;
     const shown = visible();
     const at = shown.findIndex((row) => row.querySelector("a").textContent === article.dataset.case);
     link(article.querySelector(".previous"), shown[at - 1]);
     link(article.querySelector(".next"), at < 0 ? undefined : shown[at + 1]);
     window.scrollTo(0, 0);
     article.querySelector("h2").focus({ preventScroll: true });
-    Plots.draw(article);
+    Plots.draw(article, { name: state.get("field") ?? undefined, atom: state.get("atom") ?? undefined });
   }
 
   async function copy(button) {
@@ -163,18 +198,25 @@
     setTimeout(() => (button.textContent = "Copy"), 1500);
   }
 
-  find.addEventListener("input", filter);
-  select.addEventListener("change", filter);
+  const changed = () => {
+    filter();
+    remember();
+  };
+  find.addEventListener("input", changed);
+  select.addEventListener("change", changed);
   for (const chip of chips) {
     chip.addEventListener("click", () => {
       select.value = select.value === chip.dataset.kind ? "" : chip.dataset.kind;
-      filter();
+      changed();
     });
   }
   for (const header of document.querySelectorAll("#cases th")) {
-    header.addEventListener("click", () => order(header, header.getAttribute("aria-sort") === "ascending"));
+    header.addEventListener("click", () => {
+      order(header, header.getAttribute("aria-sort") === "ascending");
+      remember();
+    });
   }
-  tags?.addEventListener("change", filter);
+  tags?.addEventListener("change", changed);
   grouped.addEventListener("change", () => {
     arrange();
     filter();
@@ -182,7 +224,7 @@
   for (const button of document.querySelectorAll("button.only")) {
     button.addEventListener("click", () => {
       find.value = button.dataset.finding;
-      filter();
+      changed();
       table.scrollIntoView();
     });
   }
@@ -194,20 +236,39 @@
   }
   allKnown?.addEventListener("click", () => fold(allKnown.getAttribute("aria-expanded") === "true"));
   if (allKnown) fold(true);
-  for (const button of document.querySelectorAll("button.pick")) {
-    button.addEventListener("click", () => Plots.draw(button.closest("article"), { name: button.dataset.field, show: true }));
-  }
   table.addEventListener("click", (event) => {
     const row = event.target.closest("tr[data-kind]");
     if (row && !event.target.closest("a") && getSelection().isCollapsed) location.hash = row.querySelector("a").hash;
   });
-  for (const button of document.querySelectorAll("button.copy")) button.addEventListener("click", () => copy(button));
+  document.addEventListener("click", ({ target }) => {
+    const button = target.closest("button.copy, button.pick");
+    if (button?.classList.contains("copy")) copy(button);
+    else if (button) Plots.draw(button.closest("article"), { name: button.dataset.field, show: true });
+  });
+  document.addEventListener("pinned", ({ target }) => {
+    const { field, atom } = target.querySelector(".plots").dataset;
+    const state = new URLSearchParams({ case: target.dataset.case, ...(field ? { field } : {}), ...(atom ? { atom } : {}) });
+    history.replaceState(null, "", `#${state}`);
+  }, true);
   document.addEventListener("keydown", (event) => {
-    if (event.key === "Escape" && list.hidden) location.hash = "";
+    const typing = event.target.closest("input, select, textarea, .plot, .scroll");
+    const article = list.hidden && [...articles.values()].find((one) => !one.hidden);
+    if (event.key === "Escape") {
+      if (article) location.hash = listed;
+      else if (event.target === find) find.blur();
+    } else if (event.ctrlKey || event.altKey || event.metaKey || typing) {
+      return;
+    } else if (event.key === "/" && !article) {
+      event.preventDefault();
+      find.focus();
+    } else if (article && (event.key === "ArrowLeft" || event.key === "ArrowRight")) {
+      article.querySelector(event.key === "ArrowLeft" ? ".previous[href]" : ".next[href]")?.click();
+    }
   });
   window.addEventListener("hashchange", show);
 
-  order(document.querySelectorAll("#cases th")[1], true); // worst first
+  const first = document.querySelectorAll("#cases th")[1]; // worst first
+  order(first, true);
   filter();
   show();
 })();

@@ -22,6 +22,7 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import Task
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.run_record import CaseRecord
 
 pytestmark = pytest.mark.lammps
@@ -254,7 +255,7 @@ def test_command_line_prints_fields(tmp_path: Path) -> None:
     lines = {line.split()[0]: line.split() for line in result.stdout.splitlines() if line.strip()}
     assert lines["f"][1:4] == ["all", "2", "75"] and lines["f"][-3:] == ["explained", "by", "force-per-volume"]
     assert "not checked: conductivity, cv, temperature, heatflow: fix rheo has no thermal in this deck" in result.stdout
-    page = (tmp_path / "report.html").read_text()
+    page = unpacked((tmp_path / "report.html").read_text())
     assert "<td>surface/divr</td>" in page and "Not checked" in page
 
 

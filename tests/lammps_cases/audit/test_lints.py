@@ -14,6 +14,7 @@ from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.deck import hyphens
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.lints import Stillness, number_density
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.run_record import CaseRecord
 
 BASIN = (Path(__file__).parents[2] / "decks" / "in.basin").read_text()
@@ -123,7 +124,7 @@ def test_suffix_of_the_command_line(tmp_path: Path) -> None:
     assert result.return_value == 0, result.output
     assert "\nwarning: suffix kk: this LAMMPS has no rheo/kk; RHEO's styles run without it\n" in result.stdout
     assert "-sf kk" in (tmp_path / "out" / "run.json").read_text()
-    assert "this LAMMPS has no rheo/kk" in (tmp_path / "out" / "report.html").read_text()
+    assert "this LAMMPS has no rheo/kk" in unpacked((tmp_path / "out" / "report.html").read_text())
 
 
 # --- the numbers behind them

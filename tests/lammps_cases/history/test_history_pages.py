@@ -18,6 +18,7 @@ from lammps_cases.history.store import History
 from lammps_cases.history.versions import engines
 from lammps_cases.history.views import Spread
 from lammps_cases.pages import frame
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.run_record import RunRecord
 from lammps_cases.report import write_report
 from tests.support import made_runs
@@ -210,17 +211,17 @@ def test_the_table_of_a_report_is_short(history: History) -> None:
 
 def test_a_report_has_a_part_on_its_history_or_none(history: History, tmp_path: Path) -> None:
     own = made_runs.run("1.5", "2026-11-04", [made_runs.case("two", "pass", 0.5), made_runs.case("new")])
-    plain = write_report(own, tmp_path).read_text()
+    plain = unpacked(write_report(own, tmp_path).read_text())
     assert "#history" not in plain
     assert "By version: " not in plain
     past = _past(history, own)
-    html = write_report(own, tmp_path, history=past).read_text()
+    html = unpacked(write_report(own, tmp_path, history=past).read_text())
     parsed = _Parsed(html)
     assert parsed.open == []
     assert "history" in parsed.ids
     assert "#history" in parsed.links
     assert html.count("By version: ") == 1  # of the case that runs before had too
-    assert html == write_report(own, tmp_path, history=past).read_text()
+    assert html == unpacked(write_report(own, tmp_path, history=past).read_text())
 
 
 def test_an_empty_history_is_no_part_of_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.findings import LEDGER
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.headline import LOOKS, State
 from lammps_cases.records.run_record import EngineRecord, RunRecord, read_run
 from lammps_cases.report import findings
@@ -31,7 +32,7 @@ KNOWN = "1 known bug of this LAMMPS seen"
 def texts(folder: Path, terminal: str, job: Path) -> dict[str, str]:
     """Every output of a run."""
     (annotation,) = re.findall(r"^::\w+ title=eos-ref%3A .*$", terminal, re.MULTILINE)
-    written = {name: (folder / name).read_text(encoding="utf-8") for name in ("report.html", "summary.md")}
+    written = {name: unpacked((folder / name).read_text(encoding="utf-8")) for name in ("report.html", "summary.md")}
     said = ET.parse(folder / "junit.xml").find("testsuite/properties/property[@name='headline']")
     assert said is not None
     return written | {
@@ -90,7 +91,7 @@ def test_findings_come_before_what_differs_and_that_before_the_cases(
         done.out.index("FAIL: 1 case not as expected: 1 differs; 2 known bugs of this LAMMPS seen, 1 severe") :
     ]
     assert end.splitlines()[1:3] == [f"  high  {TITLE} (force-per-volume): 1 case", "  and 1 low"]
-    html = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    html = unpacked((tmp_path / "report" / "report.html").read_text(encoding="utf-8"))
     places = [html.index(text) for text in ("</h1>", "compiled by", 'id="known"', 'id="differs"', 'id="cases"')]
     assert places == sorted(places)
     known = html[places[2] : places[3]]

@@ -20,6 +20,7 @@ from eos_ref.errors import InputError
 from lammps_cases.comparison import compare
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Variant
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records import files, wording
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import (
@@ -314,8 +315,10 @@ class Page(HTMLParser):
 def numbers(text: str | float, count: int = 1) -> np.ndarray:
     if not isinstance(text, str):
         return np.full(count, text)
-    kind = "<f4" if text.startswith("f:") else "<f8"
-    return np.frombuffer(base64.b64decode(text.removeprefix("f:")), kind).astype(float)
+    width = {"d": 8, "f": 4, "b": 2}[text[0]]
+    planes = np.frombuffer(base64.b64decode(text[2:]), np.uint8).reshape(width, -1)
+    upper = np.pad(planes, ((width % 4, 0), (0, 0)))  # of a float32
+    return np.frombuffer(upper.T.tobytes(), "<f8" if width == 8 else "<f4").astype(float)
 
 
 def column(data: dict[str, Any], name: str, field: str = "") -> np.ndarray:
@@ -336,7 +339,7 @@ def run(folder: Path) -> RunRecord:
 
 @pytest.fixture(scope="module")
 def html(run: RunRecord, folder: Path) -> str:
-    return (folder / "report.html").read_text(encoding="utf-8")
+    return unpacked((folder / "report.html").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -413,8 +416,7 @@ def test_points_are_exact_and_not_finite_values_survive(parsed: Page, folder: Pa
     difference_n = column(data, "difference", "pressure")
     assert np.isinf(difference_n[[5, 40]]).all()
     others = np.setdiff1d(np.arange(400), [5, 40])
-    # Differences are drawn with float32's digits.
-    np.testing.assert_allclose(difference_n[others], (lammps_n - reference_n)[others], rtol=2.0**-24)
+    np.testing.assert_allclose(difference_n[others], (lammps_n - reference_n)[others], rtol=2.0**-plots.SIZE)
 
 
 def test_near_rho0_keeps_its_offsets(parsed: Page) -> None:
@@ -433,16 +435,19 @@ def test_curves_are_the_reference_on_a_fitting_axis(parsed: Page) -> None:
     assert axes["eos.states"] == [("ratio", "log")]
     assert [quantity for quantity, _ in axes["eos.types"]] == ["rho", "rho", "rho", "energy"]
     near = laws["eos.water.near"][0]
-    x = numbers(near["x"])
+    x, p = numbers(near["x"]), numbers(near["p"])
     rho = 1000 * (1 + x)
-    # Going from rho to x and back rounds four times, 4u rho in all, which the law's slope carries into the pressure;
-    # the two evaluations of the law are each within the reference's own bound.
-    allowed = 4 * 2.0**-53 * rho * WATER.stiffness(rho) + 2 * bounds.reference(WATER, rho)
-    assert np.all(np.abs(numbers(near["p"]) - WATER.pressure(rho)) <= allowed)
+    # Going from rho to x and back rounds four times, 4u rho in all, and x is drawn with few digits; the law's slope
+    # carries both into the pressure, of which the curve has as few; the two evaluations of the law are each within the
+    # reference's own bound.
+    short = 2.0**-plots.CURVE
+    slope = WATER.stiffness(rho)
+    allowed = (4 * 2.0**-53 * rho + short * 1000 * np.abs(x)) * slope + short * np.abs(p)
+    assert np.all(np.abs(p - WATER.pressure(rho)) <= allowed + 2 * bounds.reference(WATER, rho))
     assert x.min() < -0.05 < 0.05 < x.max() and np.abs(x[x != 0]).min() < 1e-11
     gas = laws["eos.types"][3]
-    # gamma - 1 is exact; at most three roundings on either side (density times energy, two products).
-    np.testing.assert_allclose(numbers(gas["p"]), (1.4 - 1) * numbers(gas["x"]), rtol=6 * 2.0**-53)
+    # Both are drawn with few digits, beside which the law's own roundings are nothing: at most one unit of them more.
+    np.testing.assert_allclose(numbers(gas["p"]), (1.4 - 1) * numbers(gas["x"]), rtol=3 * short)
 
 
 def test_no_curve_for_a_law_outside_its_domain() -> None:
@@ -485,7 +490,7 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert "<img" not in html.lower()
     assert "<script>alert" not in html
     assert not any(name.startswith("on") for _, attributes in parsed.elements for name in attributes)
-    assert parsed.scripts == 3 + len(parsed.data)
+    assert parsed.scripts == 4 + len(parsed.data)
     text = (Path("x") / markdown.summary(findings.outcome(run, FINDINGS))).as_posix()
     assert "<img" not in text and "<script" not in text
     assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
@@ -523,9 +528,9 @@ def test_vectors_and_tensors_are_drawn_by_their_worst_component(parsed: Page, fo
             lammps_nc, difference_nc = arrays["f.lammps"], arrays["f.lammps"] - arrays["f.reference"]
             phase_n = arrays["phase.lammps"]
         rows, at = np.arange(60), np.abs(difference_nc).argmax(axis=1)
-        np.testing.assert_allclose(column(data, "lammps", "f"), lammps_nc[rows, at], rtol=2.0**-24)
-        np.testing.assert_allclose(column(data, "difference", "f"), difference_nc[rows, at], rtol=2.0**-24)
-        assert column(data, "bound", "f") == pytest.approx(1e-14, rel=2.0**-24)
+        np.testing.assert_allclose(column(data, "lammps", "f"), lammps_nc[rows, at], rtol=2.0**-plots.VALUE)
+        np.testing.assert_allclose(column(data, "difference", "f"), difference_nc[rows, at], rtol=2.0**-plots.SIZE)
+        assert column(data, "bound", "f") == pytest.approx(1e-14, rel=2.0**-plots.SIZE)
         np.testing.assert_array_equal(column(data, "phase"), phase_n)
 
 
@@ -537,9 +542,21 @@ def test_digits_that_decide_are_kept() -> None:
     data = plots.payload(case, arrays, plots.differences(arrays))
     assert data is not None
     assert np.all(numbers(data["fields"]["f"]["difference"]) > numbers(data["fields"]["f"]["bound"]))
-    assert isinstance(plots._column([1e-300, 2e-300], rough=True), str)
-    np.testing.assert_array_equal(numbers(plots._column([1e-300, 2e-300], rough=True)), [1e-300, 2e-300])
+    np.testing.assert_array_equal(numbers(plots._column([1e-300, 2e-300], plots.SIZE)), [1e-300, 2e-300])
     assert plots._column([2.5, 2.5]) == 2.5
+
+
+@pytest.mark.parametrize("digits", [plots.CURVE, plots.VALUE, plots.SIZE])
+def test_short_numbers_are_rounded_to_nearest(digits: int) -> None:
+    values_n = np.random.default_rng(5).lognormal(0, 10, 1000) * np.resize([1, -1], 1000)
+    values_n[:4] = np.nan, np.inf, -np.inf, 0
+    drawn_n = numbers(plots._column(values_n, digits))
+    np.testing.assert_array_equal(drawn_n[:4], values_n[:4])
+    # Rounded to float32 first, then to these digits.
+    np.testing.assert_allclose(drawn_n[4:], values_n[4:], rtol=2.0**-digits + 2.0**-24)
+    assert np.abs(drawn_n[4:] / values_n[4:] - 1).max() > 2.0 ** -(digits + 1)
+    mantissa_n, _ = np.frexp(drawn_n[4:])
+    np.testing.assert_array_equal(mantissa_n * 2.0**digits, np.rint(mantissa_n * 2.0**digits))
 
 
 def test_colours_deepen_by_decades() -> None:
@@ -602,7 +619,7 @@ def test_agreement(run: RunRecord, html: str, folder: Path) -> None:
 def test_a_run_without_the_model(tmp_path: Path) -> None:
     cases = [scene(tmp_path, "a", EOSTable((WATER,)), np.linspace(990, 1010, 10))]
     write_report(RunRecord(engine=EngineRecord(), reference={}, cases=cases), tmp_path)
-    html = (tmp_path / "report.html").read_text()
+    html = unpacked((tmp_path / "report.html").read_text())
     assert 'id="agreement"' not in html and "#agreement" not in html and 'class="steps"' not in html
     assert "Agreement" not in (tmp_path / "summary.md").read_text()
     assert 'id="findings"' in html
@@ -612,31 +629,67 @@ def test_a_model_case_without_arrays_keeps_its_table(tmp_path: Path) -> None:
     case = model(tmp_path, "m", 2)
     (tmp_path / "fields" / "m.npz").unlink()
     write_report(RunRecord(engine=EngineRecord(), reference={}, cases=[case]), tmp_path)
-    html = (tmp_path / "report.html").read_text()
+    html = unpacked((tmp_path / "report.html").read_text())
     assert Page(html).data == {} and '<table class="steps">' in html and "data-field" not in html[: html.index("Plots")]
+
+
+def _shown(folder: Path, address: str, tmp_path: Path) -> tuple[Page, str]:
+    """Return the report as a browser has it at an address of its own, and its text; nothing failed in there."""
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--virtual-time-budget=8000"]
+    options += ["--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={tmp_path}"]
+    url = f"{(folder / 'report.html').as_uri()}#{address}"
+    done = subprocess.run(["chromium", *options, "--dump-dom", url], capture_output=True, text=True, timeout=120)
+    assert not re.findall(r"CONSOLE.*(?:Uncaught|Error|Refused)", done.stderr)
+    return Page(done.stdout[: done.stdout.rindex("</html>")]), done.stdout
 
 
 @pytest.mark.slow
 @pytest.mark.browser
 @pytest.mark.parametrize(("case", "figures"), [("eos.types", 4 + 3), ("model.flat", 4)])
 def test_a_browser_draws_a_case(run: RunRecord, folder: Path, tmp_path: Path, case: str, figures: int) -> None:
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--virtual-time-budget=8000"]
-    options += ["--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={tmp_path}"]
-    address = f"{(folder / 'report.html').as_uri()}#case={case}"
-    done = subprocess.run(["chromium", *options, "--dump-dom", address], capture_output=True, text=True, timeout=120)
-    shown = Page(done.stdout[: done.stdout.rindex("</html>")])
-    assert [a["data-case"] for t, a in shown.elements if t == "article" and "hidden" not in a] == [case]
+    shown, _ = _shown(folder, f"case={case}", tmp_path)
+    # Of the cases, those of its family alone are unpacked.
+    family = {record.case for record in run.cases if record.case.startswith(case.split(".")[0] + ".")}
+    articles = {a["data-case"]: a for t, a in shown.elements if t == "article"}
+    assert articles.keys() == family and [name for name, a in articles.items() if "hidden" not in a] == [case]
     plotted = [a for t, a in shown.elements if t == "div" and "js-plotly-plot" in (a.get("class") or "")]
     # A law per type; difference and bound, pressure, ratio. Of the model: ratio, both sides, bound, value.
     assert len(plotted) == figures
-    assert not re.findall(r"CONSOLE.*(?:Uncaught|Error|Refused)", done.stderr)
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_an_address_opens_a_field_and_an_atom(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+    with np.load(folder / "fields" / "model.flat.npz") as arrays:
+        lammps_nc, reference_nc = arrays["f.lammps"], arrays["f.reference"]
+    _, dom = _shown(folder, "case=model.flat&field=pressure&atom=4", tmp_path)
+    assert re.search(r'data-field="pressure" aria-pressed="true"', dom) and "Atom 4, type" in dom
+    row = re.search(r"<td[^>]*>f</td>((?:<td[^>]*>[^<]*</td>)*)", dom[dom.index("Atom 4, type") :])
+    assert row is not None
+    lammps, reference = (float(text) for text in re.findall(r"<td[^>]*>([^<]*)", row[1])[:2])
+    at = np.abs(lammps_nc - reference_nc)[3].argmax()
+    digits = 2.0**-plots.VALUE + 2.0**-plots.SIZE + 1e-5  # binary ones of value and difference, decimal ones shown
+    assert lammps == pytest.approx(lammps_nc[3, at], rel=digits)
+    assert reference == pytest.approx(reference_nc[3, at], rel=digits, abs=digits * abs(lammps_nc[3, at]))
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_an_address_keeps_what_the_table_shows(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+    shown, dom = _shown(folder, "find=eos.water&sort=atoms&down", tmp_path)
+    rows = [a for tag, a in shown.elements if tag == "tr" and "data-kind" in a]
+    listed = re.search(r"(\d+) of (\d+) cases", dom)
+    assert listed is not None and int(listed[2]) == len(run.cases)
+    assert int(listed[1]) == sum("hidden" not in row for row in rows) == 1
+    sorted_by = [a.get("aria-sort") for tag, a in shown.elements if tag == "th" and "aria-sort" in a]
+    assert sorted_by == ["descending"]
 
 
 def test_a_case_without_fields_does_not_show_an_older_run(tmp_path: Path) -> None:
     case = scene(tmp_path, "a", EOSTable((WATER,)), np.linspace(990, 1010, 10))
     case.fields, case.verdict = [], "crashed"
     write_report(RunRecord(engine=EngineRecord(), reference={}, cases=[case]), tmp_path)
-    assert Page((tmp_path / "report.html").read_text()).data == {}
+    assert Page(unpacked((tmp_path / "report.html").read_text())).data == {}
 
 
 def test_junit(run: RunRecord, folder: Path) -> None:

@@ -13,6 +13,7 @@ import yaml
 from eos_ref import InputError
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import campaign
@@ -75,7 +76,7 @@ def test_a_case_that_does_not_do_what_it_says_is_an_error_of_the_case(
     assert outcome.code == 2
     (line,) = re.findall(r"error +mine: (.*)", outcome.out)
     assert line.startswith("the case says it exercises surface-normal, but nothing in its 2D scene does")
-    page = (tmp_path / "out" / "report.html").read_text()
+    page = unpacked((tmp_path / "out" / "report.html").read_text())
     assert "54 particles" in page and "Fluid that is not at the surface is bulk." in page
 
 

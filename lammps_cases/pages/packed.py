@@ -1,0 +1,24 @@
+"""Parts of a page that a reader may never open: compressed in it, unpacked by the browser when they are opened."""
+
+from __future__ import annotations
+
+import base64
+import re
+import zlib
+
+from markupsafe import Markup
+
+_PART = re.compile(r'(<script type="text/plain" class="packed"[^>]*>)([A-Za-z0-9+/=]*)</script>')
+
+
+def packed(text: str) -> Markup:
+    """Return text in the zlib format as base64, for an element ``<script type="text/plain" class="packed">``.
+
+    The class is ``packed script`` if the text is a script. ``packed.js`` reads it by the browser's DecompressionStream.
+    """
+    return Markup(base64.b64encode(zlib.compress(text.encode(), 6)).decode("ascii"))
+
+
+def unpacked(page: str) -> str:
+    """Return a page with the text of every packed part in the place of that part; scripts stay as they are."""
+    return _PART.sub(lambda part: zlib.decompress(base64.b64decode(part[2])).decode(), page)

@@ -102,7 +102,8 @@ def group(context: click.Context) -> None:
     Example:  eos-ref run                     all cases against LAMMPS
               eos-ref audit in.deck           your own deck, checked live
 
-    Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing.
+    Exit codes: 0 as expected, 1 something differs, 2 wrong usage or bad input, 3 LAMMPS failed or is missing,
+    130 interrupted (Ctrl-C, SIGTERM).
     """
     context.obj = time.time_ns()
     if context.invoked_subcommand is None:
@@ -130,8 +131,9 @@ def main() -> None:
         code = group.main(prog_name="eos-ref", standalone_mode=False)
     except click.ClickException as error:
         code = _say(2, {"what": "usage", "rule": _one_line(error)}, _one_line(error))
-    except (click.Abort, KeyboardInterrupt):
-        code = _say(130, {"what": "run", "rule": "interrupted"}, "interrupted; no partial files were written")
+    except (click.Abort, KeyboardInterrupt) as error:
+        rule = str(error.__cause__ or error) or "interrupted; no partial files were written"
+        code = _say(130, {"what": "run", "rule": rule}, rule)
     except Exception as error:
         code = _exit_code(error)
     sys.exit(code if isinstance(code, int) else 0)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     type=shared.PATH,
     help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if the run does anything otherwise.",
 )
+@click.option("--resume", is_flag=True, help="Go on with the run that was interrupted or killed: judge the rest.")
 @shared.report_option
 @shared.fail_on_option
 @shared.json_option
@@ -43,6 +44,7 @@ def run_command(
     fresh: bool,
     shard: str | None,
     baseline: Path | None,
+    resume: bool,
     out: Path | None,
     fail_on: FailOn | None,
     as_json: bool,
@@ -71,7 +73,7 @@ def run_command(
     if baseline is not None:
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     resolved = installations.resolve(engine)
-    with shared.run_folder(out, (case.name for case in chosen), engine) as folder:
+    with shared.run_folder(out, (case.name for case in chosen), engine, resume) as folder:
         with Bar(quiet=as_json, complaints=True) as bar:
             run = campaign.run_cases(
                 chosen,
@@ -83,6 +85,7 @@ def run_command(
                 shard or "",
                 bar,
                 prediction_keys.open_store(fresh),
+                resume,
             )
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:

@@ -82,8 +82,11 @@ report_option = click.option("--out", type=PATH, help="Report folder.  [default:
 
 
 @contextmanager
-def run_folder(out: Path | None, cases: Iterable[str], engine: str) -> Iterator[Path]:
-    """Yield the folder of a run of some cases: the one asked for, or a new one among the whole runs or the parts."""
+def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool = False) -> Iterator[Path]:
+    """Yield the folder of a run of some cases: the one asked for, or a new one among the whole runs or the parts.
+
+    To resume is to take the folder of the last one that was interrupted.
+    """
     if out is not None:
         yield out
         return
@@ -92,7 +95,7 @@ def run_folder(out: Path | None, cases: Iterable[str], engine: str) -> Iterator[
 
     every = {case.name for case in casefile.select(casefile.load())}
     shelf = (kept.whole_runs if every <= set(cases) else kept.parts_of_runs)(REPORTS)
-    with shelf.place(engine) as folder:
+    with shelf.place(engine, resume=resume) as folder:
         yield folder
 
 

@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Failed
 
 T = TypeVar("T")
+FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,16 @@ class Failure:
 
     verdict: Failed
     message: str
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker is to do, and how often it was begun."""
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    time_limit: float
+    attempt: int = 1
 
 
 # --- inside the worker ---
@@ -91,7 +102,8 @@ class Workers:
     def __init__(self, site: str | None, count: int) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-workers-")
         self._site = site
-        self._futures = weakref.WeakSet[Future[Any]]()
+        self.count = count
+        self._tasks = weakref.WeakKeyDictionary[Future[Any], Task]()
         self._pool = ProcessPool(
             max_workers=count,
             initializer=_prepare,
@@ -109,12 +121,17 @@ class Workers:
 
     def call(self, task: Callable[..., T], *arguments: Any, time_limit: float) -> Future[T]:
         """Queue any task ``task(site, *arguments)`` in a worker."""
-        future: Future[T] = self._pool.schedule(task, args=(self._site, *arguments), timeout=time_limit)
-        self._futures.add(future)
+        return self._scheduled(Task(task, arguments, time_limit))
+
+    def _scheduled(self, task: Task) -> Future[Any]:
+        future: Future[Any] = self._pool.schedule(task.function, (self._site, *task.arguments), timeout=task.time_limit)
+        self._tasks[future] = task
         return future
 
     def outcome(self, future: Future[T], time_limit: float | None = None) -> T | Failure:
         """Wait for a task, and return its result or how it failed.
+
+        A worker that is killed from outside says nothing of LAMMPS: its task is done once more, by another.
 
         Raises
         ------
@@ -137,6 +154,8 @@ class Workers:
         except MemoryError:
             return Failure("crashed", "out of memory")
         except ProcessExpired as error:
+            if -(error.exitcode or 0) in FROM_OUTSIDE and (task := self._tasks.get(future)) and task.attempt == 1:
+                return self.outcome(self._scheduled(replace(task, attempt=2)), time_limit)
             return Failure("crashed", self._crash_message(error))
         except SystemExit as error:
             return Failure("crashed", f"LAMMPS' Python package ended with exit code {error.code}")
@@ -165,7 +184,7 @@ class Workers:
         else:
             self._pool.stop()
         self._pool.join()
-        for future in self._futures:  # a pool that is stopped while a task ends may leave it open for ever
+        for future in self._tasks:  # a pool that is stopped while a task ends may leave it open for ever
             future.cancel()
         for file in Path(self._folder.name).iterdir():
             if file.name.isdigit() and not Path("/proc", file.name).exists():  # of a worker, by its process

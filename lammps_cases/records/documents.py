@@ -17,6 +17,7 @@ from lammps_cases.records.files import write_atomically
 
 Kind = Literal[
     "run",
+    "journal",
     "history",
     "baseline",
     "compare",
@@ -31,6 +32,7 @@ Kind = Literal[
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
+    "journal": 1,
     "history": 2,
     "baseline": 1,
     "compare": 1,

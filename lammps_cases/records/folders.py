@@ -3,6 +3,8 @@
 A folder is made beside the one that it replaces, as ``.NAME.partial``; then the old one is moved aside, to
 ``.NAME.old``, the new one into its place, and the old one removed. A kill at any moment leaves the old folder or the
 new one: after a kill between the two renames the old one lies aside, where `present` and `replacement` find it.
+
+A folder in the making that holds a `JOURNAL` can be gone on with: if the program ends it becomes ``NAME.interrupted``.
 """
 
 from __future__ import annotations
@@ -15,6 +17,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eos_ref.errors import InputError
+
+JOURNAL = "journal"  # in a folder in the making: what is done
+INTERRUPTED = ".interrupted"  # the end of the name of a folder that was being made when its program ended
 
 
 @contextmanager
@@ -55,18 +60,45 @@ def exclusive(target: Path, what: str, busy: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def replacement(target: Path) -> Iterator[Path]:
-    """Yield an empty folder beside a target, for `swap`; nothing is left of it, however the block ends.
+def replacement(target: Path, resume: bool | None = None) -> Iterator[Path]:
+    """Yield a folder beside a target, for `swap`; the caller holds the lock of the target.
 
-    The caller holds the lock of the target.
+    Parameters
+    ----------
+    resume : bool, optional
+        Whether to go on with a folder that was being made when its program ended, if there is one, instead of an
+        empty one. Unless given, nothing is left of the folder, however the block ends.
     """
-    partial = target.with_name(f".{target.name}.partial")
-    _settle(target, partial)
-    partial.mkdir(parents=True)
+    partial = making(target)
+    left = resumable(target) if resume else None
+    if resume is not None and left != partial:
+        _set_aside(partial, interrupted(target))
+    _settle(target, None if left == partial else partial)
+    if left is not None and left != partial:
+        left.rename(partial)
+    partial.mkdir(parents=True, exist_ok=True)
     try:
         yield partial
     finally:
+        if resume is not None:
+            _set_aside(partial, interrupted(target))
         _settle(target, partial)
+
+
+def making(target: Path) -> Path:
+    """Return where a folder is made."""
+    return target.with_name(f".{target.name}.partial")
+
+
+def interrupted(target: Path) -> Path:
+    """Return where a folder lies that was being made when its program ended."""
+    return target.with_name(f"{target.name}{INTERRUPTED}")
+
+
+def resumable(target: Path) -> Path | None:
+    """Return the folder in the making that can be gone on with; after a kill it lies where it was made."""
+    left = max((making(target), interrupted(target)), key=_done)
+    return left if _done(left) else None
 
 
 def swap(partial: Path, target: Path) -> None:
@@ -80,6 +112,9 @@ def swap(partial: Path, target: Path) -> None:
         shutil.copytree(partial, target, dirs_exist_ok=True)
     else:
         partial.rename(target)
+    shutil.rmtree(target / JOURNAL, ignore_errors=True)
+    if (interrupted(target) / JOURNAL).is_dir():  # an earlier attempt
+        shutil.rmtree(interrupted(target), ignore_errors=True)
 
 
 def present(target: Path) -> Path:
@@ -87,11 +122,26 @@ def present(target: Path) -> Path:
     return _aside(target) if _aside(target).exists() and not target.exists() else target
 
 
-def _settle(target: Path, partial: Path) -> None:
+def _done(partial: Path) -> int:
+    """Return the number of files in the journal of a folder in the making."""
+    return sum(path.is_file() for path in (partial / JOURNAL).rglob("*"))
+
+
+def _set_aside(partial: Path, place: Path) -> None:
+    """Keep a folder in the making, unless one of which more is done, or something else, has its place."""
+    if not _done(partial) or _done(partial) < _done(place):
+        return
+    if _done(place):
+        shutil.rmtree(place)
+    if not place.exists():
+        partial.rename(place)
+
+
+def _settle(target: Path, partial: Path | None) -> None:
     """Bring back what a kill between the two renames of `swap` left aside, and remove the rest."""
     if present(target) != target:
         _aside(target).rename(target)
-    for leftover in (partial, _aside(target)):
+    for leftover in filter(None, (partial, _aside(target))):
         shutil.rmtree(leftover, ignore_errors=True)
 
 

@@ -11,7 +11,7 @@ import re
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -23,9 +23,9 @@ from lammps_cases.records.wording import folder_name
 KEPT = 3  # reports of an engine on a shelf: a whole run takes some 100 MB
 WHAT = "report"
 _DATE = "%Y-%m-%d_%H.%M.%S"
-_NAME = r"(?P<date>\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)(?:-(?P<of_second>\d+))?_(?P<engine>[\w.+-]+?)"
+_NAME = r"(?P<date>\d{4}-\d\d-\d\d_\d\d\.\d\d\.\d\d)(?:-(?P<of_second>\d+))?_(?P<engine>[\w.+-]+?)(?<!\.interrupted)"
 _ENTRY = re.compile(_NAME)
-_BESIDE = re.compile(rf"\.(?P<entry>{_NAME})(?:\.(?:lock|partial|old|making\.lock))")
+_BESIDE = re.compile(rf"\.?(?P<entry>{_NAME})(?:\.(?:lock|partial|old|making\.lock|interrupted))")
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,10 @@ class Shelf:
     mark: str
 
     @contextmanager
-    def place(self, *engines: str) -> Iterator[Path]:
+    def place(self, *engines: str, resume: bool = False) -> Iterator[Path]:
         """Yield a new folder for a report on some engines; if it is complete in the end, the link points to it.
+
+        To resume is to yield that of the report that was interrupted last, if there is one.
 
         Raises
         ------
@@ -54,9 +56,9 @@ class Shelf:
         """
         with ExitStack() as making:
             with folders.exclusive(self.link, WHAT):
-                folder = self._free(engines)
+                folder = (self._last_interrupted() if resume else None) or self._free(engines)
                 making.enter_context(folders.exclusive(_making(folder), WHAT, "another program makes it"))
-                folder.mkdir(parents=True)
+                folder.mkdir(parents=True, exist_ok=True)
             try:
                 yield folder
             finally:
@@ -68,6 +70,15 @@ class Shelf:
         """Return the complete reports, the newest first."""
         found = self.folder.glob(f"*/{self.mark}")
         return sorted((mark.parent for mark in found if is_entry(mark.parent)), key=begun, reverse=True)
+
+    def _last_interrupted(self) -> Path | None:
+        """Return the folder of the newest report that can be gone on with, and that nobody makes now."""
+        beside = (_BESIDE.fullmatch(path.name) for path in (self.folder.iterdir() if self.folder.is_dir() else ()))
+        targets = {self.folder / found["entry"] for found in beside if found}
+        for target in sorted(filter(folders.resumable, targets), key=begun, reverse=True):
+            with suppress(InputError), folders.exclusive(_making(target), WHAT, "is being made"):
+                return target
+        return None
 
     def settle(self) -> None:
         """Point the link to the newest report, drop the oldest of each engine, and what killed programs left."""
@@ -81,7 +92,7 @@ class Shelf:
                 of_engine[engine] = of_engine.get(engine, 0) + 1
                 if of_engine[engine] > KEPT:
                     shutil.rmtree(entry, ignore_errors=True)
-            self._clear(set(entries))
+            self._clear(set(entries), self._last_interrupted())
 
     def _free(self, engines: Sequence[str]) -> Path:
         """Return a new folder, the newest; those of one second are counted."""
@@ -99,12 +110,12 @@ class Shelf:
         new.symlink_to(entry.relative_to(self.link.parent), target_is_directory=True)
         new.replace(self.link)
 
-    def _clear(self, complete: set[Path]) -> None:
-        """Remove folders that nobody is writing and nobody completed, and what lies beside them."""
+    def _clear(self, complete: set[Path], interrupted: Path | None) -> None:
+        """Remove folders that nobody is writing, completed or can go on with, and what lies beside them."""
         for path in list(self.folder.iterdir()):
             beside = _BESIDE.fullmatch(path.name)
             entry = path.with_name(beside["entry"]) if beside else path
-            if path in complete or not is_entry(entry):
+            if path in complete or entry == interrupted or not is_entry(entry):
                 continue
             try:
                 with folders.exclusive(_making(entry), WHAT, "is being made"):

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from eos_ref import EOS
+from eos_ref import EOS, InputError
 from eos_ref.syntax.manual import Manual, manual_of
 from lammps_cases.records import schema1
 from lammps_cases.records.documents import SCHEMAS, Document
@@ -386,6 +386,7 @@ class RunRecord(_Record):
     fail_on: FailOn = Field("new", description="known findings of at least this severity fail; new: none does")
     changed: int = Field(0, description="changes against an accepted baseline that count")
     shard: str = Field("", description="i/n, if this is a part of a run")
+    missing: int = Field(0, description="cases that were not judged when the run was interrupted")
     carried: CarriedOver | None = None
     triage: Triage | None = Field(None, description="of a run that is not all as expected")
     notes: list[str] = Field([], description="what concerns the run as a whole")
@@ -418,7 +419,22 @@ class RunRecord(_Record):
         verdicts = {case.verdict for case in self.cases if not case.as_expected}
         if verdicts & {"refused", "crashed", "timeout", "error"}:
             return 3
-        return int("differs" in verdicts or self.changed > 0 or not all(case.accepted(rejected) for case in self.cases))
+        return int(
+            "differs" in verdicts
+            or self.changed > 0
+            or self.missing > 0
+            or not all(case.accepted(rejected) for case in self.cases)
+        )
+
+    def check_whole(self, folder: Path) -> None:
+        """Refuse a run that was interrupted.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.missing:
+            raise InputError("run", "must be whole, not interrupted (--resume does the rest)", where=str(folder))
 
     def to_json(self) -> str:
         """Return the document of run.json."""

@@ -78,6 +78,7 @@ def accept(
 
 
 def _acceptable(run: RunRecord, folder: Path, with_failures: bool) -> None:
+    run.check_whole(folder)
     if run.shard:
         raise InputError("run", "must be whole (eos-ref merge joins its parts)", f"part {run.shard}", str(folder))
     if any(case.checks for case in run.cases):

@@ -82,6 +82,9 @@ class Outcome:
         each = ", ".join(f"{count} {name}" for name, count in wording.by_severity(wrong).items())
         new = [f"{counted(wrong.total(), 'case')} not as expected: {each}"] if wrong else []
         new += [f"{counted(self.run.changed, 'change')} against the baseline"] if self.run.changed else []
+        if self.run.missing:
+            total = self.run.missing + len(self.run.cases)
+            new.insert(0, f"interrupted: {self.run.missing} of {counted(total, 'case')} not judged")
         compared = any(case.verdict != "skipped" for case in self.run.cases)
         return headline(self.known, new, fail_on=self.run.fail_on, compared=compared)
 

@@ -8,23 +8,26 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eos_ref import EOSTable, InputError
+from eos_ref.syntax.manual import Manual
 from lammps_cases import history
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine, library_sha256
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
-from lammps_cases.records import wording
+from lammps_cases.records import folders, wording
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, HarnessError, RunRecord, Triage
+from lammps_cases.run.case_journal import CaseJournal, start
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
@@ -43,6 +46,7 @@ if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner 
     from lammps_cases.verdict.particle_model import Reason
 
 JUDGING = 1800.0  # seconds that judging a case may take
+AHEAD = 4  # cases under way for each worker
 Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
 
 
@@ -66,6 +70,20 @@ class PreparedCase:
     def jobs(self) -> list[Job]:
         """The jobs for LAMMPS: one, or those of the original and its twin."""
         return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
+
+
+@dataclass(eq=False)
+class UnderWay:
+    """A case in the workers: its runs, then its judgement."""
+
+    ready: PreparedCase
+    futures: list[Future[Any]]
+    judging: bool = False
+
+    @property
+    def done(self) -> bool:
+        """Whether what it waits for is there."""
+        return all(future.done() for future in self.futures)
 
 
 def prepare(case: Case) -> PreparedCase:
@@ -95,10 +113,12 @@ def run_cases(
     part: str = "",
     progress: Progress = SILENT,
     store: Store | None = None,
+    resume: bool | None = None,
 ) -> RunRecord:
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
-    With a store, predictions of the reference are taken from there and kept there.
+    With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
+    interrupted is gone on with, or begun anew (False); unless it is given nothing is kept of one that is interrupted.
 
     Raises
     ------
@@ -106,45 +126,122 @@ def run_cases(
         Bad case, or a folder that cannot be written or is in use.
     EngineMissing
         There is no LAMMPS with RHEO.
+    KeyboardInterrupt
+        With where the partial report is, if any of it is kept.
     """
-    from lammps_cases.report.findings import carried_over
-
     begin = time.perf_counter()
-    with output_folder(directory) as folder, Workers(engine.site, max(1, min(jobs, len(cases)))) as workers:
-        identity = workers.identify()
-        importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
-        who = workers.outcome(identity)
-        answering = engine_record(engine, who)
-        queue = []
-        for case in sorted(cases, key=_last):
-            ready = prepare(case.by(answering.manual))
-            queue.append((ready, [workers.submit(each, case.scene.engine.time_limit) for each in ready.jobs]))
-        judged = []
-        for ready, futures in queue:
-            outcomes = answers(workers, ready, futures)
-            judged.append(workers.call(report, folder, ready, outcomes, answering, store, time_limit=JUDGING))
-        records: list[CaseRecord] = []
-        drawn: dict[str, Drawn] = {}
-        for (ready, _), verdict in zip(queue, judged, strict=True):
-            judgement = workers.outcome(verdict, JUDGING)
-            if isinstance(judgement, Failure):
-                record = unjudged(ready, judgement, answering)
-            else:
-                record, drawn[ready.case.name] = judgement
-            records.append(record)
-            complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
-            progress.advance(len(records), len(queue), record.case, complaint)
-        run = provenance(answering, command)
-        run.fail_on, run.shard = fail_on, part
-        run.cases = sorted(records, key=lambda record: record.case)
-        run.carried = carried_over(run)
-        run.triage = triaged(run, cases, folder, store)
-        run.seconds = round(time.perf_counter() - begin, 3)
-        write_run(run.counted(), folder, drawn, history.past(run))
+    options = {"fail_on": fail_on, "shard": part}
+    with output_folder(directory, resume) as folder:
+        campaign = Campaign(cases, folder, options, progress, store)
+        try:
+            drawn = campaign.judge(engine, jobs, command)
+            run = campaign.run()
+            run.triage = triaged(run, cases, folder, store)
+            run.seconds = round(time.perf_counter() - begin, 3)
+            write_run(run, folder, drawn, history.past(run))
+        except InputError as error:
+            raise (error if error.where or not campaign.begun else error.at(str(directory))) from None
+        except KeyboardInterrupt:
+            if resume is None or not campaign.found():
+                raise
+            write_partial(campaign.run(), folder)
+            partial = folders.interrupted(directory) / "summary.md"
+            judged = f"{len(campaign.records)} of {wording.counted(len(cases), 'case')}"
+            raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}; --resume does the rest") from None
     history.collect(run, directory)
     if store and run.predictions.computed:
         store.trim()
     return run
+
+
+class Campaign:
+    """Cases on their way through the workers, each in the journal of a folder when it is judged.
+
+    Attributes
+    ----------
+    records : the cases that are judged
+    """
+
+    def __init__(
+        self, cases: Sequence[Case], folder: Path, options: Mapping[str, Any], progress: Progress, store: Store | None
+    ) -> None:
+        self.cases, self.folder, self.options = cases, folder, options
+        self.progress, self.store = progress, store
+        self.journal = CaseJournal(folder)
+        self.begun = self.journal.begun()
+        self.records: dict[str, CaseRecord] = {}
+        self.found()
+
+    def judge(self, engine: Engine, jobs: int, command: str) -> dict[str, Drawn]:
+        """Judge all cases that are not; return what the page shows of them.
+
+        Raises
+        ------
+        InputError
+            A bad case, or a run that goes on as another.
+        EngineMissing
+        """
+        drawn: dict[str, Drawn] = {}
+        with Workers(engine.site, max(1, min(jobs, len(self.cases)))) as workers:
+            identity = workers.identify()
+            rest = [prepare(case) for case in sorted(self.cases, key=_last) if case.name not in self.records]
+            importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
+            who = workers.outcome(identity)
+            answering = engine_record(engine, who)
+            now = provenance(answering, command).model_copy(update=self.options)
+            self.begun = self.journal.begin(start(now, self.cases))
+            rest = [by(ready, answering.manual) for ready in rest]
+            for ready, verdict in self._judged(workers, rest, answering):
+                judgement = workers.outcome(verdict, JUDGING)
+                if isinstance(judgement, Failure):
+                    record = unjudged(ready, judgement, answering)
+                else:
+                    record, drawn[ready.case.name] = judgement
+                self.records[record.case] = record
+                complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
+                self.progress.advance(len(self.records), len(self.cases), record.case, complaint)
+        return drawn
+
+    def _judged(
+        self, workers: Workers, cases: Sequence[PreparedCase], engine: EngineRecord
+    ) -> Iterator[tuple[PreparedCase, Future[tuple[CaseRecord, Drawn]]]]:
+        """Yield every case with its judgement when that is there; no more are under way than keep the workers busy."""
+        waiting, under_way = deque(cases), list[UnderWay]()
+        while waiting or under_way:
+            while waiting and len(under_way) < AHEAD * workers.count:
+                ready = waiting.popleft()
+                limit = ready.case.scene.engine.time_limit
+                under_way.append(UnderWay(ready, [workers.submit(each, limit) for each in ready.jobs]))
+            wait([future for each in under_way for future in each.futures if not future.done()], None, FIRST_COMPLETED)
+            for each in [each for each in under_way if each.done]:
+                if each.judging:
+                    under_way.remove(each)
+                    yield each.ready, each.futures[0]
+                else:
+                    task = self.folder, each.ready, answers(workers, each.ready, each.futures), engine, self.store
+                    each.futures, each.judging = [workers.call(report, *task, time_limit=JUDGING)], True
+
+    def found(self) -> int:
+        """Look for cases that were judged and not heard of; return how many are judged."""
+        self.records = self.journal.records(self.records) if self.begun else {}
+        return len(self.records)
+
+    def run(self) -> RunRecord:
+        """Return the record of the cases that are judged."""
+        from lammps_cases.report.findings import carried_over
+
+        assert self.begun is not None
+        run = self.begun.run.model_copy()
+        run.cases = sorted(self.records.values(), key=lambda record: record.case)
+        run.missing = len(self.cases) - len(run.cases)
+        run.carried = carried_over(run)
+        return run.counted()
+
+
+def by(ready: PreparedCase, manual: Manual) -> PreparedCase:
+    """Return a case prepared by the manual's version that the reference is to follow."""
+    case = ready.case.by(manual)
+    return ready if case is ready.case else prepare(case)
 
 
 def cases_of(run: RunRecord, paths: Sequence[Path] = ()) -> list[Case]:
@@ -169,7 +266,7 @@ def triaged(run: RunRecord, cases: Sequence[Case], folder: Path, store: Store | 
 def report(
     site: str | None, folder: Path, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None
 ) -> tuple[CaseRecord, Drawn]:
-    """Task: judge a case, write its arrays into the folder of the report, and take from them what the page shows."""
+    """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows."""
     from lammps_cases.report.drawn import drawn
 
     record, arrays = judge(site, ready, outcomes, engine, store)
@@ -180,6 +277,7 @@ def report(
 
             assert isinstance(outcomes[0], Answer)
             kept.keep(folder / "fields", record.case, ready.case.scene, outcomes[0])
+    CaseJournal(folder).keep(record)
     return record, drawn(record, arrays)
 
 
@@ -331,6 +429,17 @@ def write_run(run: RunRecord, folder: Path, drawn: Mapping[str, Drawn] | None = 
 
     write_atomically(folder / "run.json", run.to_json())
     write_report(run, folder, drawn=drawn, history=past)
+
+
+def write_partial(run: RunRecord, folder: Path) -> None:
+    """Write what there is in a moment of the report of an interrupted run; ``eos-ref report`` makes the page."""
+    from lammps_cases.report import junit, markdown
+    from lammps_cases.report.findings import outcome
+
+    of_run = outcome(run)
+    write_atomically(folder / "run.json", run.to_json())
+    write_atomically(folder / "summary.md", markdown.summary(of_run))
+    write_atomically(folder / "junit.xml", junit.document(of_run))
 
 
 def command_line() -> str:

@@ -26,6 +26,8 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         A folder without a run, different engines, or a case that occurs twice.
     """
     runs = [read_run(folder) for folder in directories]
+    for run, folder in zip(runs, directories, strict=True):
+        run.check_whole(folder)
     merged = runs[0]
     for run, folder in zip(runs[1:], directories[1:], strict=True):
         one, other = run.engine, merged.engine

@@ -10,12 +10,14 @@ from eos_ref import InputError
 from lammps_cases.records import folders, kept
 
 WHAT = "output folder"
-REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml"}
+REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml", folders.JOURNAL}
 
 
 @contextmanager
-def output_folder(directory: Path) -> Iterator[Path]:
+def output_folder(directory: Path, resume: bool | None = None) -> Iterator[Path]:
     """Yield a hidden folder that replaces ``directory`` on success; a kill at any moment leaves a whole report.
+
+    ``resume`` is that of `folders.replacement`.
 
     Raises
     ------
@@ -29,7 +31,7 @@ def output_folder(directory: Path) -> Iterator[Path]:
         raise InputError(WHAT, "must not be the current folder or above it", str(directory))
     with (
         folders.exclusive(directory, WHAT, "another run is writing into it"),
-        folders.replacement(directory) as partial,
+        folders.replacement(directory, resume) as partial,
     ):
         if directory.exists() and (not directory.is_dir() or _foreign(directory)):
             raise InputError(WHAT, "must be empty or hold an earlier report and nothing else", str(directory))

@@ -98,6 +98,21 @@ def test_death_costs_its_task_and_the_last_words_are_its_message(
     assert capfd.readouterr() == ("", "")
 
 
+def killed_once(site: str | None, mark: str, number: int) -> str:
+    if not Path(mark).exists():
+        Path(mark).touch()
+        os.kill(os.getpid(), number)
+    return "done"
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_who_kills_a_worker_from_outside_costs_no_task(number: int, workers: Workers, tmp_path: Path) -> None:
+    task = workers.call(killed_once, str(tmp_path / "mark"), number, time_limit=LIMIT)
+    assert workers.outcome(task) == "done"
+    crash = workers.call(killed_once, str(tmp_path / "other"), signal.SIGSEGV, time_limit=LIMIT)
+    assert workers.outcome(crash) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV")
+
+
 def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path: Path) -> None:
     slow = workers.call(sleep, str(tmp_path / "started"), time_limit=0.5)
     next_one = workers.call(pid, time_limit=LIMIT)

@@ -131,6 +131,44 @@ def test_what_a_kill_left_aside_is_found_and_brought_back(tmp_path: Path) -> Non
         assert (target / "file").read_text() == "old"
 
 
+def _done(folder: Path, count: int) -> None:
+    """Put something done into a folder in the making."""
+    (folder / folders.JOURNAL).mkdir(exist_ok=True)
+    for k in range(count):
+        (folder / folders.JOURNAL / str(k)).touch()
+
+
+def test_a_folder_in_the_making_is_kept_if_anything_is_done_and_gone_on_with_if_asked(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    aside = folders.interrupted(target)
+    for count, kept in ((0, 0), (2, 2), (1, 2), (3, 3)):
+        with folders.replacement(target, resume=False) as partial:
+            assert list(partial.iterdir()) == [], "begun anew"
+            _done(partial, count)
+        assert list(tmp_path.iterdir()) == [aside] * bool(kept), "one of which less is done is not kept"
+        assert len(list((aside / folders.JOURNAL).glob("*"))) == kept
+    with folders.replacement(target, resume=True) as partial:
+        assert len(list((partial / folders.JOURNAL).iterdir())) == 3 and not aside.exists()
+        folders.swap(partial, target)
+    assert list(tmp_path.iterdir()) == [target] and list(target.iterdir()) == []
+    with folders.replacement(target) as partial:
+        _done(partial, 9)
+    assert list(tmp_path.iterdir()) == [target], "what cannot be gone on with is not kept"
+
+
+def test_the_folder_of_a_killed_program_is_kept_by_the_next_that_begins_anew(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    folders.making(target).mkdir()
+    _done(folders.making(target), 2)
+    with folders.replacement(target, resume=False) as partial:
+        _done(partial, 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["target.interrupted"]
+    assert len(list((folders.interrupted(target) / folders.JOURNAL).iterdir())) == 2
+    with folders.replacement(target) as partial:
+        folders.swap(partial, target)
+    assert list(tmp_path.iterdir()) == [target]
+
+
 def test_a_folder_that_cannot_be_renamed_gets_the_new_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = _folder(tmp_path / "mount", "old")
     _folder(target / "inner", "old")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison import store
+from lammps_cases.records import folders
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.run import schemas
@@ -217,7 +219,7 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
         start_new_session=True,
     )
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob(".report.partial/fields/*")):  # it is in the middle of its work
+    while not list(tmp_path.glob(".report.partial/journal/cases/*.json")):  # it is in the middle of its work
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.005)
@@ -229,7 +231,10 @@ def test_killed_run_leaves_the_earlier_report_whole(kill: signal.Signals, tmp_pa
     assert process.returncode != 0
     if kill != signal.SIGKILL:
         assert process.returncode == 130
-        assert err.strip().splitlines()[-1] == "eos-ref: interrupted; no partial files were written"
+        partial = folders.interrupted(out)
+        told = rf"eos-ref: interrupted after \d+ of \d+ cases: see {partial}/summary.md; --resume does the rest"
+        assert re.fullmatch(told, err.strip().splitlines()[-1]), err
+        assert "not judged" in (partial / "summary.md").read_text()
         assert not (tmp_path / ".report.partial").exists()
     assert before == {path: path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
     assert subprocess.run([*command, "near-rho0.linear"], check=False, capture_output=True).returncode == 0

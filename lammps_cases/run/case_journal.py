@@ -1,0 +1,171 @@
+"""What a run has judged so far: a file per case in its folder in the making, written when the case is judged.
+
+A kill at any moment costs the cases under way and no other: an entry is written whole, after the arrays, for which it
+vouches by their hashes. What is damaged, or has no entry, counts as not judged.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from eos_ref import InputError
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.records import folders
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.run_record import CaseRecord, RunRecord
+from lammps_cases.records.wording import counted
+from lammps_cases.scene import FromFile
+from lammps_cases.scene.casefile import SHIPPED, Case
+
+PACKAGES = ("eos_ref", "lammps_cases")
+RESUME = "--resume"  # what complaints call it
+
+
+class Start(BaseModel):
+    """What a run began as: whoever goes on with it has to be the same."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    schema_: str = Field(SCHEMAS["journal"], alias="schema")
+    run: RunRecord = Field(description="without cases, as it began")
+    code: str
+    cases: dict[str, str]
+
+
+class Entry(BaseModel):
+    """A case that is judged, and the hashes of its files of arrays by their names."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    record: CaseRecord
+    arrays: dict[str, str]
+
+
+_START = Document("journal", Start)
+
+
+@dataclass(frozen=True)
+class CaseJournal:
+    """The journal of a folder in the making."""
+
+    folder: Path
+
+    @property
+    def _entries(self) -> Path:
+        return self.folder / folders.JOURNAL / "cases"
+
+    @property
+    def _start(self) -> Path:
+        return self.folder / folders.JOURNAL / "run.json"
+
+    def begun(self) -> Start | None:
+        """Return what the run was when it began; None if it begins now."""
+        try:
+            return _START.read(self._start)
+        except InputError:
+            return None
+
+    def begin(self, now: Start) -> Start:
+        """Note what the run is; return what it was when it began, if it goes on.
+
+        Raises
+        ------
+        InputError
+            It goes on as another.
+        """
+        if begun := self.begun():
+            _check_same(begun, now)
+            return begun
+        self.forget()
+        _START.write(self._start, now)
+        return now
+
+    def keep(self, record: CaseRecord) -> None:
+        """Keep a case whose arrays are written."""
+        entry = Entry(record=record, arrays={path.name: _hash(path) for path in self._arrays(record.case)})
+        write_atomically(self._entries / f"{record.case}.json", entry.model_dump_json(by_alias=True))
+
+    def records(self, known: Mapping[str, CaseRecord] = MappingProxyType({})) -> dict[str, CaseRecord]:
+        """Return the cases that are judged by their names, those known unread; drop what no entry vouches for."""
+        found = dict(known)
+        vouched = {path for case in known for path in (self._entries / f"{case}.json", *self._arrays(case))}
+        for path in sorted({*self._entries.glob("*.json")} - vouched):
+            try:
+                entry = Entry.model_validate_json(path.read_bytes())
+            except (ValidationError, OSError):
+                continue
+            arrays = self._arrays(entry.record.case)
+            if {file.name: _hash(file) for file in arrays} == entry.arrays:
+                found[entry.record.case] = entry.record
+                vouched |= {path, *arrays}
+        for folder in (self._entries, self.folder / "fields"):
+            for path in folder.iterdir() if folder.is_dir() else ():
+                if path not in vouched:
+                    path.unlink(missing_ok=True)
+        return found
+
+    def forget(self) -> None:
+        """Take everything away."""
+        for folder in (folders.JOURNAL, "fields"):
+            shutil.rmtree(self.folder / folder, ignore_errors=True)
+
+    def _arrays(self, case: str) -> list[Path]:
+        names = (f"{case}.npz", f"{case}@steps.npz")
+        return [path for name in names if (path := self.folder / "fields" / name).is_file()]
+
+
+def start(run: RunRecord, cases: Sequence[Case]) -> Start:
+    """Return what a run is that begins with some cases."""
+    return Start(run=run, code=_code(), cases={case.name: _hash_of_case(case) for case in cases})
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _hash_of_case(case: Case) -> str:
+    parts = [case.about, *case.tags, *case.exercises, str(case.source), case.scene.model_dump_json()]
+    positions = case.scene.positions
+    if isinstance(positions, FromFile):
+        parts.append(_hash(case.source.parent / positions.extxyz))
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def _code() -> str:
+    """Return the hash of all that judges and reports: the sources, and what predictions depend on beside them."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256(prediction_keys.context(root).encode())
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts and SHIPPED not in path.parents:
+                digest.update(f"{path.relative_to(root)} {_hash(path)}\n".encode())
+    return digest.hexdigest()
+
+
+def _check_same(begun: Start, now: Start) -> None:
+    """Refuse to go on with a run of another engine, other cases or options, or by other code."""
+    one, other = begun.run, now.run
+    rule = "needs the {} of the interrupted run"
+    if one.engine != other.engine:
+        raise InputError(RESUME, f"{rule.format('engine')}, {one.engine.label}", other.engine.label)
+    if begun.cases != now.cases:
+        raise InputError(RESUME, f"{rule.format('cases')}: {_difference(begun.cases, now.cases)}")
+    for option, before, after in (("fail-on", one.fail_on, other.fail_on), ("shard", one.shard, other.shard)):
+        if before != after:
+            raise InputError(RESUME, f"{rule.format(f'--{option}')}, {before or 'none'}", after or "none")
+    if begun.code != now.code or one.reference != other.reference:
+        raise InputError(RESUME, f"{rule.format('code')}: eos-ref, a library or the machine differ")
+
+
+def _difference(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    changed = [name for name in before if name in now and before[name] != now[name]]
+    sets = {"new": [*now.keys() - before], "gone": [*before.keys() - now], "changed": changed}
+    return ", ".join(f"{counted(len(names), 'case')} {what} ({min(names)})" for what, names in sets.items() if names)

@@ -1,0 +1,26 @@
+"""Reports of runs compared bit for bit, but for what the clock and the store of predictions say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lammps_cases.records.run_record import Predictions, Seconds, read_run
+from lammps_cases.report import write_report
+
+
+def report(directory: Path, scratch: Path) -> dict[str, bytes]:
+    """The files of a report, rendered anew without seconds, date, command, and where its predictions came from."""
+    names = {path.name for path in directory.iterdir()}
+    assert names == {"run.json", "fields", "report.html", "summary.md", "junit.xml"}, "whole, and nothing beside it"
+    run = read_run(directory)
+    for case in run.cases:
+        case.seconds, case.predictions = Seconds(), Predictions()
+    run.seconds, run.date, run.command = 0.0, "", ""
+    arrays = {path.name: path.read_bytes() for path in (directory / "fields").iterdir()}
+    assert not [name for name in arrays if name.startswith(".")], "no file in the making"
+    (scratch / "fields").mkdir(parents=True, exist_ok=True)
+    for name, content in arrays.items():
+        (scratch / "fields" / name).write_bytes(content)
+    write_report(run.counted(), scratch)
+    rendered = {path.name: path.read_bytes() for path in scratch.iterdir() if path.is_file()}
+    return {"run.json": run.to_json().encode(), **rendered, **arrays}

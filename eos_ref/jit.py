@@ -49,5 +49,11 @@ def cached(*sources: str) -> Any:
     return decorate
 
 
+def keep_nothing() -> None:
+    """Load what is kept, and keep nothing more: for a process that may only read the cache."""
+    numba.core.caching.Cache.save_overload = lambda *_: None
+    numba.core.caching._CacheLocator.ensure_cache_path = lambda _: None  # writes a file to see whether it may
+
+
 # LLVM does not inline a body as long as a power of its own accord, and a loop with a call in it stays scalar.
 inline = numba.njit(error_model="numpy", forceinline=True)

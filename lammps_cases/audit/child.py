@@ -3,32 +3,78 @@
 from __future__ import annotations
 
 import os
-import signal
 import time
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from eos_ref import EOSTable
+from eos_ref.eos.table import examples
 from eos_ref.errors import InputError
+from eos_ref.jit import keep_nothing
+from lammps_cases.audit import guard, launch
 from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, Task
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
-from lammps_cases.engine.session import EngineMissing, EngineRefused, describe, open_lammps
+from lammps_cases.engine import containment
+from lammps_cases.engine.session import EngineMissing, EngineRefused, describe, load, open_lammps
+from lammps_cases.engine.workers import memory_share
 from lammps_cases.records.run_record import Seconds
+
+LARGEST_FILE = 2**34  # bytes
 
 
 def main(task: Task, connection: Connection) -> None:
     """Run a deck and send the messages of `lammps_cases.audit.options`; at last `DeckEnd`, or the error."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    # What the C++ runtime prints when it dies belongs in the record, not on the terminal.
-    output = os.open(task.output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    os.dup2(output, 1)
-    os.dup2(output, 2)
+    containment.end_with_parent()
+    containment.limit(memory_share(1), task.options.timeout, LARGEST_FILE)
     os.chdir(task.folder)
     try:
         connection.send(audit(task, connection))
     except (InputError, EngineMissing) as error:
         connection.send(error)
+    except RecursionError:
+        connection.send(InputError("deck", guard.NESTED, where=task.deck))
+
+
+def start(task: Task) -> tuple[Any, dict[str, str]]:
+    """Return an open LAMMPS, and which one, in a process contained from here on: nothing of the deck is read before.
+
+    MPI starts within its files too; only then is the network closed, and what MPI reads of the machine.
+
+    Raises
+    ------
+    EngineMissing
+    """
+    site, reach = task.options.engine, launch.reach(task)
+    if task.means == "none":
+        lmp = open_lammps(site)
+        return lmp, describe(lmp, site)
+    compile_first()
+    keep_nothing()
+    if task.means == "landlock":
+        load(site)
+        containment.drop_capabilities()
+        reach = replace(reach, read=(*reach.read, *map(str, containment.loaded_libraries())))
+        start_up = containment.Reach((*reach.read, *containment.MACHINE), (*reach.write, containment.SHARED_MEMORY))
+        containment.keep_to(start_up, network=True)
+    lmp = open_lammps(site)
+    who = describe(lmp, site)
+    if task.means == "landlock":
+        containment.keep_to(reach)
+    containment.start_nothing()
+    return lmp, who
+
+
+def compile_first() -> None:
+    """Compile what an audit uses, which is kept on disk: a contained process compiles it again every time."""
+    laws, ones_n = examples(), np.ones(1)
+    EOSTable(laws).pressure(ones_n, np.ones(1, np.int32), ones_n)
+    laws[0].pressure(ones_n)
 
 
 def audit(task: Task, connection: Connection) -> DeckEnd:
@@ -40,11 +86,10 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     """
     begin = time.perf_counter()
     options = task.options
-    lmp = open_lammps(options.engine)
-    who = describe(lmp, options.engine)
+    lmp, who = start(task)
     connection.send(EngineIdentity(who))
     watch = DeckWatch(lmp, options, connection.send, who["distribution"])
-    follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.allow_shell)
+    follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.trust)
     refused = ""
     try:
         if options.suffix is not None:

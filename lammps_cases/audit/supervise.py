@@ -3,39 +3,38 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import re
 import shlex
+import shutil
 import signal
+import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from eos_ref.errors import InputError
+from lammps_cases.audit import launch, messages
 from lammps_cases.audit.guard import check_script
 from lammps_cases.audit.options import AuditOptions, AuditResult, SampleRows, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
-from lammps_cases.engine.forkserver import without_main
+from lammps_cases.engine import containment
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import SILENT
 from lammps_cases.records.run_record import EngineRecord, RunRecord
 
 PATIENCE = 0.5  # seconds between two checks of the time limit
+LAST = 65536  # bytes of what a process printed that are looked at when it has died
 
 
-def run_child(task: Task, connection: Connection) -> None:
-    """Entry of the child process; the heavy imports stay out of the parent."""
-    from lammps_cases.audit import child
-
-    child.main(task, connection)
+class DiskFull(RuntimeError):
+    """A deck has written too much."""
 
 
-ENTRY: Callable[[Task, Connection], None] = run_child
+ENTRY: launch.Entry = launch.run_child
 
 
 def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
@@ -69,11 +68,8 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     deck = Path(deck)
     if not deck.is_file():
         raise InputError("deck", "must be a readable file", where=str(deck))
-    try:
-        if not options.allow_shell:
-            check_script(deck)
-    except OSError as error:
-        raise InputError("deck", f"cannot be read: {error.strerror}", where=str(deck)) from None
+    if not options.trust:
+        check_script(deck)
     begin = time.perf_counter()
     findings, failure = _run(deck, options)
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", deck.name).lstrip(".-") or "deck"
@@ -96,47 +92,62 @@ def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Failure | None]:
     findings = Findings()
     with contextlib.ExitStack() as stack:
         folder = options.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
-        outside = stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-"))
-        copy_folder(deck.resolve().parent, folder.resolve())
-        output = Path(outside) / "output"
-        task = Task(deck.name, str(folder.resolve()), replace(options, progress=SILENT), str(output))
-        context = multiprocessing.get_context("spawn")
-        receiver, sender = context.Pipe(duplex=False)
-        process = context.Process(target=ENTRY, args=(task, sender), daemon=True)
-        with without_main():
-            process.start()
-        sender.close()  # the child holds the only other end: its death ends the messages
-        try:
+        outside = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
+        copy_folder(deck.resolve().parent, folder.resolve(), links_out=options.trust)
+        task = Task(
+            deck.name, str(folder.resolve()), replace(options, progress=SILENT), confined(options), str(outside)
+        )
+        output = outside / "output"
+        with launch.running(ENTRY, task, output) as (process, receiver):
             return findings, _listen(receiver, findings, options, process, output)
-        finally:
-            process.kill()
-            process.join()
 
 
-def _messages(receiver: Connection, deadline: float | None) -> Iterator[object]:
+def confined(options: AuditOptions) -> containment.Means:
+    """Return what contains the process of a deck.
+
+    Raises
+    ------
+    InputError
+        Nothing does on this machine, and the deck is not trusted.
+    """
+    if options.trust:
+        return "none"
+    means = containment.means()
+    if means == "none":
+        rule = "cannot be contained here, for want of Landlock (Linux 5.13) and of bubblewrap: if you trust it, --trust"
+        raise InputError("deck", rule)
+    return means
+
+
+def _messages(receiver: Connection, deadline: float, folder: Path) -> Iterator[object]:
     """Yield messages until the other side ends.
 
     Raises
     ------
     TimeoutError
+    DiskFull
+        The deck has filled half of what was free when it began.
     """
+    least = shutil.disk_usage(folder).free // 2
     while True:
-        left = PATIENCE if deadline is None else deadline - time.monotonic()
+        left = deadline - time.monotonic()
         if left <= 0:
             raise TimeoutError
+        if shutil.disk_usage(folder).free < least:
+            raise DiskFull
         if receiver.poll(min(PATIENCE, left)):
             try:
-                yield receiver.recv()
+                yield messages.received(receiver)
             except EOFError:
                 return
 
 
 def _listen(
-    receiver: Connection, findings: Findings, options: AuditOptions, process: BaseProcess, output: Path
+    receiver: Connection, findings: Findings, options: AuditOptions, process: subprocess.Popen[bytes], output: Path
 ) -> Failure | None:
-    deadline = None if options.timeout is None else time.monotonic() + options.timeout
+    deadline = time.monotonic() + options.timeout
     try:
-        for message in _messages(receiver, deadline):
+        for message in _messages(receiver, deadline, output.parent):
             if isinstance(message, Exception):
                 raise message
             findings.take(message)
@@ -144,10 +155,15 @@ def _listen(
                 options.progress.advance(message.done, options.steps, "steps")
     except TimeoutError:
         return Failure("timeout", f"stopped after {options.timeout:g} s, {_at(findings)}")
+    except DiskFull:
+        return Failure("crashed", f"stopped, as it had filled half of the disk, {_at(findings)}")
+    except messages.Foreign as error:
+        return Failure("crashed", f"LAMMPS' process sent what is no message of an audit ({error}), {_at(findings)}")
     if findings.ended is not None:
         return Failure("refused", findings.ended.refused) if findings.ended.refused else None
-    process.join(5.0)
-    return Failure("crashed", f"LAMMPS {_death(process.exitcode)}, {_at(findings)}{_tail(output)}")
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(5.0)
+    return Failure("crashed", f"LAMMPS {_death(process.returncode)}, {_at(findings)}{_tail(output)}")
 
 
 def _at(findings: Findings) -> str:
@@ -165,6 +181,8 @@ def _death(code: int | None) -> str:
 
 def _tail(output: Path) -> str:
     """Return the last line that the dying process printed."""
-    lines = output.read_text(errors="replace").split("\n") if output.exists() else []
+    with output.open("rb") as file:
+        file.seek(max(0, output.stat().st_size - LAST))
+        lines = file.read(LAST).decode(errors="replace").split("\n")
     printed = [line.strip() for line in lines if line.strip()]
     return f": {printed[-1][:300]}" if printed else ""

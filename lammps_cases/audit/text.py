@@ -9,6 +9,12 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from eos_ref.errors import InputError
+from lammps_cases.records import untrusted
+
+LARGEST_SCRIPT = 4 * untrusted.MIB
+LONGEST_LINE = 2**15
+
 # Three quotes are never read as one quote and two more, hence the atomic group; nor is a quoted text taken up again.
 _QUOTE = r"""(?>(?P<quote>\"{3}|\"|'))"""
 _BEFORE_COMMENT = re.compile(rf"""((?:[^#"']|{_QUOTE}.*?(?P=quote))*+)#""", re.DOTALL)
@@ -40,7 +46,7 @@ def logical_lines(text: str) -> list[LogicalLine]:
     physical = text.split("\n")
     for number, line in enumerate(physical, 1):
         joined += line.rstrip()
-        last = number == len(physical)
+        last = number == len(physical) or len(joined) > LONGEST_LINE
         if joined.endswith("&") and not last:
             joined = joined[:-1]
         elif joined.count('"""') % 2 and not last:
@@ -52,8 +58,19 @@ def logical_lines(text: str) -> list[LogicalLine]:
 
 
 def read_lines(path: Path) -> list[LogicalLine]:
-    """Return the logical lines of a file."""
-    return logical_lines(path.read_text(encoding="utf-8", errors="replace"))
+    """Return the logical lines of a file.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is too large for a script.
+    """
+    content = untrusted.read_bytes(path, "input script", LARGEST_SCRIPT)
+    lines = logical_lines(content.decode("utf-8", errors="replace"))
+    for number, line in lines:
+        if len(line) > LONGEST_LINE:
+            raise InputError("line", f"must be at most {LONGEST_LINE} characters", len(line), f"{path.name}:{number}")
+    return lines
 
 
 def without_comment(text: str) -> str:

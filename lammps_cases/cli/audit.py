@@ -24,9 +24,14 @@ from lammps_cases.records.wording import effects, listed
     metavar="NAME,...",
     help="What to check, by LAMMPS' names (pressure, coordination, grad/v, f, ...); all: whatever can be.",
 )
-@click.option("--timeout", type=float, metavar="S", help="Stop after S seconds.  [default: none]")
+@click.option("--timeout", type=float, default=3600.0, metavar="S", help="Stop after S seconds.  [default: an hour]")
 @click.option("-sf", "--suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch -sf.")
-@click.option("--allow-shell", is_flag=True, help="Let the deck run shell commands, Python and plugins.")
+@click.option(
+    "--trust",
+    is_flag=True,
+    envvar="EOS_REF_TRUST",
+    help="Let the deck run programs, and read and write whatever you may.",
+)
 @click.option("--out", type=shared.PATH, help="Report folder.  [default: reports/audit-DECK]")
 @shared.engine_option
 @shared.fail_on_option
@@ -36,9 +41,9 @@ def audit_command(
     every: int,
     steps: int | None,
     fields: str,
-    timeout: float | None,
+    timeout: float,
     suffix: str | None,
-    allow_shell: bool,
+    trust: bool,
     out: Path | None,
     engine: str,
     fail_on: FailOn | None,
@@ -64,7 +69,7 @@ def audit_command(
     directory = out or Path("reports") / f"audit-{deck.name}"
     with Bar(quiet=as_json) as bar:
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
-        options = AuditOptions(every, steps, timeout, allow_shell, chosen.site, bar, fields=names, suffix=suffix)
+        options = AuditOptions(every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix)
         run = audit_into(directory, deck, options, chosen, campaign.command_line(), fail_on or "new")
     if not as_json:
         for line in report_lines(run.cases[0]):

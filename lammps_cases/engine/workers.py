@@ -91,7 +91,8 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
 # --- in the parent ---
 
 
-def _memory_share(workers: int) -> int:
+def memory_share(workers: int) -> int:
+    """Return how many bytes of memory each of some processes may take."""
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return int(0.8 * total / workers)
 
@@ -107,7 +108,7 @@ class Workers:
         self._pool = ProcessPool(
             max_workers=count,
             initializer=_prepare,
-            initargs=(self._folder.name, _memory_share(count), os.getpid()),
+            initargs=(self._folder.name, memory_share(count), os.getpid()),
             context=forkserver.context(),
         )
 

@@ -350,21 +350,21 @@ def test_every() -> None:
 
 def test_shell_is_refused_before_anything_runs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"command shell: may not be run .*in\.shell:2"):
-        audit_deck(DECKS / "in.shell", AuditOptions(keep=tmp_path))
+        audit_deck(DECKS / "in.shell", AuditOptions(keep=tmp_path, trust=False))
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
-def test_shell_made_of_variables_is_refused(tmp_path: Path) -> None:
+def test_shell_made_of_variables_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its text, whatever contains the process."""
+    monkeypatch.setattr(supervise, "confined", lambda options: "none")
     with pytest.raises(InputError, match=r"'shell touch touched' \(in\.hidden_shell:6\)"):
-        audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path))
+        audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=False))
     assert not (tmp_path / "touched").exists()
 
 
 def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
-    case = case_of(
-        audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, allow_shell=True, fields=PRESSURE))
-    )
+    case = case_of(audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=True, fields=PRESSURE)))
     assert case.verdict == "refused"  # by LAMMPS, for want of fix rheo
     assert (tmp_path / "touched").exists()
 
@@ -386,6 +386,7 @@ def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
         "write_data sub/../../x.data",
         "print 'x' file /elsewhere/x",
         "write_dump all atom 'a;touch b;.gz'",
+        "dump 1 all custom 10 out.*.gz id x",
         "dump 1 all movie 10 m.mp4 type type",
         "   'shell' ls # quoted",
     ],
@@ -423,7 +424,7 @@ def test_includes_are_judged(tmp_path: Path) -> None:
     (tmp_path / "a.inc").write_text("jump b.inc\njump SELF\n")
     (tmp_path / "b.inc").write_text("\nprint &\n  x\nshell ls\ninclude a.inc\n")
     with pytest.raises(InputError, match=r"shell.*b\.inc:4"):
-        audit_deck(deck)
+        audit_deck(deck, AuditOptions(trust=False))
 
 
 @pytest.mark.parametrize(

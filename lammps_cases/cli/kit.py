@@ -3,39 +3,77 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from lammps_cases.cli import shared
+
+if TYPE_CHECKING:
+    from lammps_cases.run.shards import Costs
+
+
+OF_SHARDS = (
+    "out",
+    "shard",
+    "costs",
+    "jobs",
+    "baseline",
+    "as_json",
+)  # options of a run that a kit gives, or cannot give
 
 
 @click.command("kit")
 @click.argument("name", required=False)
-@click.option("--out", type=shared.PATH, help="Repository to write into.  [default: print]")
+@click.option("--out", type=shared.PATH, help="Folder or repository to write into.  [default: print]")
 @click.option(
     "--repository",
     default="OWNER/eos-ref",
     show_default=True,
     metavar="OWNER/NAME",
-    help="Where on GitHub eos-ref lies: the files install it from there.",
+    help="Of kits for CI: where on GitHub eos-ref lies: the files install it from there.",
+)
+@click.option(
+    "--shards", type=click.IntRange(1, 999_999), default=4, show_default=True, help="Of kits for a cluster: parts."
+)
+@click.option(
+    "--run", "options", default="", metavar="OPTIONS", help="Of kits for a cluster: cases and options of run."
 )
 @shared.json_option
-def kit_command(name: str | None, out: Path | None, repository: str, as_json: bool) -> int:
-    """Write or print the files of a kit: github, gitlab, lammps, decks, pre-commit. Without NAME: list them.
+def kit_command(name: str | None, out: Path | None, repository: str, shards: int, options: str, as_json: bool) -> int:
+    """Write or print the files of a kit. Without NAME: list them.
+
+    For CI: github, gitlab, lammps, decks, pre-commit. For a cluster: slurm, parallel, reframe; their shards take about
+    equally long by what the history measured of each case until now.
 
     \b
     Example:  eos-ref kit github --repository me/eos-ref --out .
-              eos-ref kit lammps
+              eos-ref kit slurm --shards 16 --run '--tag eos --engine path:build' --out campaign
     """
-    from lammps_cases.ci.kits.files import KITS, kit, write
+    from eos_ref import InputError
+    from lammps_cases.ci.kits.files import KITS, in_repository, in_shards, kit, write
 
     if name is None:
         kits = [{"kit": each.name, "about": each.about, "files": list(each.files)} for each in KITS]
         click.echo(json.dumps({"kits": kits}, indent=1) if as_json else "\n".join(map(str, KITS)))
         return 0
-    files = kit(name).filled(repository)
+    chosen, notes = kit(name), list[str]()
+    if chosen.cluster:
+        try:
+            words = shlex.split(options)
+        except ValueError as error:
+            raise InputError("--run", f"must be words as a shell takes them: {error}", options) from None
+        costs, note = _costs(words, shards)
+        files = chosen.filled(in_shards(costs, shards, words))
+        notes.append(note)
+    else:
+        files = chosen.filled(in_repository(repository))
+        if "OWNER/" in repository:
+            notes.append(f"replace {repository} by your repository (--repository)")
     written = write(files, out) if out else []
     if as_json:
         click.echo(json.dumps({"kit": name, "files": [asdict(file) for file in files]}, indent=1))
@@ -47,6 +85,43 @@ def kit_command(name: str | None, out: Path | None, repository: str, as_json: bo
             if len(files) > 1:
                 click.echo(f"# ----- {file.path}")
             click.echo(file.content, nl=False)
-    if "OWNER/" in repository:
-        click.echo(f"replace {repository} by your repository (--repository)", err=True)
+    for note in notes:
+        click.echo(note, err=True)
     return 0
+
+
+def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
+    """Return what the cases of a run cost, and a line about the shards; the engine is there afterwards.
+
+    Raises
+    ------
+    InputError, click.UsageError
+        Options that ``eos-ref run`` would refuse, or that each shard has of its own.
+    """
+    from eos_ref import InputError
+    from lammps_cases.cli.run import run_command
+    from lammps_cases.engine import installations
+    from lammps_cases.history.store import History, history_file
+    from lammps_cases.records.wording import counted
+    from lammps_cases.run.shards import Costs, balanced
+    from lammps_cases.scene import casefile
+
+    context = run_command.make_context("eos-ref run", list(words))
+    for option in run_command.params:
+        given = option.name and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+        if given and option.name in OF_SHARDS:
+            raise InputError("--run", "must leave to the kit what each shard has of its own", option.opts[0])
+    asked = context.params
+    cases = casefile.select(casefile.load(asked["paths"]), asked["names"], asked["tag"])
+    if shards > len(cases):
+        raise InputError("--shards", f"must be at most one for each of {counted(len(cases), 'case')}", shards)
+    installations.resolve(asked["engine"])  # nodes have no internet
+    place, slowest = history_file(), dict[str, float]()
+    if place:
+        with History(place) as history:
+            slowest = history.slowest()
+    costs = Costs(seconds={case.name: slowest[case.name] for case in cases if case.name in slowest})
+    seconds = costs.of(case.name for case in cases)
+    busy = [sum(seconds[case] for case in shard) for shard in balanced(seconds, shards)]
+    known = f"{len(costs.seconds)} of {counted(len(cases), 'case')} measured"
+    return costs, f"{counted(shards, 'shard')} of {min(busy):.1f} to {max(busy):.1f} s, {known}"

@@ -45,7 +45,7 @@ GROUPS = {
         "inputs": "Put bad input to LAMMPS and to the reference: who refuses it, how clearly.",
         "bench": "Measure speed against peers, as ratios.",
         "merge": "Join the shards of a run.",
-        "kit": "Write the files that run this in a CI service.",
+        "kit": "Write the files that run this in a CI service, or in shards on a cluster.",
         "completion": "Let the shell complete cases, tags, findings and engines.",
     },
 }

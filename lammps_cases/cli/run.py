@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 @shared.jobs_option
 @shared.engine_option
 @shared.fresh_option
-@click.option("--shard", help="i/n: only every n-th case, from the i-th.")
+@click.option(
+    "--shard", help="i/n: only every n-th case, from the i-th; with --costs the i-th of n equally long parts."
+)
+@click.option("--costs", type=shared.PATH, help="Seconds of the cases, as eos-ref kit writes them.")
 @click.option(
     "--baseline",
     type=shared.PATH,
@@ -43,6 +46,7 @@ def run_command(
     engine: str,
     fresh: bool,
     shard: str | None,
+    costs: Path | None,
     baseline: Path | None,
     resume: bool,
     out: Path | None,
@@ -58,18 +62,22 @@ def run_command(
     Example:  eos-ref run --tag quick
               eos-ref run 'near-rho0.*.2d' --jobs 2 --out reports/near
     """
+    from eos_ref import InputError
+
+    if costs and not shard:
+        raise InputError("--costs", "needs --shard, which it divides")
     shared.start_fork_server()
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
     from lammps_cases.regression import baseline as accepted
-    from lammps_cases.run import campaign
-    from lammps_cases.run.merge import part_of
+    from lammps_cases.run import campaign, shards
     from lammps_cases.scene import casefile
 
     every = casefile.load(paths)
     chosen = casefile.select(every, names, tag)
+    part = (shard or "", shards.divided(case.name for case in chosen) if shard else "")
     if shard:
-        chosen = part_of(chosen, shard)
+        chosen = shards.part_of(chosen, shard, shards.DOCUMENT.read(costs) if costs else None)
     if baseline is not None:
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     resolved = installations.resolve(engine)
@@ -82,7 +90,7 @@ def run_command(
                 folder,
                 campaign.command_line(),
                 fail_on or "new",
-                shard or "",
+                part,
                 bar,
                 prediction_keys.open_store(fresh),
                 resume,

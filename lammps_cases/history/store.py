@@ -132,6 +132,11 @@ class History:
             given.append(json.dumps(list(cases)))
         return [StoredCase(*row) for row in self._rows(f"{chosen} ORDER BY run, case_name", *given)]
 
+    def slowest(self) -> dict[str, float]:
+        """Return the most seconds, in LAMMPS and in the reference, that each case took in any run."""
+        longest = "SELECT case_name, max(lammps + reference) FROM results JOIN outcomes ON outcome = outcomes.id"
+        return dict(self._rows(f"{longest} GROUP BY case_name ORDER BY case_name"))
+
     def outcomes(self, ids: Iterable[int], fields: bool = True) -> dict[int, CaseOutcome]:
         """Return outcomes by their ids, with their fields unless these are not wanted."""
         given = json.dumps(sorted(set(ids)))

@@ -29,6 +29,7 @@ Kind = Literal[
     "power",
     "adopt",
     "fuzz",
+    "costs",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -44,6 +45,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "power": 1,
     "adopt": 1,
     "fuzz": 1,
+    "costs": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

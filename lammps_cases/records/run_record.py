@@ -374,6 +374,9 @@ class Triage(_Record):
     groups: list[TriageGroup] = []
 
 
+SHARD = "[1-9][0-9]{0,5}/[1-9][0-9]{0,5}"
+
+
 class RunRecord(_Record):
     """A whole run."""
 
@@ -385,7 +388,8 @@ class RunRecord(_Record):
     command: str = ""
     fail_on: FailOn = Field("new", description="known findings of at least this severity fail; new: none does")
     changed: int = Field(0, description="changes against an accepted baseline that count")
-    shard: str = Field("", description="i/n, if this is a part of a run")
+    shard: str = Field("", description="i/n, if this is a part of a run", pattern=f"^({SHARD})?$")
+    divided: str = Field("", description="hash of the names of all cases of the run that this is a part of")
     missing: int = Field(0, description="cases that were not judged when the run was interrupted")
     carried: CarriedOver | None = None
     triage: Triage | None = Field(None, description="of a run that is not all as expected")

@@ -110,7 +110,7 @@ def run_cases(
     directory: Path,
     command: str = "",
     fail_on: FailOn = "new",
-    part: str = "",
+    part: tuple[str, str] = ("", ""),
     progress: Progress = SILENT,
     store: Store | None = None,
     resume: bool | None = None,
@@ -118,7 +118,8 @@ def run_cases(
     """Run cases and write their report into a folder, which holds the earlier report until this one is complete.
 
     With a store, predictions of the reference are taken from there and kept there. With ``resume`` a run that was
-    interrupted is gone on with, or begun anew (False); unless it is given nothing is kept of one that is interrupted.
+    interrupted is gone on with, or begun anew (False); unless it is given nothing is kept of one that is interrupted. A
+    ``part`` is the name of a shard, and what it has in common with the others (`lammps_cases.run.shards.divided`).
 
     Raises
     ------
@@ -130,7 +131,7 @@ def run_cases(
         With where the partial report is, if any of it is kept.
     """
     begin = time.perf_counter()
-    options = {"fail_on": fail_on, "shard": part}
+    options = {"fail_on": fail_on, "shard": part[0], "divided": part[1]}
     with output_folder(directory, resume) as folder:
         campaign = Campaign(cases, folder, options, progress, store)
         try:

@@ -1,4 +1,4 @@
-"""Parts of a run: its shards, and runs joined into one."""
+"""Runs joined into one: the shards of a run, or runs of other cases."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.report.findings import carried_over
 from lammps_cases.run.campaign import cases_of, command_line, triaged, write_run
 from lammps_cases.run.output_folder import output_folder
-from lammps_cases.scene.casefile import Case
+from lammps_cases.run.shards import check_complete
 
 
 def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
@@ -28,6 +28,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
     runs = [read_run(folder) for folder in directories]
     for run, folder in zip(runs, directories, strict=True):
         run.check_whole(folder)
+    check_complete(runs)
     merged = runs[0]
     for run, folder in zip(runs[1:], directories[1:], strict=True):
         one, other = run.engine, merged.engine
@@ -37,8 +38,7 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         merged.cases += run.cases
         merged.seconds += run.seconds
     merged.fail_on = strictest([run.fail_on for run in runs])
-    _check_shards([run.shard for run in runs])
-    merged.shard = ""
+    merged.shard = merged.divided = ""
     merged.carried = carried_over(merged)
     merged.cases.sort(key=lambda record: record.case)
     for case, following in itertools.pairwise(merged.cases):
@@ -53,27 +53,3 @@ def merge(directories: Sequence[Path], directory: Path) -> RunRecord:
         write_run(merged.counted(), folder, past=history.past(merged))
     history.collect(merged, directory)
     return merged
-
-
-def _check_shards(shards: Sequence[str]) -> None:
-    """Refuse an incomplete set of shards; runs that are not shards may be joined freely."""
-    for count in sorted({part.partition("/")[2] for part in shards if part}):
-        missing = {f"{k}/{count}" for k in range(1, int(count) + 1)} - set(shards)
-        if missing:
-            raise InputError("shards", "must be complete to be merged; missing " + ", ".join(sorted(missing)))
-
-
-def part_of(cases: Sequence[Case], text: str) -> list[Case]:
-    """Select every n-th case, beginning with the i-th, for ``i/n``.
-
-    Raises
-    ------
-    InputError
-    """
-    first, _, count = text.partition("/")
-    if not (first.isdigit() and count.isdigit() and 1 <= int(first) <= int(count)):
-        raise InputError("shard", "must be i/n with 1 <= i <= n", text)
-    chosen = list(cases[int(first) - 1 :: int(count)])
-    if not chosen:
-        raise InputError("shard", f"is empty: there are {len(cases)} cases", text)
-    return chosen

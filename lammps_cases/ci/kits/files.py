@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +12,11 @@ from pathlib import Path
 from eos_ref import InputError
 from eos_ref.errors import nearest
 from lammps_cases.records.files import write_atomically
+from lammps_cases.run.shards import DOCUMENT as COSTS
+from lammps_cases.run.shards import Costs
 
 TEMPLATES = Path(__file__).with_name("templates")
-REPOSITORY = "@REPOSITORY@"  # in a template: owner and name of the repository that holds eos-ref
+PLACE = re.compile(r"@([A-Z]+)@")  # in a template: a value that is given when the kit is made
 
 
 @dataclass(frozen=True)
@@ -26,25 +30,19 @@ class KitFile:
 
 @dataclass(frozen=True)
 class Kit:
-    """Files that belong together: path in the repository by template."""
+    """Files that belong together: path in the repository, or in a folder of its own, by template."""
 
     name: str
     about: str
     files: Mapping[str, str]
+    cluster: bool = False
 
-    def filled(self, repository: str) -> list[KitFile]:
-        """Return the files, with the place that eos-ref is installed from.
-
-        Raises
-        ------
-        InputError
-            That is no name of a repository.
-        """
-        if not re.fullmatch(r"[A-Za-z0-9][\w.-]*/[\w.-]+", repository, re.ASCII):
-            raise InputError("repository", "must be OWNER/NAME", repository)
+    def filled(self, values: Mapping[str, str]) -> list[KitFile]:
+        """Return the files with the values of their places."""
         filled = []
         for template, path in self.files.items():
-            content = (TEMPLATES / template).read_text(encoding="utf-8").replace(REPOSITORY, repository)
+            text = (TEMPLATES / template).read_text(encoding="utf-8")
+            content = PLACE.sub(lambda place: values[place[1]], text)
             filled.append(KitFile(path, content, executable=content.startswith("#!")))
         return filled
 
@@ -52,6 +50,7 @@ class Kit:
         return f"{self.name:12s}{self.about} ({', '.join(self.files.values())})"
 
 
+_OF_SHARDS = {name: name for name in ("shard.sh", "merge.sh", "costs.json")}
 KITS = (
     Kit("github", "your own cases in GitHub Actions", {"github.yml": ".github/workflows/eos-ref.yml"}),
     Kit("gitlab", "your own cases in GitLab CI", {"gitlab.yml": ".gitlab-ci.yml"}),
@@ -66,7 +65,44 @@ KITS = (
         "the cases that a commit changes, before it is made",
         {"pre-commit.yaml": ".pre-commit-config.yaml"},
     ),
+    Kit(
+        "slurm",
+        "a run in shards on a cluster: as a job array, or in one allocation",
+        {"array.sh": "array.sh", "allocation.sh": "allocation.sh", **_OF_SHARDS},
+        cluster=True,
+    ),
+    Kit("parallel", "a run in shards on one machine", {"parallel.sh": "parallel.sh", **_OF_SHARDS}, cluster=True),
+    Kit(
+        "reframe",
+        "a run in shards as checks of ReFrame",
+        {"reframe.txt": "eos_ref_check.py", **_OF_SHARDS},
+        cluster=True,
+    ),
 )
+
+
+def in_repository(repository: str) -> dict[str, str]:
+    """Return the values of a kit for a CI service: owner and name of the repository that holds eos-ref.
+
+    Raises
+    ------
+    InputError
+        That is no name of a repository.
+    """
+    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*/[\w.-]+", repository, re.ASCII):
+        raise InputError("repository", "must be OWNER/NAME", repository)
+    return {"REPOSITORY": repository}
+
+
+def in_shards(costs: Costs, shards: int, options: Sequence[str]) -> dict[str, str]:
+    """Return the values of a kit for a cluster: the shards, and how ``eos-ref run`` is called for each of them."""
+    return {
+        "COSTS": COSTS.text(costs).decode(),
+        "SHARDS": str(shards),
+        "OPTIONS": shlex.join(options),
+        "FOLDER": shlex.quote(str(Path.cwd())),
+        "PROGRAM": shlex.quote(str(Path(sys.executable).parent / "eos-ref")),
+    }
 
 
 def kit(name: str) -> Kit:

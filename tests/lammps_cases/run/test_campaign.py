@@ -12,7 +12,6 @@ import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import numpy as np
@@ -25,6 +24,7 @@ from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.run import schemas
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
+from tests.support.same_reports import assert_same
 
 pytestmark = pytest.mark.lammps
 
@@ -129,25 +129,13 @@ def test_arrays_of_a_case_hold_both_sides(everything: tuple[Path, subprocess.Com
         assert arrays["x"].shape == (n, 3)
 
 
-def _results(path: Path) -> dict[str, Any]:
-    """A run's record without how it was made: when, by which command, and which predictions were at hand."""
-    document: dict[str, Any] = json.loads((path / "run.json").read_text())
-    for key in ("seconds", "date", "command", "shard", "predictions"):
-        document.pop(key)
-    for case in document["cases"]:
-        del case["seconds"], case["predictions"]
-    return document
-
-
 def test_second_run_and_merged_shards_give_the_same(eos_ref_command: Run, tmp_path: Path) -> None:
     names = ("near-rho0", "ranges", "files")
     for out, arguments in {"a": (), "b": ("--jobs", 2), "s1": ("--shard", "1/2"), "s2": ("--shard", "2/2")}.items():
         assert eos_ref_command("run", *names, *arguments, "--out", tmp_path / out).code == 0
     assert eos_ref_command("merge", tmp_path / "s1", tmp_path / "s2", "--out", tmp_path / "m").code == 0
     for other in ("b", "m"):
-        assert _results(tmp_path / "a") == _results(tmp_path / other)
-        for file in (tmp_path / "a" / "fields").iterdir():
-            assert file.read_bytes() == (tmp_path / other / "fields" / file.name).read_bytes(), file.name
+        assert_same(tmp_path / "a", tmp_path / other)
     code, _, err = eos_ref_command("merge", tmp_path / "a", tmp_path / "b", "--out", tmp_path / "n")
     assert code == 2
     assert "occurs in two of the runs" in err

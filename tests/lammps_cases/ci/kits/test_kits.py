@@ -18,10 +18,12 @@ import yaml
 from check_jsonschema import main as check_jsonschema
 from click.testing import CliRunner
 
-from lammps_cases.ci.kits.files import KITS, TEMPLATES, kit
+from lammps_cases.ci.kits.files import KITS, TEMPLATES, in_repository, in_shards, kit
 from lammps_cases.engine import session
+from lammps_cases.run.shards import Costs
 from tests.support.action_runner import run_action
 from tests.support.outcome import Outcome
+from tests.support.same_reports import assert_same
 
 Run = Callable[..., Outcome]
 Write = Callable[..., Path]
@@ -29,6 +31,9 @@ Write = Callable[..., Path]
 ROOT = Path(__file__).parents[4]
 BIN = Path(sys.executable).parent
 ACTION = ROOT / ".github" / "actions" / "eos-ref"
+VALUES = in_repository("me/eos-ref") | in_shards(Costs(seconds={}), 2, ["near-rho0.linear"])
+NAMES = ", ".join(each.name for each in KITS)
+OF_CI = [each.name for each in KITS if not each.cluster]
 SCHEMAS = {
     "vendor.github-workflows": re.compile(r"\.github/workflows/"),
     "vendor.github-actions": re.compile(r"action\.yml$"),
@@ -52,7 +57,7 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder = tmp_path_factory.mktemp("kits")
     paths = [ACTION / "action.yml", ROOT / ".github" / "workflows" / "ci.yml", ROOT / ".gitlab-ci.yml"]
     for each in KITS:
-        for file in each.filled("me/eos-ref"):
+        for file in each.filled(VALUES):
             path = folder / each.name / file.path
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(file.content)
@@ -145,15 +150,15 @@ def _words(path: Path) -> list[str]:
 
 
 def test_every_template_is_in_a_kit() -> None:
-    assert sorted(path.name for path in TEMPLATES.iterdir()) == sorted(name for each in KITS for name in each.files)
+    assert {path.name for path in TEMPLATES.iterdir()} == {name for each in KITS for name in each.files}
 
 
-@pytest.mark.parametrize("name", [each.name for each in KITS])
+@pytest.mark.parametrize("name", OF_CI)
 def test_kit_written_and_printed(name: str, eos_ref_command: Run, tmp_path: Path) -> None:
     out = tmp_path / "repository"
     code, said, err = eos_ref_command("kit", name, "--repository", "me/eos-ref", "--out", out)
     assert (code, err) == (0, "")
-    files = kit(name).filled("me/eos-ref")
+    files = kit(name).filled(VALUES)
     assert said.split() == [str(out / file.path) for file in files]
     for file in files:
         path = out / file.path
@@ -181,8 +186,20 @@ def test_place_of_eos_ref_that_is_not_given_is_said(eos_ref_command: Run) -> Non
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["githb"], "eos-ref: kit: must be one of github, gitlab, lammps, decks, pre-commit (did you mean 'github'?)"),
+        (
+            ["githb"],
+            f"eos-ref: kit: must be one of {NAMES} (did you mean 'github'?), found 'githb'",
+        ),
         (["github", "--repository", "a b; rm"], "eos-ref: repository: must be OWNER/NAME, found 'a b; rm'"),
+        (["slurm", "--run", "--tga eos"], "eos-ref: No such option '--tga'."),
+        (["slurm", "--run", "'"], "eos-ref: --run: must be words as a shell takes them: No closing quotation"),
+        (["slurm", "--run", "--tag none-such"], "eos-ref: tag: no case has it"),
+        (["slurm", "--run", "--engine path:/nowhere"], "eos-ref: engine: must exist"),
+        (["slurm", "--run", "--fresh --jobs 2"], "eos-ref: --run: must leave to the kit what each shard has"),
+        (
+            ["slurm", "--run", "ranges.star", "--shards", "2"],
+            "eos-ref: --shards: must be at most one for each of 1 case",
+        ),
     ],
 )
 def test_bad_input(arguments: list[str], line: str, eos_ref_command: Run) -> None:
@@ -209,6 +226,52 @@ def test_installation_holds_every_file_that_the_package_reads() -> None:
         files = [path for path in root.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
         needed = {path for path in files if path.suffix != ".py"}
         assert needed - packed == set(), package
+
+
+# --- in shards
+
+
+@pytest.fixture
+def written(tmp_path: Path, eos_ref_command: Run) -> Callable[..., Path]:
+    """A kit for a cluster, of the cases near-rho0.linear."""
+
+    def write(name: str) -> Path:
+        folder = tmp_path / "a b"
+        asked = ("--shards", 2, "--run", "near-rho0.linear --fail-on high", "--out", folder)
+        code, out, err = eos_ref_command("kit", name, *asked)
+        assert code == 0 and out.split("\n")[:-1] == [str(folder / file) for file in kit(name).files.values()]
+        assert re.fullmatch(r"2 shards of \d+\.\d to \d+\.\d s, \d of 2 cases measured\n", err)
+        return folder
+
+    return write
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("without", [(), ("parallel",)])
+def test_kit_for_one_machine(
+    without: tuple[str, ...], written: Callable[..., Path], eos_ref_command: Run, tmp_path: Path
+) -> None:
+    """With GNU parallel, where there is one, and with xargs."""
+    assert eos_ref_command("run", "near-rho0.linear", "--fail-on", "high", "--out", tmp_path / "local").code == 0
+    folder, programs = written("parallel"), tmp_path / "programs"
+    programs.mkdir()
+    for place in map(Path, ("/bin", "/usr/bin")):
+        for program in place.iterdir():
+            if program.name not in without and not (programs / program.name).exists():
+                (programs / program.name).symlink_to(program)
+    environ = {**os.environ, "PATH": str(programs)}
+    done = subprocess.run(["bash", folder / "parallel.sh"], env=environ, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "PASS: " in done.stdout, done.stdout + done.stderr
+    assert_same(tmp_path / "local", folder / "report")
+
+
+@pytest.mark.lammps
+def test_kit_for_reframe(written: Callable[..., Path], tmp_path: Path) -> None:
+    folder = written("reframe")
+    command = [BIN / "reframe", "-c", folder / "eos_ref_check.py", "-r", "--prefix", tmp_path / "reframe"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0 and "Ran 3/3 test case(s)" in done.stdout, done.stdout + done.stderr
+    assert (folder / "report" / "run.json").exists()
 
 
 # --- run as a service runs them
@@ -315,7 +378,7 @@ def test_key_of_the_cache_follows_cases_and_engine(case_file: Write, stub: Path,
 @pytest.mark.lammps
 def test_script_for_lammps(case_file: Write, tmp_path: Path) -> None:
     """Build directory in, verdict out; eos-ref itself is that of this environment."""
-    (script,) = [file for file in kit("lammps").filled("me/eos-ref") if file.executable]
+    (script,) = [file for file in kit("lammps").filled(VALUES) if file.executable]
     path = tmp_path / "eos-ref.sh"
     path.write_text(script.content)
     build = tmp_path / "build"

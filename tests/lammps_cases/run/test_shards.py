@@ -1,0 +1,102 @@
+"""A run divided into shards."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eos_ref import InputError
+from lammps_cases.records.run_record import RunRecord
+from lammps_cases.run.shards import DOCUMENT, Costs, balanced, check_complete, divided, part_of
+from lammps_cases.scene import casefile
+from tests.support import made_runs
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+COST = st.sampled_from([0.0, 1.0, 2.5]) | st.floats(0, 1e4)  # many cost the same, or nothing that can be measured
+SECONDS = st.dictionaries(st.text("abc", min_size=1, max_size=4), COST, min_size=1, max_size=20)
+
+
+@given(SECONDS, st.integers(1, 12), st.randoms())
+def test_every_case_is_in_one_shard_whatever_the_order_and_none_is_late(
+    seconds: dict[str, float], count: int, chance: random.Random
+) -> None:
+    shards = balanced(seconds, count)
+    assert sorted(name for shard in shards for name in shard) == sorted(seconds)
+    mixed = list(seconds.items())
+    chance.shuffle(mixed)
+    assert balanced(dict(mixed), count) == shards
+    busy = [sum(seconds[name] for name in sorted(shard)) for shard in shards]
+    # The case that ends last was given to the shard with the least to do, at most the mean of the others' work.
+    latest = sum(seconds.values()) / count + max(seconds.values()) * (1 - 1 / count)
+    assert max(busy) <= latest * (1 + 1e-12 * len(seconds))
+    assert sum(bool(shard) for shard in shards) == min(count, len(seconds)), "no shard is left without a case"
+
+
+def test_shards_of_measured_cases_are_equally_long() -> None:
+    """The longest case alone, where every n-th case gives that shard the most."""
+    cases = casefile.select(casefile.load(), ["near-rho0"])
+    names = [case.name for case in cases]
+    costs = Costs(seconds={names[0]: len(names) - 2.0} | dict.fromkeys(names[1:-1], 1.0))
+    assert costs.of(names)[names[-1]] == 1.0, "never measured: the median of the others"
+    parts = [part_of(cases, f"{k}/2", costs) for k in (1, 2)]
+    assert [len(part) for part in parts] in ([1, len(names) - 1], [2, len(names) - 2])
+    assert sorted(case.name for part in parts for case in part) == names
+    assert len(part_of(cases, "1/2")) == (len(names) + 1) // 2
+
+
+def test_shards_that_were_divided_otherwise_are_not_merged() -> None:
+    cases = [made_runs.case("a"), made_runs.case("b"), made_runs.case("c")]
+    whole = divided(["c", "a", "b"])
+
+    def shard(part: str, *chosen: int, of: str = whole) -> RunRecord:
+        record = made_runs.run(cases=[cases[k] for k in chosen])
+        record.shard, record.divided = part, of
+        return record
+
+    check_complete([shard("2/2", 2), shard("1/2", 0, 1)])
+    check_complete([shard("2/2", 2, of=""), shard("1/2", 0, of="")])  # of a version that did not say
+    for parts, complaint in (
+        ([shard("2/2", 2), shard("1/2", 0)], "divided otherwise"),
+        ([shard("2/2", 2), shard("1/2", 0, 1, of="x")], "divided otherwise"),
+        ([shard("2/3", 2)], "missing 1/3, 3/3"),
+        ([shard("2/999999", 2)], "missing 1/999999, 3/999999"),
+    ):
+        with pytest.raises(InputError, match=complaint) as told:
+            check_complete(parts)
+        assert len(str(told.value)) < 2000
+
+
+@pytest.mark.parametrize("text", ["", "x", "0/2", "3/2", "1/1e9", "1/2/3", "-1/2", "1/1000000", "²/3"])
+def test_bad_shard(text: str) -> None:
+    with pytest.raises(InputError, match="must be i/n"):
+        part_of(casefile.load()[:5], text)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("{}", "schema: must be eos-ref/costs/1"),
+        ('{"schema": "eos-ref/costs/1", "seconds": {"a": -1}}', "seconds.a: "),
+        ('{"schema": "eos-ref/costs/1", "seconds": {"a": NaN}}', "seconds.a: "),
+        ('{"schema": "eos-ref/costs/1", "seconds": {"a": 1e999}}', "seconds.a: "),
+        ("seconds", "document: "),
+    ],
+)
+def test_bad_costs(text: str, complaint: str, eos_ref_command: Run, tmp_path: Path) -> None:
+    file = tmp_path / "costs.json"
+    file.write_text(text)
+    code, out, err = eos_ref_command("run", "ranges", "--shard", "1/2", "--costs", file, "--out", tmp_path / "report")
+    assert (code, out) == (2, "") and complaint in err and err.count("\n") == 1
+    assert not (tmp_path / "report").exists()
+
+
+def test_costs_without_a_shard_are_refused(eos_ref_command: Run, tmp_path: Path) -> None:
+    DOCUMENT.write(tmp_path / "costs.json", Costs(seconds={}))
+    code, out, err = eos_ref_command("run", "ranges", "--costs", tmp_path / "costs.json")
+    assert (code, out, err) == (2, "", "eos-ref: --costs: needs --shard, which it divides\n")

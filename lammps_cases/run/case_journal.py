@@ -135,7 +135,7 @@ def _hash_of_case(case: Case) -> str:
     parts = [case.about, *case.tags, *case.exercises, str(case.source), case.scene.model_dump_json()]
     positions = case.scene.positions
     if isinstance(positions, FromFile):
-        parts.append(_hash(case.source.parent / positions.extxyz))
+        parts.append(_hash(case.source.parent / positions.file))
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 

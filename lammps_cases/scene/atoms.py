@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from eos_ref import Box, EOSTable, InputError
 from eos_ref.eos.table import FloatArray
-from lammps_cases.scene import FromFile, Lattice, Listed, Scene, Values
+from lammps_cases.scene import FromData, FromDump, FromFile, FromXYZ, Lattice, Listed, Scene, Values
 from lammps_cases.scene.casefile import Case
 
 IntArray = npt.NDArray[np.integer]
@@ -91,7 +91,7 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     elif isinstance(scene.positions, Listed):
         file = _listed(scene.positions, scene.dimension)
     else:
-        file = _read_extxyz(case, scene.positions)
+        file = _from_file(case, scene.positions)
     x_nc, low_c, high_c, periodic, spacing = (file[k] for k in ("x", "low", "high", "periodic", "spacing"))
     n = len(x_nc)
     type_n = file["type"] if "type" in file else _types(case, n)
@@ -104,12 +104,15 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     rho0_n = np.array(scene.rho0 or [1.0] * len(scene.types))[type_n - 1]
     rho_n = _field(case, "rho", scene.rho, type_n, rho0_n) if scene.rho else file.get("rho")
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
+    energy_n = file.get("energy") if e_n is None else mass_n * e_n
+    e_n = energy_n / mass_n if e_n is None and energy_n is not None else e_n
     _check_masses(case, mass_n)
     _check_fields(case, eos, type_n, rho_n, e_n)
-    v_nc = _velocities(case, type_n)
-    energy_n = None if e_n is None else mass_n * e_n
+    v_nc = _velocities(case, type_n, file.get("v"))
     atoms = Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
-    if tilt := getattr(scene.positions, "tilt", None):
+    if tilt := file.get("tilt"):
+        if isinstance(scene.positions, FromFile):
+            _check_tilt_of_file(case, tilt)
         atoms = replace(atoms, tilt=(*tilt, *(0.0,) * (3 - len(tilt))))
         if isinstance(scene.positions, Lattice):  # which fills the upright box
             atoms = replace(atoms, x_nc=x_nc - atoms.box().shift(atoms.box().images(x_nc)))
@@ -119,7 +122,7 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
 
 
 def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
-    """Return the particles of a lattice as of a file: x, low, high, periodic, spacing and, with regions, type."""
+    """Return the particles of a lattice as of a file: x, low, high, periodic, spacing, tilt and, with regions, type."""
     dimension, spacing = case.scene.dimension, lattice.spacing
     x_nc, high_c = _sites(lattice, dimension)
     type_n = _region_types(case, lattice, x_nc[:, :dimension] / high_c[:dimension]) if lattice.regions else None
@@ -133,14 +136,14 @@ def _lattice(case: Case, lattice: Lattice) -> dict[str, Any]:
     low_c, high_c = 0.0 - margin_c, high_c + margin_c
     if dimension == 2:
         low_c[2], high_c[2] = -spacing / 2, spacing / 2
-    box = {"low": low_c, "high": high_c, "periodic": periodic, "spacing": spacing}
+    box = {"low": low_c, "high": high_c, "periodic": periodic, "spacing": spacing, "tilt": lattice.tilt}
     if type_n is None:
         return {"x": x_nc, **box}
     return {"x": x_nc[type_n > 0], "type": type_n[type_n > 0], **box}
 
 
 def _listed(listed: Listed, dimension: int) -> dict[str, Any]:
-    """Return the particles of a list as of a file: x, type, low, high, periodic, spacing."""
+    """Return the particles of a list as of a file: x, type, low, high, periodic, spacing, tilt."""
     n, depth = len(listed.x), listed.spacing / 2
     x_nc, low_c, high_c = np.zeros((n, 3)), np.full(3, -depth), np.full(3, depth)
     x_nc[:, :dimension], low_c[:dimension], high_c[:dimension] = listed.x, listed.low, listed.high
@@ -151,6 +154,7 @@ def _listed(listed: Listed, dimension: int) -> dict[str, Any]:
         "high": high_c,
         "periodic": (*(listed.periodic or (True,) * dimension), *(True,) * (3 - dimension)),
         "spacing": listed.spacing,
+        "tilt": listed.tilt,
     }
 
 
@@ -171,7 +175,7 @@ def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArra
     return type_n
 
 
-def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
+def _velocities(case: Case, type_n: IntArray, of_file_nc: FloatArray | None) -> FloatArray | None:
     scene = case.scene
     if scene.velocity.values is not None:
         v_nc = np.zeros((len(type_n), 3))
@@ -180,7 +184,7 @@ def _velocities(case: Case, type_n: IntArray) -> FloatArray | None:
         return v_nc
     moves = scene.velocity.random or scene.velocity.uniform or any(t.velocity for t in scene.types)
     if not moves:
-        return None
+        return of_file_nc
     v_nc = _random(case, "velocity").uniform(-1, 1, (len(type_n), 3)) * scene.velocity.random
     for t, atom_type in enumerate(scene.types, 1):
         of_type = type_n == t
@@ -321,10 +325,34 @@ def _check_fields(
             )
 
 
-def _read_extxyz(case: Case, positions: FromFile) -> dict[str, Any]:
-    from lammps_cases.scene.ase_io import read_extxyz
+def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str, Any]:
+    """Return the particles of a file beside a scene: x, low, high, periodic, spacing and what else it holds."""
+    folder, scene = case.source.parent, case.scene
+    if isinstance(positions, FromXYZ):
+        from lammps_cases.scene.ase_io import read_extxyz
 
-    return read_extxyz(case.source.parent / positions.extxyz, case.scene, case.where)
+        return read_extxyz(folder / positions.file, scene, case.where)
+    from lammps_cases.scene.lammps_files import read_data, read_dump
+
+    if isinstance(positions, FromData):
+        found = read_data(folder / positions.file, scene, positions.periodic, case.where)
+    else:
+        named = positions.columns.model_dump(exclude_none=True)
+        found = read_dump(folder / positions.file, scene, positions.step, named, case.where)
+    solid_t = np.array([False, *(t.phase == "solid" for t in scene.types)])
+    for k in np.flatnonzero(found.get("solid", False) != solid_t.take(found["type"], mode="clip")):
+        if "solid" in found:
+            rule = f"of type {found['type'][k]} must be that of the particles of the file"
+            raise InputError("phase", rule, "solid" if found["solid"][k] else "fluid", f"{case.where}, atom {k + 1}")
+    return found
+
+
+def _check_tilt_of_file(case: Case, tilt: tuple[float, ...]) -> None:
+    """Check what a scene that gives its box itself is checked for when it is read."""
+    twin, evolve = case.scene.twin, case.scene.evolve
+    translated = twin is not None and twin.translate is not None
+    if translated or any(stop.stretch for stop in (evolve.stops if evolve else ())):
+        raise InputError("tilt", "of a file's box goes with neither translate nor stretch", list(tilt), case.where)
 
 
 def kernel_cut(scene: Scene, spacing: float) -> float:

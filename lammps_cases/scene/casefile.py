@@ -23,7 +23,7 @@ from eos_ref.errors import nearest, together, unknown
 from eos_ref.syntax.manual import Manual
 from lammps_cases.records.yaml_files import flow, read_yaml
 from lammps_cases.rules import RULES
-from lammps_cases.scene import Scene, check_name
+from lammps_cases.scene import FromFile, Scene, check_name
 from lammps_cases.scene.complaints import Combination, Complaint, Format, Source, complaints, explained, refused
 
 MAX_CASES = 10_000  # of one file
@@ -211,7 +211,7 @@ def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> C
     if scene.expect is None:
         case = f", case {made.case}" if made.labels else ""
         eos = scene.eos(source.place(("scene", "pressure"), made.labels) + case)
-        given = not hasattr(scene.positions, "extxyz")
+        given = not isinstance(scene.positions, FromFile)
         where = source.place(("scene",), made.labels) + case
         if eos.needs_energy and scene.energy is None and given:
             raise InputError("energy", "ideal/gas needs the energy of every particle", where=where)

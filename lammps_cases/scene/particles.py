@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -73,11 +74,61 @@ class Lattice(SceneModel):
 
 
 class FromFile(SceneModel):
+    """Particles from a file beside the scene."""
+
+    @property
+    @abstractmethod
+    def file(self) -> str:
+        """Name of the file."""
+
+
+class FromXYZ(FromFile):
     """Particles from an extended XYZ file, read by ASE; its cell is the box."""
 
     extxyz: LocalFile = Field(
         description="file beside the scene; per-atom arrays type, rho, e (energy per unit mass) are used if present"
     )
+
+    @property
+    def file(self) -> str:
+        return self.extxyz
+
+
+class FromData(FromFile):
+    """Particles from a data file of LAMMPS (write_data) of atom_style rheo or rheo/thermal: all that it holds of them.
+
+    Densities, energies and velocities are those of the file where the scene gives none.
+    """
+
+    data: LocalFile = Field(description="file beside the scene; solid particles must be of types that are solid here")
+    periodic: tuple[bool, ...] | None = Field(None, description="one flag per axis, as no such file has; default: true")
+
+    @property
+    def file(self) -> str:
+        return self.data
+
+
+class Columns(SceneModel):
+    """Columns of a dump that hold what it has no name of its own for."""
+
+    rho: str | None = Field(None, description="of the density, c_ID[2] say; default: rho, if there is such a column")
+    energy: str | None = Field(None, description="of the energy of a particle; default: energy")
+
+
+class FromDump(FromFile):
+    """Particles from a snapshot of a dump of LAMMPS as text (dump custom), with columns id, type, x, y and z.
+
+    Velocities (vx, vy, vz), densities and energies are those of the file where the scene gives none, with the digits
+    that are printed there.
+    """
+
+    dump: LocalFile = Field(description="file beside the scene")
+    step: int | None = Field(None, ge=0, description="time step of the snapshot; default: the last one")
+    columns: Columns = Columns()
+
+    @property
+    def file(self) -> str:
+        return self.dump
 
 
 class Listed(SceneModel):
@@ -108,18 +159,23 @@ class Listed(SceneModel):
         return self
 
 
+_KINDS: dict[str, type[SceneModel]] = {"extxyz": FromXYZ, "data": FromData, "dump": FromDump, "x": Listed}
+
+
 def _kind_of_positions(positions: object) -> str:
-    def has(key: str, kind: type[SceneModel]) -> bool:
-        return isinstance(positions, kind) or (isinstance(positions, dict) and key in positions)
+    for key, kind in _KINDS.items():
+        if isinstance(positions, kind) or (isinstance(positions, dict) and key in positions):
+            return f"by {key}"
+    return "by lattice"
 
-    return "from file" if has("extxyz", FromFile) else "one by one" if has("x", Listed) else "on lattice"
 
-
-# The keys extxyz and x decide, so that a mistake in one kind is not reported as a mistake in another.
+# One key decides on the kind, so that a mistake in one kind is not reported as a mistake in another.
 Positions = Annotated[
-    Annotated[Lattice, Tag("on lattice")]
-    | Annotated[FromFile, Tag("from file")]
-    | Annotated[Listed, Tag("one by one")],
+    Annotated[Lattice, Tag("by lattice")]
+    | Annotated[FromXYZ, Tag("by extxyz")]
+    | Annotated[FromData, Tag("by data")]
+    | Annotated[FromDump, Tag("by dump")]
+    | Annotated[Listed, Tag("by x")],
     Discriminator(_kind_of_positions),
 ]
 

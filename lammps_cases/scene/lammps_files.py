@@ -1,0 +1,291 @@
+"""LAMMPS' own files: data files, as ``write_data`` writes them, and dumps as text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.errors import InputError, nearest
+from lammps_cases.scene import Scene
+
+Array = npt.NDArray[Any]
+SOLID = 1  # bit of the status of a particle
+STYLES = {
+    "rheo": ("id", "type", "status", "rho", "x", "y", "z"),
+    "rheo/thermal": ("id", "type", "status", "rho", "energy", "x", "y", "z"),
+}
+_EDGES = {f"{axis}lo {axis}hi": c for c, axis in enumerate("xyz")}
+_TILT, _COUNT = "xy xz yz", "atoms"
+_SECTION = re.compile(r"([A-Z][A-Za-z ]*?)\s*(?:#\s*(\S+))?\s*$")
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Particles of a file, in its own order.
+
+    Attributes
+    ----------
+    step : time step
+    low_c, high_c : (3,) corners of the box
+    periodic : one flag per axis; all true where the file does not say
+    tilt : xy, xz and yz, or nothing
+    columns : values by the names of the file, (n,), as text
+    """
+
+    step: int
+    low_c: Array
+    high_c: Array
+    periodic: tuple[bool, ...]
+    tilt: tuple[float, ...]
+    columns: Mapping[str, Array]
+
+    def numbers(self, name: str, kind: type = float) -> Array:
+        """Return a column as numbers.
+
+        Raises
+        ------
+        InputError
+            There is no such column, or not all of it are numbers.
+        """
+        if name not in self.columns:
+            raise InputError("column", f"must be one of {', '.join(self.columns)}{nearest(name, self.columns)}", name)
+        try:
+            return self.columns[name].astype(kind)
+        except ValueError as error:
+            raise InputError(f"column {name}", f"must hold numbers ({error})") from None
+
+
+def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None, where: str) -> dict[str, Any]:
+    """Return the particles of a data file, by id: what a scene takes of them.
+
+    Returns
+    -------
+    dict
+        x (n, 3), type, low, high, periodic, spacing, tilt and, if present, rho, energy (of a particle), v, solid.
+
+    Raises
+    ------
+    InputError
+        Not readable, not such a file, or its box does not suit the scene.
+    """
+    place = f"{where}, {path.name}"
+    with _at(place):
+        snapshot = data_file(path)
+        if periodic is not None and len(periodic) != scene.dimension:
+            raise InputError("positions.periodic", f"needs {scene.dimension} flags", list(periodic))
+        flags = (*(periodic or (True,) * scene.dimension), *(True,) * (3 - scene.dimension))
+        return arrays(replace(snapshot, periodic=flags), {}) | _box(replace(snapshot, periodic=flags), scene)
+
+
+def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, str], where: str) -> dict[str, Any]:
+    """Return the particles of a snapshot of a dump, by id, as `read_data` does.
+
+    Parameters
+    ----------
+    step : int or None
+        Of the snapshot; the last one unless given.
+    named : mapping
+        Columns that hold rho and energy where they are not called so.
+
+    Raises
+    ------
+    InputError
+        As `read_data`; or there is no such snapshot or column.
+    """
+    with _at(f"{where}, {path.name}"):
+        found = list(snapshots(path))
+        if not found:
+            raise InputError("dump", "must hold a snapshot")
+        of_step = found if step is None else [one for one in found if one.step == step]
+        if not of_step:
+            raise InputError("positions.step", f"must be one of {', '.join(str(one.step) for one in found)}", step)
+        return arrays(of_step[-1], named) | _box(of_step[-1], scene)
+
+
+@contextmanager
+def _at(place: str) -> Iterator[None]:
+    """Say in which file a mistake is."""
+    try:
+        yield
+    except InputError as error:
+        raise error.at(place) from None
+
+
+def _box(snapshot: Snapshot, scene: Scene) -> dict[str, Any]:
+    d = scene.dimension
+    edges_c = (snapshot.high_c - snapshot.low_c)[:d]
+    if not (np.isfinite(edges_c).all() and np.all(edges_c > 0)):
+        raise InputError("box", "needs low < high", [snapshot.low_c.tolist(), snapshot.high_c.tolist()])
+    count = len(next(iter(snapshot.columns.values())))
+    if not count:
+        raise InputError("atoms", "must be at least one")
+    periodic = tuple(flag or c >= d for c, flag in enumerate(snapshot.periodic))
+    tilt = snapshot.tilt[: d * (d - 1) // 2] if any(snapshot.tilt) else None
+    spacing = float(np.prod(edges_c) / count) ** (1 / d)
+    box = {"low": snapshot.low_c, "high": snapshot.high_c, "periodic": periodic}
+    return box | {"spacing": spacing, "tilt": tilt}
+
+
+def data_file(path: Path) -> Snapshot:
+    """Read a data file of an atom style of RHEO; its columns are those of `STYLES`, and vx, vy, vz if they are there.
+
+    Raises
+    ------
+    InputError
+        Not readable, or not such a file.
+    """
+    first, *lines = _text(path).splitlines() or [""]
+    step = re.search(r"timestep = (\d+)", first)
+    header, sections = _sections(lines)
+    low_c, high_c, count = np.zeros(3), np.zeros(3), -1
+    tilt: tuple[float, ...] = ()
+    for line in header:
+        name = next((name for name in (*_EDGES, _TILT, _COUNT) if line.endswith(f" {name}")), "")
+        words = line.removesuffix(name).split()
+        if name in _EDGES:
+            low_c[_EDGES[name]], high_c[_EDGES[name]] = _floats(words, 2, name)
+        elif name == _TILT:
+            tilt = tuple(_floats(words, 3, name))
+        elif name == _COUNT:
+            count = int(_floats(words, 1, name)[0])
+    style, rows = sections.get("Atoms", ("", []))
+    if style not in STYLES:
+        raise InputError("Atoms", f"must be of one of the styles {', '.join(STYLES)} (Atoms # STYLE)", style or "none")
+    names = STYLES[style]
+    table = _table(rows, "Atoms", len(names), len(names) + 3)
+    if len(table) != count:
+        raise InputError("Atoms", f"must hold the {count} atoms that the header says", len(table))
+    columns = {name: table[:, k] for k, name in enumerate(names)}
+    if "Velocities" in sections:
+        moving = _table(sections["Velocities"][1], "Velocities", 4, 4)
+        rank = {number: k for k, number in enumerate(moving[:, 0].tolist())}
+        if len(rank) != count or any(number not in rank for number in columns["id"].tolist()):
+            raise InputError("Velocities", "must hold those of the particles of Atoms, each once", len(rank))
+        order_n = [rank[number] for number in columns["id"].tolist()]
+        columns |= {name: moving[order_n, k] for k, name in enumerate(("vx", "vy", "vz"), 1)}
+    return Snapshot(int(step[1]) if step else 0, low_c, high_c, (True, True, True), tilt, columns)
+
+
+def snapshots(path: Path) -> Iterator[Snapshot]:
+    """Read the snapshots of a dump (``dump custom``, as text), in the order of the file.
+
+    Raises
+    ------
+    InputError
+        Not readable, not such a file, or cut off.
+    """
+    lines = iter(_text(path).splitlines())
+    for line in lines:
+        if line.split() != ["ITEM:", "TIMESTEP"]:
+            if line.startswith(("ITEM: UNITS", "ITEM: TIME")):
+                next(lines, "")
+                continue
+            raise InputError("dump", "must be one of text (ITEM: TIMESTEP ...)", line[:40])
+        try:
+            yield _snapshot(lines)
+        except StopIteration:
+            raise InputError("dump", "must end with a whole snapshot") from None
+        except ValueError as error:
+            raise InputError("dump", f"cannot be read ({error})") from None
+
+
+def _snapshot(lines: Iterator[str]) -> Snapshot:
+    step = int(next(lines))
+    while not (item := next(lines)).startswith("ITEM: NUMBER OF ATOMS"):
+        next(lines)
+    count = int(next(lines))
+    item = next(lines)
+    if not item.startswith("ITEM: BOX BOUNDS"):
+        raise ValueError(f"{item[:40]} where BOX BOUNDS should be")
+    words = item.split()[3:]
+    bounds_c = np.array([[float(word) for word in next(lines).split()] for _ in range(3)])
+    tilt: tuple[float, ...] = ()
+    if words[:3] == ["xy", "xz", "yz"]:  # then the bounds are those of the upright box around the tilted one
+        xy, xz, yz = tilt = tuple(bounds_c[:, 2].tolist())
+        bounds_c[0, :2] -= min(0.0, xy, xz, xy + xz), max(0.0, xy, xz, xy + xz)
+        bounds_c[1, :2] -= min(0.0, yz), max(0.0, yz)
+    periodic = tuple(flags == "pp" for flags in words[-3:]) if len(words) >= 3 else (True,) * 3
+    names = next(lines).split()[2:]
+    table = _table([next(lines) for _ in range(count)], "ATOMS", len(names), len(names))
+    return Snapshot(
+        step,
+        bounds_c[:, 0],
+        bounds_c[:, 1],
+        periodic,
+        tilt,
+        {name: table[:, k] for k, name in enumerate(names)},
+    )
+
+
+def arrays(snapshot: Snapshot, named: Mapping[str, str]) -> dict[str, Array]:
+    """Return the arrays of a snapshot that a scene takes, by id: x, type and, if present, rho, energy, v, solid.
+
+    Parameters
+    ----------
+    named : mapping
+        Columns that hold rho and energy (of the whole particle) where they are not called so.
+    """
+    number: Callable[[str], Array] = snapshot.numbers
+    id_n = snapshot.numbers("id", int)
+    order_n = np.argsort(id_n, kind="stable")
+    if len(np.unique(id_n)) != len(id_n):
+        raise InputError("id", "must differ from particle to particle")
+    found = {"x": np.stack([number(axis) for axis in "xyz"], axis=1), "type": snapshot.numbers("type", int)}
+    for name in ("rho", "energy"):
+        if name in named or name in snapshot.columns:
+            found[name] = number(named.get(name, name))
+    if all(f"v{axis}" in snapshot.columns for axis in "xyz"):
+        found["v"] = np.stack([number(f"v{axis}") for axis in "xyz"], axis=1)
+    if "status" in snapshot.columns:
+        found["solid"] = snapshot.numbers("status", int) & SOLID != 0
+    return {name: values_n[order_n] for name, values_n in found.items()}
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise InputError("file", f"no such file or not readable ({why})", path.name) from None
+
+
+def _sections(lines: Sequence[str]) -> tuple[list[str], dict[str, tuple[str, list[str]]]]:
+    """Return the lines of the header, and by its name the style and the lines of each section."""
+    header: list[str] = []
+    sections: dict[str, tuple[str, list[str]]] = {}
+    rows = header
+    for line in lines:
+        if title := _SECTION.fullmatch(line):
+            rows = []
+            sections[title[1]] = title[2] or "", rows
+        elif line.partition("#")[0].strip():
+            rows.append(line.partition("#")[0].strip())
+    return header, sections
+
+
+def _table(rows: Sequence[str], section: str, *widths: int) -> Array:
+    """Return rows as text, all with one of the numbers of columns."""
+    cells = [row.split() for row in rows]
+    width = len(cells[0]) if cells else widths[0]
+    for row in cells:
+        if len(row) != width or width not in widths:
+            words = " or ".join(map(str, sorted(set(widths))))
+            raise InputError(section, f"must hold {words} columns on every line", " ".join(row)[:60])
+    return np.array(cells, dtype=bytes).reshape(len(cells), width)
+
+
+def _floats(words: Sequence[str], count: int, name: str) -> list[float]:
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise InputError(name, f"must follow {count} number{'s' * (count > 1)}", " ".join(words))
+    return values

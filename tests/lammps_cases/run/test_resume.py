@@ -135,7 +135,7 @@ def test_another_run_is_refused_in_one_line(cases: list[Case], tmp_path: Path, m
         ("the cases of .*: 1 case gone", cases[1:], {}),
         (rf"the cases of .*: 1 case changed \({cases[0].name}\)", [changed, *cases[1:]], {}),
         ("the --fail-on of .*, new, found 'high'", cases, {"fail_on": "high"}),
-        ("the --shard of .*, none, found '1/2'", cases, {"part": "1/2"}),
+        ("the --shard of .*, none, found '1/2'", cases, {"part": ("1/2", "")}),
     ]
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     for text, others, options in refusals:

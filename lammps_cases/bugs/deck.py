@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from eos_ref import InputError
-from lammps_cases.engine.interlude import FOLDER, Interlude
-from lammps_cases.engine.session import COMPONENTS, Job
+from lammps_cases.engine.interlude import FOLDER, Interlude, rows
+from lammps_cases.engine.session import COMPONENTS, Array, Job
 from lammps_cases.records.files import write_atomically
 from lammps_cases.scene.fields import FIELDS
 
@@ -137,7 +137,7 @@ def _stretches(job: Job, last: int | None = None) -> list[str]:
     Raises
     ------
     InputError
-        Commands that hold the values of atoms, which a deck does not have.
+        Commands that hold the values of atoms after steps, which a deck does not have.
     """
     if last is not None and not any(isinstance(stretch, Interlude) for stretch in job.runs):
         return [f"run {last} post no"]
@@ -145,9 +145,13 @@ def _stretches(job: Job, last: int | None = None) -> list[str]:
     done = 0
     for stretch in job.runs:
         if isinstance(stretch, Interlude):
-            if any(action.how == "for each atom" for action in stretch.actions):
-                raise InputError("case", "has commands for each atom between runs, which no deck has", len(job.id_n))
-            lines += [action.text.replace(FOLDER, ".") for action in stretch.actions if action.how == "given"]
+            for action in stretch.actions:
+                if action.how == "given":
+                    lines.append(action.text.replace(FOLDER, "."))
+                elif action.how == "for each atom" and done:
+                    raise InputError("case", "has commands for each atom after steps, which no deck has", len(job.id_n))
+                elif action.how == "for each atom":
+                    lines += [action.text.format(**row) for row in rows(_given(job), action.last)]
             continue
         steps = int(stretch.command.split()[1])
         if last is not None and done + steps > last:
@@ -155,6 +159,14 @@ def _stretches(job: Job, last: int | None = None) -> list[str]:
         done += steps
         lines.append(stretch.command)
     return lines
+
+
+def _given(job: Job) -> dict[str, Array]:
+    """Return the state of the atoms of a job before the first step, as they are given."""
+    solid = [int(words[2]) for words in map(str.split, job.commands) if words[:2] == ["set", "type"]]
+    v_nc = np.zeros_like(job.x_nc) if job.v_nc is None else job.v_nc
+    given = {"id": job.id_n, "type": job.type_n, "x": job.x_nc, "v": v_nc, **job.per_atom}
+    return given | {"rheo_status": np.isin(job.type_n, solid).astype(int)}
 
 
 def of_measured(lines: tuple[str, ...]) -> Deck:

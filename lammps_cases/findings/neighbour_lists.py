@@ -14,7 +14,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, IntArray
+from eos_ref.model.parameters import BoolArray, Box, IntArray
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Rounded, value
 from lammps_cases.comparison.trajectory import Problem
@@ -46,6 +46,20 @@ class Listed:
     def read(cls, id_n: IntArray, id_s: IntArray, **arrays: Any) -> Self:
         """Return the list of arrays that were read, whose atoms are named by their ids, for particles sorted by id."""
         return cls(np.searchsorted(id_n, id_s), **arrays)
+
+    def sources(self, box: Box) -> IntArray:
+        """Return the slot that each image was copied from, on one process; -1 for particles.
+
+        Images are made axis after axis, one period further each time, of all slots that there are by then.
+        """
+        d, first_n = len(box.edge_c), np.unique(self.row_s, return_index=True)[1]
+        image_sc = box.periods(self.x_sc[:, :d] - self.x_sc[first_n[self.row_s], :d]).astype(np.int64)
+        nearer_sc = image_sc.copy()
+        last_s = d - 1 - np.argmax(image_sc[:, ::-1] != 0, axis=1)
+        slot_s = np.arange(len(last_s))
+        nearer_sc[slot_s, last_s] -= np.sign(image_sc[slot_s, last_s])
+        source_s = _places(np.column_stack([self.row_s, nearer_sc]), np.column_stack([self.row_s, image_sc]))
+        return np.where(image_sc.any(axis=1), source_s, -1)
 
 
 class FollowingLists(ArrayEvaluator):

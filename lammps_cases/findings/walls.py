@@ -10,7 +10,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, Model, PairTerms
+from eos_ref.model.parameters import BoolArray, IntArray, Model, PairTerms
 from eos_ref.numbers.columns import axes, dot
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
@@ -113,6 +113,8 @@ def has_kept_images(problem: Problem) -> bool:
 class PartsInSlots(AccelerationsOfOldImages):
     """When a run begins, slots of images hold the pressure forces of the pairs that list them second, not the sums.
 
+    An image of which further images were made has what these gathered too.
+
     Attributes
     ----------
     parts_pc : pressure force on the first of every pair of the last evaluation, by axes
@@ -140,6 +142,9 @@ class PartsInSlots(AccelerationsOfOldImages):
         second_p = self.backward_p >= 0
         sum_sc = np.zeros((len(listed.row_s), self.model.dimension))
         np.add.at(sum_sc, listed.pair_ps[self.backward_p[second_p], 1], np.column_stack(self.parts_pc)[second_p])
+        source_s = listed.sources(self.box)
+        for slot in np.flatnonzero(source_s >= 0)[::-1]:  # sums come back the way that places went out
+            sum_sc[source_s[slot]] += sum_sc[slot]
         return sum_sc
 
 
@@ -156,6 +161,38 @@ class BeginningWithParts(PressureForceKept, CountingSteps):
             slots_sc[:] = 0.0
         slots_sc[:here] = np.asarray(value(self.kept_at_stop(new_n)), float)[new.row_s[:here]]
         return slots_sc
+
+
+class LeftInMemory(PressureForceKept, CountingSteps):
+    """Particles created anew begin a run with what the memory that they get has held: forces of other particles."""
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the pressure forces kept, of new particles those of the particles that had their slots."""
+        kept_nc = super().kept_at_stop(new_n)
+        if new_n.all() or not new_n.any() or not self.evaluator.lists:
+            return kept_nc
+        old_s = self.evaluator.lists[self.at - 1].row_s[: len(new_n)]
+        left_nc = value(kept_nc).copy()
+        left_nc[new_n] = value(self.pressure_force_nc)[after_deletion(old_s, new_n)[-new_n.sum() :]]
+        return left_nc
+
+
+def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
+    """Return what slots hold after a deletion: the last of those in use fills each that becomes free."""
+    held_s, used, slot = row_s.copy(), len(row_s), 0
+    while slot < used:
+        if gone_n[held_s[slot]]:
+            used -= 1
+            held_s[slot] = held_s[used]
+        else:
+            slot += 1
+    return held_s
+
+
+def creates_beside_walls(problem: Problem) -> bool:
+    """Return whether some particles are created anew before a run that is not the first of its fixes."""
+    some = any(stop.new_n.any() and not stop.new_n.all() for stop in problem.stops if stop.step <= problem.steps[-1])
+    return some and begins_again_with_walls(problem)
 
 
 def begins_again_with_images(problem: Problem) -> bool:
@@ -332,7 +369,8 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     "2012); newton: the flag must not change the physics; a periodic image is its particle.",
     observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
     "of the evaluation before in place of accelerations, their periodic images have others: with newton on the sum "
-    "over the pairs that list the image as the second one, with newton off and after read_restart 0.",
+    "over the pairs that list the image, or an image made of it, as the second one, with newton off and after "
+    "read_restart 0.",
     argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
     "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
     "where only its own force is seen, and the same after read_restart. With more particles newton on differs too, as "
@@ -342,6 +380,26 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     model_variant=Variant(begins_again_with_images, PartsInSlots, BeginningWithParts, lists_of_neighbours, lists=True),
 )
 
+CREATED_WITH_FORCES_OF_OTHERS = Finding(
+    id="created-with-forces-of-others",
+    number=64,
+    title="Particles created between two runs begin with the forces of others, where there are walls",
+    severity="medium",
+    effect="After delete_atoms and create_atoms the next run begins with wrong forces at walls",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
+    "fluid (Adami et al. 2012); create_atoms: new particles have the properties that the page lists, and no past.",
+    observed="Particles that create_atoms makes begin the next run, in place of accelerations without pressure, with "
+    "what is left in the memory that they get: the pressure forces of the particles that lay there before delete_atoms "
+    "moved the last ones into the places of those deleted.",
+    argument="The scene of walls-begin-with-pressure, with the solid at (4, 4) and fluid particles at (4, 5) and "
+    "(3, 4), the last of which is deleted and created where it was between two 'run 0': the solid should have the "
+    "density 1, and has 1.210, as the new particle has the force of the other one; it has 1.335 if nothing is created, "
+    "and would have 1.238 if the new particle had no force.",
+    workaround="Take the RHEO fixes away (unfix) and define them anew after create_atoms.",
+    scene="two fluid particles beside a solid one, one of them created anew between run 0 and run 0",
+    model_variant=Variant(creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True),
+)
+
 ENTRIES = (
     WALL_VELOCITY_LOST,
     WALLS_SUMMED_AFTER_SETUP,
@@ -349,4 +407,5 @@ ENTRIES = (
     WALLS_DEPEND_ON_PAIR_ORDER,
     WALLS_BEGIN_WITH_PRESSURE,
     WALLS_BEGIN_WITH_PARTS,
+    CREATED_WITH_FORCES_OF_OTHERS,
 )

@@ -12,6 +12,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.engine.session import RunCommand
+from lammps_cases.findings.walls import after_deletion
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
@@ -21,6 +22,7 @@ pytestmark = pytest.mark.lammps
 FORCES, LOST, SUMMED = "force-per-volume", "wall-velocity-lost", "walls-summed-after-setup"
 REBUILT, ORDER = "walls-after-rebuild", "walls-depend-on-pair-order"
 BEGIN, PARTS = "walls-begin-with-pressure", "walls-begin-with-parts"
+CREATED = "created-with-forces-of-others"
 COLUMNS = 4
 HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
 
@@ -221,7 +223,7 @@ def beside_a_wall(
         positions["x"],
         (9, 9),
         rho=density,
-        kind=[2, 1],
+        kind=[2, 1, 1][: len(positions["x"])],
         types=[
             {"mass": mass, "rho0": density, "cs": 1.0},
             {"mass": mass, "rho0": density, "cs": 1.0, "phase": "solid"},
@@ -270,6 +272,39 @@ def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
     continued = replace(beside_a_wall(), steps=(0, 1))
     assert all(agree(at["rho"], continued.predicted(FORCES), "rho", k) for k, at in enumerate(lammps.fields(continued)))
     assert quoted(BEGIN, "workaround") == ["run N pre no", "nofix"]
+
+
+def test_created_with_forces_of_others(lammps: Engine) -> None:
+    """The slot of the last particle, the first one, is filled by the one before it, whose slot it gets."""
+    right, created, kept, none = said(
+        CREATED,
+        "argument",
+        "the density #, and has #, as the new .*; it has # if nothing is created, and would have # if",
+    )
+    x, box = [[4.0, 4.0], [4.0, 5.0], [3.0, 4.0]], {"low": [0, 0], "high": [9, 9], "periodic": [False, False]}
+    for by, density, finding in (("recreated", created, CREATED), ("run", kept, BEGIN)):
+        scene = beside_a_wall({"at": 0, "by": by}, positions={"x": x, **box})
+        first, *_ = lammps.fields(scene, every_step=True)
+        assert density.is_rounded(first["rho"][0])
+        assert agree(first["rho"], scene.predicted(finding, snapshot=first), "rho")
+        assert scene.predicted().fields[0]["rho"][0] == pytest.approx(right, rel=1e-14, abs=0)
+    scene = beside_a_wall({"at": 0, "by": "recreated"}, positions={"x": x, **box})
+    assert none.is_rounded(scene.predicted(BEGIN).fields[0]["rho"][0])
+
+
+@pytest.mark.parametrize(
+    ("order", "gone", "held"),
+    [
+        ([0, 1, 2, 3], [3], [0, 1, 2, 3]),
+        ([0, 1, 2, 3], [1], [0, 3, 2, 3]),
+        ([3, 1, 0, 2], [1, 2], [3, 0, 0, 2]),
+        ([0, 1, 2, 3], [2, 3], [0, 1, 3, 3]),
+        ([0, 3, 2, 1], [2, 3], [0, 1, 2, 1]),
+    ],
+)
+def test_what_slots_hold_after_a_deletion(order: list[int], gone: list[int], held: list[int]) -> None:
+    gone_n = np.isin(np.arange(len(order)), gone)
+    assert after_deletion(np.array(order), gone_n).tolist() == held
 
 
 def test_walls_begin_with_parts(lammps: Engine) -> None:

@@ -363,12 +363,24 @@ def read(
         arrays[name] = lmp.numpy.extract_atom(name)[:n][order_n]
     if outputs:
         ends = np.cumsum([math.prod(shape) for shape in outputs.values()])
-        # LAMMPS stores a single column as a vector, and has no memory to show on a rank without atoms.
-        table = lmp.numpy.extract_compute("q", 1, 1 if ends[-1] == 1 else 2)[:n].reshape(n, -1) if n else None
+        table = _of_atoms(lmp, "q", int(ends[-1]), n)
         for (name, shape), end in zip(outputs.items(), ends, strict=True):
-            columns = np.empty((0, *shape)) if table is None else table[order_n, end - math.prod(shape) : end]
+            columns = table[order_n, end - math.prod(shape) : end]
             arrays[f"q.{name}"] = columns.reshape(n, *shape)
     return arrays | {compute.id: _computed(lmp, compute, order_n) for compute in computes}
+
+
+def _of_atoms(lmp: Any, compute_id: str, columns: int, n: int) -> Array:
+    """Return the numbers of a compute for the atoms here, (n, columns).
+
+    A rank without atoms has no memory to show, and takes part in the evaluation: others may wait for it.
+    """
+    kind = 1 if columns == 1 else 2  # LAMMPS stores a single column as a vector
+    if not n:
+        lmp.extract_compute(compute_id, 1, kind)
+        return np.empty((0, columns))
+    table: Array = lmp.numpy.extract_compute(compute_id, 1, kind)[:n].reshape(n, -1)
+    return table
 
 
 def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
@@ -376,7 +388,7 @@ def _computed(lmp: Any, compute: Compute, order_n: Array) -> Array:
     n = len(order_n)
     # By LAMMPS' constants: 0 of all, 1 of each atom; 0 a number, 1 a vector, 2 an array.
     if not compute.overall:
-        found_nf = lmp.numpy.extract_compute(compute.id, 1, 2)[order_n] if n else np.empty((0, 6))
+        found_nf = _of_atoms(lmp, compute.id, 6, n)[order_n]
     elif compute.tensor:
         found_nf = np.tile(lmp.numpy.extract_compute(compute.id, 0, 1), (n, 1))
     else:

@@ -10,7 +10,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings.entry import Finding
+from lammps_cases.findings.entry import Finding, Gap
 from lammps_cases.findings.variants import Variant
 
 
@@ -164,6 +164,14 @@ GAS_OF_MASS_OF_TYPE = Finding(
     "of the scene has changed.",
     workaround="Give particles of a gas the mass of their type, or use 2025.7.22.2.0 or newer.",
     scene="a gas particle whose rmass is not the mass of its type",
+    gaps=(
+        Gap(
+            lambda scene: (
+                not scene.whole_model and bool(scene.mass) and any(law.needs_energy for law in scene.pressure)
+            ),
+            "of an equation of state alone the law is evaluated for the masses of the particles",
+        ),
+    ),
     model_variant=Variant(has_gas_of_masses, GasOfType),
 )
 

@@ -24,7 +24,7 @@ from lammps_cases.studies.stability.limits import numbers
 Prepare = Callable[[Content], PreparedCase]
 BUILDS = ("every", "delay")  # settings by which lists may be older than the last step
 DEFAULT_SKIN = 0.3
-CONDITION = 1e8  # of a moment matrix, beyond which rounding leaves few digits of a gradient
+CONDITION = 1e6  # of a moment matrix; its square times 2^-52 bounds the relative error of a gradient
 
 
 def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content, PreparedCase]:
@@ -37,7 +37,7 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
     """
     content = in_own_units(content)
     ready = prepare(content)
-    if ready.case.scene.whole_model and not _has_gradients(ready):
+    if ready.case.scene.interacts and not _has_gradients(ready):
         content = content | {"rheo": content["rheo"] | {"kernel": chance.at("kernel").choice(["quintic", "RK0"])}}
         ready = prepare(content)
     content = _with_enough_neighbours(content, ready, chance.at("zmin"))

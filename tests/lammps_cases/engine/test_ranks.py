@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +40,18 @@ def test_one_job_after_another_gives_the_same_bits(job: Job) -> None:
     assert np.array_equal(first.arrays["id"], job.id_n)
     for name, array in first.arrays.items():
         assert array.tobytes() == second.arrays[name].tobytes(), name
+
+
+def test_a_rank_without_atoms_takes_part_in_all_that_is_read(case_file: Callable[..., Path]) -> None:
+    """Outputs are evaluated by all ranks when they are read: messages to one that is left out meet the next job."""
+    x, low, high = [[1.0, 1.0], [1.5, 1.2]], [0.0, 0.0], [9.0, 9.0]
+    positions = {"x": x, "low": low, "high": high, "periodic": [False, False]}
+    engine = {"ranks": 2, "processors": [2, 1, 1]}
+    path = case_file(positions=positions, compare=["coordination", "stress/atom"], engine=engine)
+    (asked,) = campaign.prepare(casefile.load((path,))[0]).jobs
+    first, second = (ranks.solve(None, asked) for _ in range(2))
+    assert all(array.tobytes() == second.arrays[name].tobytes() for name, array in first.arrays.items())
+    assert len(first.arrays["own_stress_atom"]) == len(x)
 
 
 def test_refusal_ends_the_processes_and_costs_no_later_job(job: Job) -> None:

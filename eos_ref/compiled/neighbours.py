@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.evaluation.pairs import half_pairs
+from eos_ref.evaluation.pairs import Search
 from eos_ref.jit import cached, inline
 from eos_ref.model.parameters import Box, IntArray
 
@@ -93,7 +93,7 @@ class Neighbours:
     def _arrange(self, x_nc: FloatArray) -> None:
         n, d = x_nc.shape
         self.j_p, self.image_pc = np.empty(0, np.uint32), np.empty((0, d), np.int16)  # freed before the new ones come
-        one_p, other_p, image_pc = half_pairs(x_nc, self.box, self.reach)
+        one_p, other_p, image_pc = Search(x_nc, self.box, self.reach).half()
         self.start_n = np.empty(n + 1, np.int64)
         self.j_p, self.image_pc = np.empty(len(one_p), np.uint32), np.empty((len(one_p), d), np.int16)
         _sorted_rows(one_p, other_p, image_pc, self.start_n, self.j_p, self.image_pc)

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos import rounded_eos
+from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
-from eos_ref.model.parameters import BoolArray, Gradients, PairTerms, State
+from eos_ref.model.parameters import BoolArray, Gradients, IntArray, PairTerms, State
 from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix, summed, symmetric
 from eos_ref.numbers.elementary import N, sqrt, where
 from eos_ref.numbers.matrices import cholesky, solve_unit
@@ -29,13 +30,19 @@ from eos_ref.numbers.rounded import ROUNDING, Decision, Rounded, error, value
 class ArrayEvaluator(Evaluator):
     """Stages of a force evaluation in plain array operations; see `Evaluator` for the parameters."""
 
+    by_rows = True  # whether what a particle collects depends on its neighbours' values alone
+
     # --- pairs, kernel values, coordination
+
+    def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the directed pairs closer than a cutoff; see `directed_pairs`."""
+        return directed_pairs(x_nc, self.box, cut)
 
     def move(self, x_nc: Array) -> None:
         model, cut, kernel = self.model, self.model.cut, self.model.kernel
         if not np.isfinite(value(x_nc).astype(float)).all():
             raise InputError("positions", "must be finite; the time step may be too long")
-        self.i, self.j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut)
+        self.i, self.j, shift_pc = self.pairs(value(x_nc).astype(float), cut)
         x = axes(x_nc)
         self.x = [self._apart(x_n, shift_pc[:, a]) for a, x_n in enumerate(x)]
         self.rr = dot(self.x, self.x)
@@ -220,12 +227,12 @@ class ArrayEvaluator(Evaluator):
         Without such a neighbour it is the cutoff, which nothing rounds.
         """
         near = (value(class_n) == 1)[self.j]
-        nearest_n = np.full(self.n, self.model.cut)
+        nearest_n, error_n = np.full(self.n, self.model.cut), np.zeros(self.n)
         np.minimum.at(nearest_n, self.i[near], value(self.r)[near].astype(float))
         if isinstance(self.r, Rounded):
+            np.maximum.at(error_n, self.i[near], self.r.error[near])
             open_n = np.bincount(self.i[(error(class_n) > 0)[self.j]], minlength=self.n) > 0
-            rounded_n = np.bincount(self.i[near], minlength=self.n) > 0
-            return Rounded(nearest_n, rounded_n * self.r.error.max(initial=0.0) + open_n * self.model.cut)
+            return Rounded(nearest_n, error_n + open_n * self.model.cut)
         return nearest_n
 
     # --- properties of a particle

@@ -8,7 +8,6 @@ import numpy as np
 
 from eos_ref.eos import bounds
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.numbers.rounded import Rounded, value
 
 
@@ -23,7 +22,7 @@ class AtCutoff(ArrayEvaluator):
         # on either side; so are the squares, their sum and the root.
         reach = float(np.abs(value(x_nc)).max(initial=0.0)) + np.abs(self.box.cell_cc).sum(axis=0).max()
         width = 8 * bounds.EPS * (reach + cut) + 4 * self.box.rounding(cut).max()
-        i, j, shift_pc = directed_pairs(value(x_nc).astype(float), self.box, cut + 2 * width)
+        i, j, shift_pc = self.pairs(value(x_nc).astype(float), cut + 2 * width)
         x = value(x_nc)
         r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
         near_n = np.bincount(i[r > cut - width], minlength=self.n)

@@ -7,39 +7,70 @@ periodic faces stand beyond the opposite faces, so that the tree needs to know n
 from __future__ import annotations
 
 import math
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Box, IntArray
+from eos_ref.model.parameters import BoolArray, Box, IntArray
 
+ROWS = 4096  # particles whose pairs are found at a time: what these take stays in the cache
 ROOM = 1 + 1e-9  # of the reach: what rounding moves must not lose a pair
 
 
-def half_pairs(x_nc: FloatArray, box: Box, reach: float) -> tuple[IntArray, IntArray, IntArray]:
-    """Return every pair and image once that may lie within a reach: i, j (p,), edges to be added to j's place (p, d).
+class Search:
+    """Positions (n, d), any image of each, among which pairs closer than a reach can be found."""
 
-    A box shorter than two reaches gives every image of its own, a particle's own images among them.
-    """
-    from scipy.spatial import cKDTree
+    def __init__(self, x_nc: FloatArray, box: Box, reach: float) -> None:
+        from scipy.spatial import cKDTree
 
-    outside_nc = box.images(x_nc)
-    inside_nc = x_nc - box.shift(outside_nc)
-    around_c = np.array(box.periodic)
-    wide = reach * ROOM + 8 * EPS * float(np.abs(x_nc[:, around_c]).max(initial=0.0) + np.abs(box.cell_cc).sum())
-    of_g, image_gc, copy_gc = _copies(inside_nc, box, wide)
-    tree = cKDTree(inside_nc)
-    pair_p = tree.query_pairs(wide, output_type="ndarray")
-    beyond = tree.sparse_distance_matrix(cKDTree(copy_gc), wide, output_type="ndarray")
-    i, j = (np.concatenate([a, b]) for a, b in ((pair_p[:, 0], beyond["i"]), (pair_p[:, 1], of_g[beyond["j"]])))
-    image_pc = outside_nc[i] - outside_nc[j]
-    image_pc[len(pair_p) :] += image_gc[beyond["j"]]
-    return i, j, image_pc.astype(np.int64)
+        self.x_nc, self.box, self.make = x_nc, box, cKDTree
+        self.outside_nc = box.images(x_nc)
+        self.inside_nc = x_nc - box.shift(self.outside_nc)
+        around_c = np.array(box.periodic)
+        places = float(np.abs(x_nc[:, around_c]).max(initial=0.0) + np.abs(box.cell_cc).sum())
+        self.wide = reach * ROOM + 8 * EPS * places
+        self.of_g, self.image_gc = _copies(self.inside_nc, box, self.wide)
+
+    def half(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Return every pair and image once, some a little farther: i, j (p,), edges to be added to j's place (p, d).
+
+        A box shorter than two reaches gives every image of its own, a particle's own images among them.
+        """
+        tree, up_g = self.make(self.inside_nc), _points_up(self.image_gc)
+        pair_p = tree.query_pairs(self.wide, output_type="ndarray")
+        of_g, image_gc = self.of_g[up_g], self.image_gc[up_g]
+        copies = self.make(self.inside_nc[of_g] + self.box.shift(image_gc))
+        beyond = tree.sparse_distance_matrix(copies, self.wide, output_type="ndarray")
+        i, j = (np.concatenate([a, b]) for a, b in ((pair_p[:, 0], beyond["i"]), (pair_p[:, 1], of_g[beyond["j"]])))
+        image_pc = self.outside_nc[i] - self.outside_nc[j]
+        image_pc[len(pair_p) :] += image_gc[beyond["j"]]
+        return i, j, image_pc.astype(np.int64)
+
+    def rows(self, first: int, last: int, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the pairs with r < cut that some particles collect; see `directed_pairs`."""
+        own = self.make(self.inside_nc[first:last])
+        found = own.sparse_distance_matrix(self._tree, self.wide, output_type="ndarray")
+        i, g = found["i"] + first, found["j"]
+        j = self.of_g[g]
+        image_pc = self.image_gc[g] + (self.outside_nc[i] - self.outside_nc[j])
+        shift_pc = self.box.shift(image_pc)
+        x_nc = self.x_nc
+        r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
+        near = (r < cut) & (i != g)  # the first n copies are the particles themselves
+        i, j, shift_pc = i[near], j[near], shift_pc[near]
+        order = _order(i - first, j, image_pc[near].astype(np.int64), len(x_nc))
+        return i[order], j[order], shift_pc[order]
+
+    @cached_property
+    def _tree(self) -> Any:
+        return self.make(self.inside_nc[self.of_g] + self.box.shift(self.image_gc))
 
 
-def _copies(x_nc: FloatArray, box: Box, wide: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return copies beyond the faces: of whom (g,), edges moved by and places, both (g, d); of opposite images one."""
+def _copies(x_nc: FloatArray, box: Box, wide: float) -> tuple[IntArray, FloatArray]:
+    """Return the particles, and copies of them beyond the faces: of whom (g,), and edges moved by (g, d)."""
     d = x_nc.shape[1]
     of_g, image_gc = np.arange(len(x_nc)), np.zeros((len(x_nc), d))
     fraction_gc = box.upright(x_nc - np.array(box.low_c)) / box.edge_c
@@ -55,11 +86,16 @@ def _copies(x_nc: FloatArray, box: Box, wide: float) -> tuple[IntArray, FloatArr
             moved_gc[:, a] = moved_g
             parts.append((of_g[near_g], image_gc[near_g], moved_gc[near_g]))
         of_g, image_gc, fraction_gc = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    up_g = np.zeros(len(of_g), bool)
-    for a in reversed(range(d)):
+    first = np.argsort(image_gc.any(axis=1), kind="stable")
+    return of_g[first], image_gc[first]
+
+
+def _points_up(image_gc: FloatArray) -> BoolArray:
+    """Return which images lie in the upper half space: of two opposite ones, one."""
+    up_g = np.zeros(len(image_gc), bool)
+    for a in reversed(range(image_gc.shape[1])):
         up_g = (image_gc[:, a] > 0) | ((image_gc[:, a] == 0) & up_g)
-    of_g, image_gc = of_g[up_g], image_gc[up_g]
-    return of_g, image_gc, x_nc[of_g] + box.shift(image_gc)
+    return up_g
 
 
 def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
@@ -67,14 +103,9 @@ def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, In
 
     Each pair stands twice, once for each particle that collects.
     """
-    one, other, image_pc = half_pairs(x_nc, box, cut)
-    i, j, image_pc = np.concatenate([one, other]), np.concatenate([other, one]), np.concatenate([image_pc, -image_pc])
-    shift_pc = box.shift(image_pc.astype(float))
-    r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
-    near = r < cut
-    i, j, shift_pc = i[near], j[near], shift_pc[near]
-    order = _order(i, j, image_pc[near], len(x_nc))
-    return i[order], j[order], shift_pc[order]
+    search, n = Search(x_nc, box, cut), len(x_nc)
+    rows = [search.rows(first, min(first + ROWS, n), cut) for first in range(0, max(n, 1), ROWS)]
+    return rows[0] if len(rows) == 1 else tuple(map(np.concatenate, zip(*rows, strict=True)))  # type: ignore[return-value]
 
 
 def _order(i: IntArray, j: IntArray, image_pc: IntArray, n: int) -> IntArray:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import BoolArray, Box, Model, State
@@ -88,7 +89,7 @@ class SampleEvaluation:
         s = sample.state
         energy_n = None if s.energy_n is None else Rounded(s.energy_n)
         state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
-        evaluator = type("Given", (_GivenDensities, at_cutoff(stages)), {})
+        evaluator: Any = in_blocks(type("Given", (_GivenDensities, at_cutoff(stages)), {}), len(s.type_n))
         self.sample = sample
         self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
         self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n

@@ -138,7 +138,7 @@ def _evaluator(case: Any, ready: Any) -> str | None:
     if not scene.whole_model:
         return "the formula of the law, in numpy"
     problem = problem_of(scene, ready.atoms, case.where, scene.snapshots)
-    name = "array" if own_stages(problem) is ArrayEvaluator else "compiled"
+    name = "array" if issubclass(own_stages(problem), ArrayEvaluator) else "compiled"
     return f"the {name} evaluator ({evaluations(problem)} evaluations of a particle; compiled above {COMPILED_ABOVE})"
 
 

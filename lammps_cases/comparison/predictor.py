@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.store import Store
@@ -56,7 +57,9 @@ class Predictor:
 
         def compute() -> Arrays:
             stages, stepping = made
-            sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+            sim = stepping(
+                problem.model, problem.box, problem.state, wanted(problem), in_blocks(stages, len(problem.state.x_nc))
+            )
             visited = visit(sim, problem.steps, problem.timestep, problem.stops)
             return _rows("value", [{f: np.array(sim.output(f)) for f in problem.fields} for _ in visited])
 

@@ -18,6 +18,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
@@ -125,12 +126,14 @@ def predict(
         Of the random signs of the moved runs.
     """
     fields, steps, last = problem.fields, problem.steps, problem.steps[-1]
-    stages = evaluator or own_stages(problem)
+    count = len(problem.state.x_nc)
+    stages = in_blocks(evaluator, count) if evaluator else own_stages(problem)
+    bounding = in_blocks(at_cutoff(evaluator or ArrayEvaluator), count)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, problem.timestep, problem.stops):
         values.append({field: sim.output(field).copy() for field in fields})
-        errors = sim.rounded(at_cutoff(evaluator or ArrayEvaluator))
+        errors = sim.rounded(bounding)
         sizes.add(errors)
         own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
     runs = _moved_runs(problem, stages, stepping, sizes, seed) if last or problem.stops else []
@@ -151,7 +154,7 @@ def evaluations(problem: Problem) -> int:
 def own_stages(problem: Problem) -> type[Evaluator]:
     """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright box."""
     if problem.box.tilted or evaluations(problem) <= COMPILED_ABOVE:
-        return ArrayEvaluator
+        return in_blocks(ArrayEvaluator, len(problem.state.x_nc))
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     return CompiledEvaluator
@@ -216,7 +219,8 @@ def moved(evaluator: type[Evaluator], sizes: Sizes, random: np.random.Generator)
 
 def precise_setup(problem: Problem) -> Fields:
     """Return the fields of the first evaluation in extended precision."""
-    twin = Simulation(problem.model, problem.box, problem.state, wanted(problem)).precise()
+    stages = in_blocks(ArrayEvaluator, len(problem.state.x_nc))
+    twin = Simulation(problem.model, problem.box, problem.state, wanted(problem)).precise(stages)
     return {field: twin.output(field) for field in problem.fields}
 
 

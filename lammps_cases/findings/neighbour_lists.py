@@ -75,6 +75,7 @@ class FollowingLists(ArrayEvaluator):
     exchanged : whether a variant has exchanged the gradients for one evaluation
     """
 
+    by_rows = False
     lists: tuple[Listed, ...] = ()
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))

@@ -62,7 +62,7 @@ class Trial:
         """
         lists = "lists" in self.snapshots[0]
         listed = shown_by(self.problem, engine, lists)
-        if listed and self._inside(listed):
+        if listed and self._inside(listed, at_once=True):
             return Explanation(self._necessary(listed))
         every = applicable(self.problem, lists)
         for entries in self._sets(every, listed):
@@ -89,10 +89,10 @@ class Trial:
             for chosen in itertools.combinations(alone, size):
                 yield tuple(sorted(chosen, key=lambda entry: entry.number))
 
-    def _inside(self, entries: Sequence[Finding]) -> bool:
-        """Return whether findings together reproduce LAMMPS; most sets fail within the first steps compared."""
+    def _inside(self, entries: Sequence[Finding], at_once: bool = False) -> bool:
+        """Return whether findings together reproduce LAMMPS; most sets, tried step by step, fail within the first."""
         steps = self.problem.steps
-        for count in dict.fromkeys((1, len(steps))):
+        for count in (len(steps),) if at_once else dict.fromkeys((1, len(steps))):
             left = self._first_left(entries, replace(self.problem, steps=steps[:count]))
             if left is not None:
                 self._left[tuple(entry.id for entry in entries)] = left

@@ -14,6 +14,7 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.compare import excess
@@ -132,7 +133,8 @@ def _shown(problem: Problem) -> Iterator[str]:
 
 
 def _blind(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> bool:
-    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), mutant.stages)
+    stages = in_blocks(mutant.stages, len(problem.state.x_nc))
+    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), stages)
     with np.errstate(all="ignore"):
         sim.setup()
         for field in problem.fields:

@@ -17,6 +17,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
     "compiled loops: the same sums once more, held against the arrays by tests": (
         *("compiled.*", "eos.compiled", "jit"),
     ),
+    "the same sums in blocks, held against those of whole arrays by tests": ("evaluation.blocks",),
     "the judge's bounds and exact values, held against Arb by tests": (
         *("eos.bounds", "eos.rigorous", "eos.lammps_rounding", "numbers.rounded", "numbers.number"),
         "evaluation.cutoff",

@@ -117,7 +117,7 @@ ONLY = {
 # search lie, which of two forms of a logarithm is taken), or what its rounding bound will be.
 EXCLUDED_ASSIGNMENTS = {
     "numbers.elementary:powm1": ("normal",),
-    "evaluation.pairs:half_pairs": ("wide",),
+    "evaluation.pairs:Search.__init__": ("places", "self.wide"),
     "evaluation.pairs:_copies": ("room_c", "most"),
     "evaluation.time_step:Simulation._start": ("self.fresh",),
     "evaluation.time_step:Simulation.step": ("self.fresh",),

@@ -1,0 +1,71 @@
+"""Predictions in blocks against those of whole arrays: the same bits, of values and bounds, for every kind of stage."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation import blocks
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.parameters import Box
+from lammps_cases.comparison.trajectory import Prediction, Problem, precise_setup, predict
+from lammps_cases.findings.forces import ForcePerVolume, MassOfFirst
+from lammps_cases.run.campaign import prepare
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+
+# Reproducing kernels, sums of densities, walls, surfaces, shifts between types, heat, tilted boxes, virials.
+CASES = (
+    *("cross-type.both.2d", "shift.rk2.3d", "shift.sum.2d", "surfaces.divergence.open", "surfaces.shifted.periodic"),
+    *("thermal-walls.reconstructed.rk1", "thermal.freezing.3d", "status.reconstructed", "tilted-3d.every.walls"),
+    "virials-twins.boost",
+)
+
+
+def problem(name: str) -> Problem:
+    (case,) = (case for case in casefile.load() if case.name == name)
+    return problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
+
+
+def arrays(of: Prediction) -> list[Any]:
+    return [np.asarray(each[field]) for side in (of.fields, of.bounds) for each in side for field in each]
+
+
+@pytest.fixture(params=[True, False], ids=["kept", "made again"])
+def tiny(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks of a few particles, whose pairs are kept between the stages or made again for each."""
+    monkeypatch.setattr(blocks, "ROWS", 7)
+    monkeypatch.setattr(blocks, "KEPT", 2**30 if request.param else 0)
+
+
+@pytest.mark.parametrize("stages", [ArrayEvaluator, ForcePerVolume])
+@pytest.mark.parametrize("name", CASES)
+def test_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = problem(name)
+    assert blocks.in_blocks(stages, len(scene.state.x_nc)) is not stages
+    found, precise = predict(scene, stages, seed=3), precise_setup(scene)
+    monkeypatch.setattr(blocks, "ROWS", 10**9)
+    assert blocks.in_blocks(stages, len(scene.state.x_nc)) is stages
+    for one, other in zip(arrays(found), arrays(predict(scene, stages, seed=3)), strict=True):
+        np.testing.assert_array_equal(one, other)
+    for field, exact in precise_setup(scene).items():
+        np.testing.assert_array_equal(np.asarray(precise[field]), np.asarray(exact), err_msg=field)
+
+
+def test_nothing_is_searched_twice_in_a_row() -> None:
+    """Blocks hold for positions within half the skin, for which the pairs are those of a new search."""
+    box, cut = Box((0.0, 0.0), (12.0, 9.0), (True, False)), 1.5
+    random = np.random.default_rng(1)
+    x_nc = random.uniform(0.0, [12.0, 9.0], (100, 2))
+    first = blocks.listed(x_nc, box, cut, 30)
+    near_nc = x_nc + random.uniform(-0.05, 0.05, x_nc.shape)
+    assert blocks.listed(near_nc, box, cut, 30) is first
+    assert blocks.listed(x_nc + 0.08, box, cut, 30) is not first
+    again = blocks.listed(x_nc, box, cut, 30)
+    assert again is not first and blocks.listed(x_nc, box, cut, 31) is not again
+
+
+def test_lists_of_lammps_are_followed_as_a_whole(tiny: None) -> None:
+    assert blocks.in_blocks(MassOfFirst, 100) is MassOfFirst

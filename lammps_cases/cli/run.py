@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     help="Folder of accepted baselines (reports/accepted), or one of them: exit 1 if the run does anything otherwise.",
 )
 @click.option("--resume", is_flag=True, help="Go on with the run that was interrupted or killed: judge the rest.")
+@click.option("--profile", is_flag=True, help="Show where the processor time went, by stage.")
 @shared.report_option
 @shared.fail_on_option
 @shared.json_option
@@ -49,6 +50,7 @@ def run_command(
     costs: Path | None,
     baseline: Path | None,
     resume: bool,
+    profile: bool,
     out: Path | None,
     fail_on: FailOn | None,
     as_json: bool,
@@ -99,6 +101,9 @@ def run_command(
     if not as_json:
         for line in _notes([case for case in chosen if not case.shipped], run):
             shared.show(line, "  ", fg="yellow")
+    if profile and not as_json:
+        for line in shared.stages(run):
+            click.echo(line)
     return shared.finish(run, folder, as_json, changes)
 
 

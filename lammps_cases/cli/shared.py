@@ -231,3 +231,18 @@ def table(
     while left and Measurement.get(console, unbounded, grid(least=True)).maximum > console.width:
         taken.remove(left.pop(0))
     console.print(grid(least=False), crop=False)
+
+
+def stages(run: RunRecord) -> Iterator[str]:
+    """Yield where the processor time of a run went: a table of stages, those that take longest first."""
+    from lammps_cases.records.stages import REST, taken
+
+    spent: dict[str, float] = taken()
+    for name, seconds in (each for case in run.cases for each in case.seconds.stages.items()):
+        spent[name] = spent.get(name, 0.0) + seconds
+    lammps = sum(case.seconds.lammps for case in run.cases)
+    rest = spent.pop(REST, 0.0)
+    spent["LAMMPS"], spent["starting, passing arrays"] = lammps, max(rest - lammps, 0.0)
+    total = sum(spent.values())
+    for name, seconds in sorted(spent.items(), key=lambda each: -each[1]):
+        yield f"  {name:26s} {seconds:8.2f} s {seconds / total:6.1%} {seconds / lammps if lammps else 0:8.2f} x LAMMPS"

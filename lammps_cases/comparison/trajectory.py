@@ -8,7 +8,7 @@ add their spread (`lammps_cases.comparison.rounded_input`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,7 @@ from eos_ref.model.parameters import BoolArray, Box, Gradients, Model, PairTerms
 from eos_ref.model.quantities import QUANTITIES, needed_to_step
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.comparison.rounded_input import moved_input
+from lammps_cases.records.stages import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
@@ -133,14 +134,18 @@ def predict(
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, problem.timestep, problem.stops):
         values.append({field: sim.output(field).copy() for field in fields})
-        errors = sim.rounded(bounding)
-        sizes.add(errors)
-        own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-    runs = _moved_runs(problem, stages, stepping, sizes, seed) if last or problem.stops else []
-    spreads = _spread(runs, problem, values)
-    if not sim.units.consistent:  # the factors round the input
-        for spread, more in zip(spreads, input_spread(problem, stages, stepping, values, seed), strict=True):
-            spread.update({f: spread[f] + more[f] for f in fields})
+        with stage("bounds"):
+            errors = sim.rounded(bounding)
+            sizes.add(errors)
+            own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
+    consistent = sim.units.consistent
+    del sim, errors  # a large scene's pairs, before those of the moved runs come
+    with stage("bounds"):
+        runs = _moved_runs(problem, stages, stepping, sizes, seed) if last or problem.stops else ()
+        spreads = _spread(runs, problem, values)
+        if not consistent:  # the factors round the input
+            for spread, more in zip(spreads, input_spread(problem, stages, stepping, values, seed), strict=True):
+                spread.update({f: spread[f] + more[f] for f in fields})
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
     return Prediction(tuple(values), bounds)
 
@@ -271,14 +276,12 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 
 def _moved_runs(
     problem: Problem, evaluator: type[Evaluator], stepping: type[Simulation], sizes: Sizes, seed: int
-) -> list[Simulation]:
-    runs = []
+) -> Iterator[Simulation]:
     for k in range(MOVED_RUNS):
         random = np.random.default_rng((seed, k))
         steps = shaken(stepping, random)
         stages = moved(evaluator, sizes, random)
-        runs.append(steps(problem.model, problem.box, problem.state, wanted(problem), stages))
-    return runs
+        yield steps(problem.model, problem.box, problem.state, wanted(problem), stages)
 
 
 def input_spread(
@@ -293,7 +296,7 @@ def input_spread(
     return largest
 
 
-def _spread(runs: Sequence[Simulation], problem: Problem, values: Sequence[Fields]) -> list[Fields]:
+def _spread(runs: Iterable[Simulation], problem: Problem, values: Sequence[Fields]) -> list[Fields]:
     """Return the largest distance of moved runs from the reference, per field and step; at step 0 at stops alone."""
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
     for run in runs:

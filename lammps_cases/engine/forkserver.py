@@ -57,4 +57,4 @@ def context(*modules: str) -> ForkServerContext:
 
 def start_for_judging() -> None:
     """Start the process that workers which judge cases are forked from, while this one imports the rest."""
-    context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+    context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn", "scipy.spatial")

@@ -116,6 +116,7 @@ class Seconds(_Record):
     lammps: float = 0.0
     reference: float = 0.0
     total: float = 0.0
+    stages: dict[str, float] = Field({}, description="processor seconds of the process that judged it, by stage")
 
 
 class Predictions(_Record):

@@ -27,6 +27,7 @@ from lammps_cases.records import folders, wording
 from lammps_cases.records.files import write_arrays, write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, HarnessError, RunRecord, Triage
+from lammps_cases.records.stages import stage, taken
 from lammps_cases.run.case_journal import CaseJournal, start
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
@@ -139,7 +140,8 @@ def run_cases(
             run = campaign.run()
             run.triage = triaged(run, cases, folder, store)
             run.seconds = round(time.perf_counter() - begin, 3)
-            write_run(run, folder, drawn, history.past(run))
+            with stage("report"):
+                write_run(run, folder, drawn, history.past(run))
         except InputError as error:
             raise (error if error.where or not campaign.begun else error.at(str(directory))) from None
         except KeyboardInterrupt:
@@ -185,7 +187,8 @@ class Campaign:
         drawn: dict[str, Drawn] = {}
         with Workers(engine.site, max(1, min(jobs, len(self.cases)))) as workers:
             identity = workers.identify()
-            rest = [prepare(case) for case in sorted(self.cases, key=_last) if case.name not in self.records]
+            with stage("preparing"):
+                rest = [prepare(case) for case in sorted(self.cases, key=_last) if case.name not in self.records]
             importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
             who = workers.outcome(identity)
             answering = engine_record(engine, who)
@@ -270,16 +273,21 @@ def report(
     """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows."""
     from lammps_cases.report.drawn import drawn
 
-    record, arrays = judge(site, ready, outcomes, engine, store)
+    with stage("comparison"):
+        record, arrays = judge(site, ready, outcomes, engine, store)
+    with stage("report"):
+        shown = drawn(record, arrays)
     if arrays:
-        write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+        with stage("writing"):
+            write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
         if not record.as_expected and ready.case.scene.whole_model and ready.twin is None:
             from lammps_cases.diagnosis import answers as kept
 
             assert isinstance(outcomes[0], Answer)
             kept.keep(folder / "fields", record.case, ready.case.scene, outcomes[0])
+    record.seconds.stages = taken()
     CaseJournal(folder).keep(record)
-    return record, drawn(record, arrays)
+    return record, shown
 
 
 def judge(
@@ -294,7 +302,8 @@ def judge(
     predictor = Predictor(store if store and current(store) else None)
     exercises: dict[str, int] = {}
     try:
-        exercises = exercised(ready.case, ready.atoms, predictor)
+        with stage("exercises"):
+            exercises = exercised(ready.case, ready.atoms, predictor)
         record, arrays = _evaluated(ready, outcomes, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}

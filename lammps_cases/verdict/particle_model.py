@@ -20,6 +20,7 @@ from lammps_cases.comparison.trajectory import Fields, Problem
 from lammps_cases.findings import Finding, shown_by
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import Beyond, Blame
+from lammps_cases.records.stages import stage
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict.explanation import Explanation, Trial
@@ -53,23 +54,28 @@ def judge(
 ) -> ModelVerdict:
     """Compare all fields at all steps, and explain what is outside by the ledger."""
     random = seed(f"{name}/moved runs")
-    prediction = predictor.predict(problem, seed=random)
+    with stage("reference"):
+        prediction = predictor.predict(problem, seed=random)
     table = compare_all(problem, id_n, snapshots, prediction)
     listed = shown_by(problem, engine, "lists" in snapshots[0])
     first = first_outside(problem, table, id_n)
     trial = Trial(problem, snapshots, id_n, prediction, random, predictor)
-    explanation = trial.explain(engine, first) if first else Explanation([])
+    with stage("variants"):
+        explanation = trial.explain(engine, first) if first else Explanation([])
     entries = explanation.entries
     for comparison in (c for comparisons in table.values() for c in comparisons):
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = [entry.id for entry in entries]
     others = [entry for entry in listed if not _contained(entry, entries)] if entries or not first else []
-    unseen = [entry for entry in others if trial.shows(entry)]
+    with stage("variants"):
+        unseen = [entry for entry in others if trial.shows(entry)]
     comparisons = [over_steps(table[field], problem.steps) for field in in_step_order(problem.fields)]
-    if problem.steps[0] == 0:
-        _add_digits_lost(predictor.precise(problem), table, comparisons)
-    lint = _unseen(problem, random, predictor) if problem.steps[0] == 0 else []
+    with stage("digits"):
+        if problem.steps[0] == 0:
+            _add_digits_lost(predictor.precise(problem), table, comparisons)
+    with stage("mistakes"):
+        lint = _unseen(problem, random, predictor) if problem.steps[0] == 0 else []
     return ModelVerdict(comparisons, entries, unseen, first, explanation.beyond, lint)
 
 

@@ -1,0 +1,55 @@
+"""Processor time by stage: what lies within another stage is taken from it, and nothing is counted twice or lost."""
+
+from __future__ import annotations
+
+import pytest
+
+from lammps_cases.cli import shared
+from lammps_cases.records import stages
+from lammps_cases.records.run_record import CaseRecord, RunRecord, Seconds
+from lammps_cases.records.stages import REST, stage, taken
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    now = [0.0]
+    monkeypatch.setattr("time.process_time", lambda: now[0])
+    monkeypatch.setattr(stages, "_spent", {})
+    monkeypatch.setattr(stages, "_last", {"time": 0.0, "taken": 0.0})
+    return now
+
+
+def test_a_stage_within_another(clock: list[float]) -> None:
+    clock[0] += 1
+    with stage("comparison"):
+        clock[0] += 2
+        with stage("bounds"):
+            clock[0] += 4
+        clock[0] += 8
+    with stage("writing"):
+        clock[0] += 16
+    assert taken() == {"comparison": 10, "bounds": 4, "writing": 16, REST: 1}
+    clock[0] += 32
+    assert taken() == {REST: 32}
+
+
+def test_bounds_of_variants_are_theirs(clock: list[float]) -> None:
+    with pytest.raises(ZeroDivisionError), stage("comparison"), stage("variants"), stage("bounds"):
+        clock[0] += 3
+        _ = 1 / 0
+    with stage("bounds"):
+        clock[0] += 1
+    assert taken() == {"variants": 3, "bounds": 1, "comparison": 0, REST: 0}
+
+
+def test_the_table_adds_up_and_names_lammps(clock: list[float]) -> None:
+    with stage("report"):
+        clock[0] += 1
+    clock[0] += 1
+    times = Seconds(lammps=2.0, stages={"bounds": 4.0, REST: 3.0})
+    case = CaseRecord.model_construct(case="a", seconds=times)  # type: ignore[call-arg]
+    run = RunRecord.model_construct(cases=[case])  # type: ignore[call-arg]
+    rows = [line.split() for line in shared.stages(run)]
+    assert [row[0] for row in rows] == ["bounds", "LAMMPS", "starting,", "report"]
+    assert rows[0][1:4] == ["4.00", "s", "44.4%"] and rows[0][4] == "2.00"
+    assert sum(float(row[row.index("s") - 1]) for row in rows) == 9.0

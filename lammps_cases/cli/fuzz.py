@@ -23,6 +23,7 @@ RAREST = 8  # choices named
 @click.option("--shrink/--no-shrink", "shrinks", default=True, help="Make small what is red, or keep it as drawn.")
 @shared.engine_option
 @shared.jobs_option
+@shared.cluster_option
 @shared.folder_option("--out", "reports/fuzz", "Folder of fuzz.html, fuzz.json and the scenes that are red.")
 @shared.json_option
 def fuzz_command(

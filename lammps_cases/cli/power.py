@@ -26,6 +26,7 @@ SECTIONS = ("faults", "resolution", "alarms")
 @click.option("--sample", type=click.IntRange(1), help="So many of the faults, the same ones each time.")
 @click.option("--all", "every", is_flag=True, help="Every case that catches a fault, not only those of two files.")
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@shared.cluster_option
 @click.option("--fresh", is_flag=True, help="Plant every fault again, also those that the folder has.")
 @shared.folder_option("--out", "reports/power", "Folder of the report.")
 @shared.engine_option

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 @shared.tag_option
 @shared.paths_option
 @shared.jobs_option
+@shared.cluster_option
 @shared.engine_option
 @shared.fresh_option
 @click.option(

@@ -52,6 +52,23 @@ def engine_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return option(launcher_option(command))
 
 
+def _use_cluster(context: click.Context, _: click.Parameter, scheduler: str | None) -> None:
+    """Have the workers of a cluster do the tasks of a command."""
+    if scheduler:
+        from lammps_cases.engine import cluster
+
+        context.with_resource(cluster.used(scheduler))
+
+
+cluster_option = click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    expose_value=False,
+    callback=_use_cluster,
+    help="Scheduler of a Dask cluster (tcp://HOST:PORT), whose workers take the place of --jobs.",
+)
+
+
 def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say which known findings make the exit code 1; --strict is the same as the least level."""
     strict = click.option("--strict", "fail_on", flag_value="low", help="The same as --fail-on low.")

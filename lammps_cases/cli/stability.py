@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from lammps_cases.cli import shared
 from lammps_cases.cli.shared import engine_option, json_option
 from lammps_cases.records.progress import Bar
 
@@ -25,6 +26,7 @@ from lammps_cases.records.progress import Bar
     help="Folder of the atlas.",
 )
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes at a time.")
+@shared.cluster_option
 @click.option("--fresh", is_flag=True, help="Run every cell again, even those that the folder has.")
 @click.option("--save-limits", is_flag=True, help="Base later advice on the limits that are measured.")
 @engine_option

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
-from lammps_cases.engine import forkserver, mpi, ranks
+from lammps_cases.engine import cluster, forkserver, mpi, ranks
 from lammps_cases.engine.session import (
     Answer,
     EngineCrashed,
@@ -98,19 +98,33 @@ def memory_share(workers: int) -> int:
 
 
 class Workers:
-    """A pool of LAMMPS processes; a context manager, stopped at once when left by an exception."""
+    """A pool of LAMMPS processes; a context manager, stopped at once when left by an exception.
+
+    They are those of this machine, or of the cluster that is in use (`lammps_cases.engine.cluster.used`).
+    """
 
     def __init__(self, site: str | None, count: int) -> None:
+        self._cluster = cluster.ClusterPool(address) if (address := cluster.address()) else None
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-workers-")
         self._site = site
-        self.count = count
+        self._count = count
         self._tasks = weakref.WeakKeyDictionary[Future[Any], Task]()
-        self._pool = ProcessPool(
+        self._pool = self._cluster or ProcessPool(
             max_workers=count,
             initializer=_prepare,
             initargs=(self._folder.name, memory_share(count), os.getpid()),
             context=forkserver.context(),
         )
+
+    @property
+    def count(self) -> int:
+        """Number of tasks at a time; those of a cluster come and go."""
+        return self._cluster.count if self._cluster else self._count
+
+    def check_shared(self, folder: Path) -> None:
+        """Raise `InputError` if tasks that write into a folder cannot."""
+        if self._cluster:
+            self._cluster.check_shared(folder)
 
     def submit(self, job: Job, time_limit: float) -> Future[Answer]:
         """Queue a job."""

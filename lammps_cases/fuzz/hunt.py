@@ -110,12 +110,12 @@ class Hunt:
         judging: deque[tuple[Drawn, Future[tuple[CaseRecord, Arrays]]]] = deque()
         left = self.scenes
         while True:
-            while len(running) <= self.jobs and left != 0 and time.monotonic() - begin < self.seconds:
+            while len(running) <= workers.count and left != 0 and time.monotonic() - begin < self.seconds:
                 drawn = next(source).by(judge.engine.manual)
                 limit = drawn.case.scene.engine.time_limit
                 running.append((drawn, [workers.submit(job, limit) for job in drawn.ready.jobs]))
                 left = None if left is None else left - 1
-            if running and len(judging) <= self.jobs:
+            if running and len(judging) <= workers.count:
                 drawn, futures = running.popleft()
                 outcomes = campaign.answers(workers, drawn.ready, futures)
                 task = workers.call(campaign.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)

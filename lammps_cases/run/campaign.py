@@ -186,6 +186,7 @@ class Campaign:
         """
         drawn: dict[str, Drawn] = {}
         with Workers(engine.site, max(1, min(jobs, len(self.cases)))) as workers:
+            workers.check_shared(self.folder)
             identity = workers.identify()
             with stage("preparing"):
                 rest = [prepare(case) for case in sorted(self.cases, key=_last) if case.name not in self.records]

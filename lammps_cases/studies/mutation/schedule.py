@@ -73,7 +73,8 @@ class MutationPool:
         self._substitutes = ProcessPool(
             max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
         )
-        self.jobs, self.every = jobs, every
+        self._workers.check_shared(self.folder)
+        self.jobs, self.every = self._workers.count, every
         self.answered: list[str] = []
         self.played: list[str] = []
         self.quick: set[str] = set()

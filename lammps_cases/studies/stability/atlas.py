@@ -91,7 +91,7 @@ def measure(
             if engine in of.engines(layer)
         ]
         key = functools.partial(cell_key, about=about, limit=limit)
-        results = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress).run(2 * jobs)
+        results = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress).run(2 * workers.count)
     records = tuple(map_record(of, quick, results, engines) for of in maps)
     atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
     record.write(atlas, out)

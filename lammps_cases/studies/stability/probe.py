@@ -275,6 +275,7 @@ def _last_observation(trace: Path) -> tuple[Observation, float] | None:
 def examiner(workers: Workers, limit: float = LIMIT) -> Iterator[Examiner]:
     """Give an examiner to a block, with a folder for its traces."""
     with tempfile.TemporaryDirectory(prefix="eos-ref-stability-") as folder:
+        workers.check_shared(Path(folder))
         yield Examiner(workers, Path(folder), limit)
 
 

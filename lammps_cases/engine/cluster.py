@@ -1,0 +1,195 @@
+"""Tasks on the workers of a Dask cluster, in place of processes of this machine.
+
+Every worker keeps processes with a LAMMPS each, as this machine would (`lammps_cases.engine.workers.Workers`): what a
+segfault, a hang or a time limit costs there is what it costs here. A task whose worker is gone is done by another.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import logging
+import multiprocessing
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, InvalidStateError
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pebble import ProcessExpired
+
+from lammps_cases.engine.session import EngineCrashed, EngineMissing
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+PATIENCE = 30  # seconds to wait for the scheduler, and for its first worker
+DEATHS = 10  # times that workers may go with a task before it is given up
+_address: ContextVar[str] = ContextVar("cluster", default="")
+
+
+def address() -> str:
+    """Return the address of the scheduler whose workers are used; empty: this machine's own."""
+    return _address.get()
+
+
+@contextmanager
+def used(scheduler: str) -> Iterator[None]:
+    """Use the workers of a scheduler within a block."""
+    token = _address.set(scheduler)
+    try:
+        yield
+    finally:
+        _address.reset(token)
+
+
+# --- inside a worker of the cluster
+
+_pools: dict[str | None, Any] = {}
+_lock = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Answered:
+    """What a task returned, where an exception is what it raised."""
+
+    value: Any
+
+
+def relay(function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Answered | BaseException:
+    """Do a task in a process of this worker."""
+    from lammps_cases.engine.workers import Failure
+
+    workers = _workers(arguments[0])
+    future = workers.call(function, *arguments[1:], time_limit=time_limit)
+    try:
+        return Answered(future.result())
+    except ProcessExpired:  # the process, and what it printed, are known here alone
+        outcome = workers.outcome(future)
+        return EngineCrashed(outcome.message) if isinstance(outcome, Failure) else Answered(outcome)
+    except BaseException as error:
+        return error
+
+
+def _workers(site: str | None) -> Any:
+    """Return the processes with this LAMMPS, as many as the worker has threads."""
+    from distributed import get_worker
+
+    from lammps_cases.engine.workers import Workers
+
+    with _lock:
+        if site not in _pools:
+            # A nanny's child may start no processes unless it is told that it may; its own end with it.
+            multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
+            _pools[site] = Workers(site, get_worker().state.nthreads)
+            atexit.register(_pools[site].stop)
+        return _pools[site]
+
+
+# --- in the parent
+
+
+class ClusterPool:
+    """The workers of a cluster, by the part of `pebble.ProcessPool` that `Workers` uses.
+
+    Raises
+    ------
+    InputError
+        There is no dask.distributed, no scheduler, or none of its workers.
+    """
+
+    def __init__(self, scheduler: str) -> None:
+        from eos_ref.errors import InputError
+
+        try:
+            from distributed import Client
+        except ImportError:
+            raise InputError("--cluster", "needs dask.distributed: pip install 'eos-ref[cluster]'") from None
+        for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by what becomes of the tasks
+        try:
+            self._client: Client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError) as error:
+            reason = str(error).partition("\n")[0]
+            raise InputError("--cluster", f"must be the address of a scheduler: {reason}", scheduler) from None
+        try:
+            self._client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            self._client.close()
+            raise InputError("--cluster", f"has no worker after {PATIENCE} s", scheduler) from None
+        self._scheduler = scheduler
+        self._under_way: dict[Future[Any], Any] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of tasks that the cluster does at a time, now."""
+        try:
+            threads: dict[str, int] = self._client.nthreads()
+        except OSError:
+            raise self._gone() from None
+        return max(1, sum(threads.values()))
+
+    def check_shared(self, folder: Path) -> None:
+        """Raise `InputError` if a worker does not see a folder that tasks write into."""
+        from eos_ref.errors import InputError
+
+        blind = [worker for worker, sees in self._client.run(Path.is_dir, folder).items() if not sees]
+        if blind:
+            raise InputError("--cluster", f"its workers must see {folder}; there is none for", blind[0])
+
+    def schedule(self, function: Callable[..., Any], args: tuple[Any, ...], timeout: float) -> Future[Any]:
+        """Queue a task."""
+        future: Future[Any] = Future()
+        self._submit(future, (function, args, timeout), DEATHS)
+        return future
+
+    def _submit(self, future: Future[Any], task: tuple[Any, ...], left: int) -> None:
+        from distributed import KilledWorker
+
+        def settle(remote: Any) -> None:
+            if remote.status == "error" and isinstance(remote.exception(), KilledWorker) and left > 1:
+                self._submit(future, task, left - 1)
+                return
+            self._under_way.pop(future, None)
+            with contextlib.suppress(InvalidStateError):  # nobody waits any more
+                try:
+                    self._hand_over(future, remote)
+                except OSError:
+                    future.set_exception(self._gone())
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of arguments that are large
+            remote = self._client.submit(relay, *task, pure=False)
+        self._under_way[future] = remote
+        remote.add_done_callback(settle)
+
+    def _gone(self) -> EngineMissing:
+        return EngineMissing(f"the scheduler at {self._scheduler} is gone")
+
+    def _hand_over(self, future: Future[Any], remote: Any) -> None:
+        if remote.status == "finished":
+            answer = remote.result()
+            if isinstance(answer, Answered):
+                future.set_result(answer.value)
+            else:
+                future.set_exception(answer)
+        elif remote.status == "error":
+            future.set_exception(remote.exception())
+        else:
+            future.set_exception(self._gone())
+
+    def stop(self) -> None:
+        """Give up what is queued."""
+        with contextlib.suppress(OSError):
+            self._client.cancel(list(self._under_way.values()), force=True)
+
+    def close(self) -> None:
+        """Nothing more is queued."""
+
+    def join(self) -> None:
+        """Leave the cluster."""
+        self._client.close()

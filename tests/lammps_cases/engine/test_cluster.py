@@ -1,0 +1,153 @@
+"""Tasks on a Dask cluster: a real scheduler and real workers on loopback, killed meanwhile."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lammps_cases.engine import cluster, installations
+from lammps_cases.engine.workers import Workers
+from lammps_cases.records.progress import SILENT
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation.schedule import MutationPool
+from tests.support import dask_cluster
+from tests.support.dask_cluster import PAUSE, DaskCluster
+from tests.support.outcome import Outcome
+from tests.support.same_reports import assert_same
+
+pytestmark = [pytest.mark.lammps, pytest.mark.slow]
+
+Run = Callable[..., Outcome]
+# Laws, a crash that is expected, a model, two ranks.
+CASES = ("near-rho0.linear", "ranges", "refused.range-two-stars", "walls.stored.damped", "virials.rest.two-ranks")
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("local") / "report"
+    _done("run", *CASES, "--out", out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def steady() -> Iterator[DaskCluster]:
+    """A cluster that is left alone; its worker is started by a nanny, as `dask worker` does."""
+    with dask_cluster.running(1, nanny=True) as one:
+        yield one
+
+
+@pytest.fixture
+def dask() -> Iterator[DaskCluster]:
+    with dask_cluster.running() as one:
+        yield one
+
+
+def _begun(*arguments: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "lammps_cases.cli.main", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def _done(*arguments: object) -> str:
+    process = _begun(*arguments)
+    out, err = process.communicate()
+    assert process.returncode == 0, out + err
+    return out
+
+
+def _wait_for_cases(folder: Path, count: int, process: subprocess.Popen[str]) -> None:
+    """Wait until a run has judged some cases."""
+    while sum(path.parent.name == "cases" for path in folder.rglob("*.json")) < count:
+        assert process.poll() is None, process.communicate()
+        time.sleep(PAUSE)
+
+
+def test_workers_killed_meanwhile(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
+    """Nothing is lost, and nothing there twice."""
+    process = _begun("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "report")
+    for count in (1, 4, 8):
+        _wait_for_cases(tmp_path, count, process)
+        dask.kill_worker()
+        dask.add_worker()
+    out, err = process.communicate()
+    assert process.returncode == 0 and "KNOWN BUGS" in out, out + err
+    assert_same(local, tmp_path / "report")
+
+
+def test_scheduler_killed_and_the_run_gone_on_with_here(dask: DaskCluster, local: Path, tmp_path: Path) -> None:
+    process = _begun("run", *CASES, "--cluster", dask.address, "--out", tmp_path / "report")
+    _wait_for_cases(tmp_path, 3, process)
+    dask.scheduler.kill()
+    _, err = process.communicate()
+    assert process.returncode == 3 and f"the scheduler at {dask.address} is gone" in err and "Traceback" not in err
+    assert not (tmp_path / "report").exists()
+    _done("run", *CASES, "--resume", "--out", tmp_path / "report")
+    assert_same(local, tmp_path / "report")
+
+
+def test_other_commands_give_the_same(steady: DaskCluster, tmp_path: Path) -> None:
+    """A random scene, and a cell of a map of stability."""
+    for command in (("fuzz", "--seed", 7, "--draw", 3), ("stability", "--cell", "laws-tait-overflow::0.1:2.3")):
+        options = ("--json", "--out", tmp_path)
+        here, there = (_done(*command, *options, *where) for where in ((), ("--cluster", steady.address)))
+        assert _timeless(json.loads(here)) == _timeless(json.loads(there))
+
+
+def _timeless(document: Any) -> Any:
+    """Leave out what says when and where a document was made."""
+    if isinstance(document, list):
+        return [_timeless(each) for each in document]
+    if isinstance(document, dict):
+        return {key: _timeless(each) for key, each in document.items() if key not in ("seconds", "command", "machine")}
+    return document
+
+
+def test_faults_are_planted_in_the_same_cases(steady: DaskCluster) -> None:
+    cases = casefile.select(casefile.load(), ["ranges.star", "walls.stored.damped"])
+    engine, controls = installations.resolve("env"), []
+    for address in ("", steady.address):
+        with cluster.used(address), MutationPool(engine, 2, None) as pool:
+            controls.append(pool.prepare(cases, SILENT))
+    assert controls[0] == controls[1] and [control.answered for control in controls[0]] == [True, True]
+
+
+def test_failures_are_told_as_those_of_this_machine(steady: DaskCluster) -> None:
+    def failures() -> list[Any]:
+        with Workers(None, 1) as workers:
+            limits = {abort: 60.0, sleep: 1.0, raise_memory_error: 60.0}
+            futures = [(workers.call(task, time_limit=limit), limit) for task, limit in limits.items()]
+            return [workers.outcome(*each) for each in futures]
+
+    here = failures()
+    with cluster.used(steady.address):
+        assert failures() == here
+    assert [failure.verdict for failure in here] == ["crashed", "timeout", "crashed"]
+
+
+def abort(site: str | None) -> None:
+    print("last words", flush=True)
+    os.abort()
+
+
+def sleep(site: str | None) -> None:
+    time.sleep(600)
+
+
+def raise_memory_error(site: str | None) -> None:
+    raise MemoryError
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "tcp://"])
+def test_no_scheduler(address: str, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 1)
+    code, out, err = eos_ref_command("run", "ranges.star", "--cluster", address, "--out", tmp_path / "report")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("eos-ref: --cluster: must be the address of a scheduler: ") and address in err
+    assert not (tmp_path / "report").exists() and not cluster.address()

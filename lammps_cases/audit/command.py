@@ -27,6 +27,7 @@ def audit(
     fields: str | Sequence[str] = "all",
     timeout: float = TIMEOUT,
     trust: bool = False,
+    suffix: str | None = None,
     engine: str = "env",
     fail_on: FailOn = "new",
     out: str | Path | None = None,
@@ -37,7 +38,7 @@ def audit(
     ----------
     deck : path
         The input script.
-    every, steps, timeout, trust :
+    every, steps, timeout, trust, suffix :
         See `lammps_cases.audit.options.AuditOptions`.
     fields : str or sequence of str
         What to check, by LAMMPS' names; all: whatever can be.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lammps_cases.cli.shared import json_option
+from lammps_cases.records.files import write_atomically
 
 if TYPE_CHECKING:
     from lammps_cases.studies.benchmarks.bench import Ratio
@@ -31,6 +32,11 @@ PARTS = ("laws", "model", "peers", "runs")
     help="Where every measurement is kept.",
 )
 @click.option("--label", default="", help="A name under which --compare finds this measurement.")
+@click.option(
+    "--benchmark-json",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the measurement in the format of pytest-benchmark, too.",
+)
 @click.option("--compare", nargs=2, metavar="A B", help="Measure nothing: compare two measurements kept.")
 @json_option
 def bench_command(
@@ -40,6 +46,7 @@ def bench_command(
     pysph: str | None,
     history: Path,
     label: str,
+    benchmark_json: Path | None,
     compare: tuple[str, str] | None,
     as_json: bool,
 ) -> int:
@@ -63,9 +70,11 @@ def bench_command(
             if not as_json:
                 _show(ratio)
         memory |= _memory(part)
-    from lammps_cases.studies.benchmarks import speed_history
+    from lammps_cases.studies.benchmarks import pytest_benchmark, speed_history
 
-    speed_history.append(history, label, ratios)
+    entry = speed_history.append(history, label, ratios)
+    if benchmark_json:
+        write_atomically(benchmark_json, json.dumps(pytest_benchmark.document(entry), indent=1) + "\n")
     if as_json:
         click.echo(json.dumps({"ratios": [_row(r) for r in ratios], "bytes_per_particle": memory}, indent=1))
         return 0

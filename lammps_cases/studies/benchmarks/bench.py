@@ -29,6 +29,7 @@ class Ratio:
     """One measurement: nanoseconds per particle (or per run, for whole programs) of ours and of a peer.
 
     ``ratio`` is ours over peer, below 1 is faster; all three are medians with their intervals.
+    ``ours_ns_r`` are ours of every round.
     """
 
     scene: str
@@ -36,12 +37,14 @@ class Ratio:
     ours_ns: ConfidenceInterval
     peer_ns: ConfidenceInterval
     ratio: ConfidenceInterval
+    ours_ns_r: tuple[float, ...] = ()
 
 
 def ratio(scene: str, peer: str, ours: Timing, theirs: Timing, per: float, peer_per: float) -> Ratio:
     """Return the ratio of two timings of the same rounds; a call of ours treats ``per`` particles (times steps)."""
     ours_ns, peer_ns = ours.seconds.scaled(1e9 / per), theirs.seconds.scaled(1e9 / peer_per)
-    return Ratio(scene, peer, ours_ns, peer_ns, ours.against(theirs).scaled(peer_per / per))
+    ours_ns_r = tuple(seconds * 1e9 / per for seconds in ours.seconds_r)
+    return Ratio(scene, peer, ours_ns, peer_ns, ours.against(theirs).scaled(peer_per / per), ours_ns_r)
 
 
 def against(

@@ -41,6 +41,12 @@ def audited() -> Result:
     return audit(DECK)
 
 
+def test_an_audit_takes_the_suffix_of_the_command_line() -> None:
+    (case,) = audit(DECK, suffix="kk", steps=1, fields="pressure").record.cases
+    assert case.warnings[0] == "suffix kk: this LAMMPS has no rheo/kk; RHEO's styles run without it"
+    assert "-sf kk" in case.reproduce
+
+
 def test_the_package_is_imported_at_once_and_without_numpy() -> None:
     heavy = (
         "import sys, lammps_cases; print(sorted({'numpy', 'pandas', 'pydantic', 'ase', 'eos_ref'} & set(sys.modules)))"

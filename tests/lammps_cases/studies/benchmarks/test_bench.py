@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -103,6 +105,27 @@ def test_the_particle_model_is_measured_against_lammps(monkeypatch: pytest.Monke
     found = list(bench_model.against_lammps((2,), 1))
     assert [r.scene for r in found] == [f"2D {option}, 144 particles" for option in bench_model.OPTIONS]
     assert all(r.peer == "LAMMPS" and r.peer_ns.median > 0 for r in found)
+
+
+def test_a_measurement_in_the_format_of_pytest_benchmark(eos_ref_command: Run, tmp_path: Path) -> None:
+    file, history = tmp_path / "benchmark.json", tmp_path / "history.jsonl"
+    options = ["--states", "1000", "--repeats", "4", "--history", str(history), "--benchmark-json", str(file)]
+    assert eos_ref_command("bench", "laws", *options).code == 0
+    (entry,) = speed_history.read(history)
+    found = json.loads(file.read_text())
+    assert len(found["benchmarks"]) == len(entry.ratios) and found["machine_info"] == entry.machine
+    for benchmark, of in zip(found["benchmarks"], entry.ratios, strict=True):
+        stats = benchmark["stats"]
+        assert (benchmark["group"], stats["rounds"]) == (of.peer, 4) and of.scene in benchmark["name"]
+        assert stats["min"] <= stats["median"] <= stats["max"] and stats["data"] == [ns * 1e-9 for ns in of.ours_ns_r]
+        # The median of the scaled rounds is the scaled median: a rounding on either side.
+        assert stats["median"] == pytest.approx(of.ours_ns.median * 1e-9, rel=4 * 2.0**-53)
+        assert benchmark["extra_info"]["ratio"] == of.ratio.median
+    # pytest-benchmark reads it.
+    listed = subprocess.run(
+        [sys.executable, "-m", "pytest_benchmark", "compare", str(file)], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert listed.returncode == 0 and entry.ratios[0].scene in listed.stdout
 
 
 def test_vectors_and_components_add_the_same_numbers_in_the_same_order() -> None:

@@ -20,9 +20,7 @@ def summary(of_run: Outcome) -> str:
     """Return a run as GitHub-flavoured Markdown."""
     run = of_run.run
     blocks = [
-        f"## eos-ref: {of_run.headline.markdown}",
-        f"{text(of_run.headline.sentence)}.",
-        f"{text(wording.engine(run.engine))}. {text(wording.tally(run))}.",
+        *_head(of_run),
         _known(of_run),
         _failures(of_run.unaccepted),
         _triage(run),
@@ -35,6 +33,17 @@ def summary(of_run: Outcome) -> str:
         _provenance(run),
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def news(of_run: Outcome) -> str:
+    """Return what is new in a run as GitHub-flavoured Markdown: its headline, and what is not as expected."""
+    blocks = [*_head(of_run), _failures(of_run.unaccepted), _triage(of_run.run)]
+    return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def _head(of_run: Outcome) -> Sequence[str]:
+    engine, tally = text(wording.engine(of_run.run.engine)), text(wording.tally(of_run.run))
+    return f"## eos-ref: {of_run.headline.markdown}", f"{text(of_run.headline.sentence)}.", f"{engine}. {tally}."
 
 
 def _carried(run: RunRecord) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 EXPRESSION = re.compile(r"\$\{\{(.*?)\}\}")
-CONTEXT = re.compile(r"\b(?:inputs|runner|steps)(?:\.[\w-]+)+")
+CONTEXT = re.compile(r"\b(?:github|inputs|runner|steps)(?:\.[\w-]+)+")
 
 
 @dataclass
@@ -28,17 +28,24 @@ class Done:
 
 
 def run_action(
-    folder: Path, given: Mapping[str, str], workspace: Path, programs: Path, leave_out: tuple[str, ...] = ("install",)
+    folder: Path,
+    given: Mapping[str, str],
+    workspace: Path,
+    programs: Path,
+    leave_out: tuple[str, ...] = ("install",),
+    github: Mapping[str, str] | None = None,
 ) -> Done:
     """Run the action in ``folder`` with some inputs, in a workspace; steps whose id is left out are not run.
 
-    ``programs`` holds the eos-ref that an installation would put on the path.
+    ``github`` is what GitHub says of the event, by default a push; ``programs`` holds the eos-ref that an installation
+    would put on the path.
     """
     action = yaml.safe_load((folder / "action.yml").read_text())
     assert set(given) <= set(action["inputs"]), "an input that the action does not have"
     known: dict[str, Any] = {f"inputs.{name}": str(spec["default"]) for name, spec in action["inputs"].items()}
     known |= {f"inputs.{name}": value for name, value in given.items()}
-    known |= {"runner.os": "Linux", "runner.arch": "X64"}
+    known |= {"runner.os": "Linux", "runner.arch": "X64", "github.event_name": "push", "github.event.number": ""}
+    known |= github or {}
     done = Done()
     for at, step in enumerate(action["runs"]["steps"]):
         if step.get("id") in leave_out or not _due(step, known, done):

@@ -363,6 +363,59 @@ def test_action_left_green_and_decks_that_are_missing(stub: Path, tmp_path: Path
     assert "actions/upload-artifact@v4" not in done.used
 
 
+# A gh that keeps the comments of one pull request in files of a folder, and fails where it is told to.
+GH = """#!{python}
+import json, os, pathlib, re, subprocess, sys
+words = sys.argv[1:]
+folder = pathlib.Path(os.environ["COMMENTS"])
+if words[:1] != ["api"] or not folder.is_dir() or os.environ["GH_TOKEN"] != "TOKEN":
+    sys.exit("gh: HTTP 403")
+if "--method" not in words:
+    assert words[2] == "repos/me/fluid/issues/17/comments", words
+    said = [{{"id": int(path.name), "body": path.read_text()}} for path in sorted(folder.iterdir())]
+    sys.exit(subprocess.run(["jq", "-r", words[-1]], input=json.dumps(said), text=True).returncode)
+method, place, body = words[words.index("--method") + 1], words[-3], words[-1]
+name = {{"POST": str(len(list(folder.iterdir())) + 40), "PATCH": place.rpartition("/")[2]}}[method]
+assert place == "repos/me/fluid/issues/" + {{"POST": "17/comments", "PATCH": "comments/" + name}}[method], place
+folder.joinpath(name).write_text(pathlib.Path(body.removeprefix("body=@")).read_text())
+"""
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+def test_a_pull_request_has_one_comment(
+    case_file: Write, faulty: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    comments, programs = tmp_path / "comments", tmp_path / "programs"
+    for folder in (comments, programs):
+        folder.mkdir()
+    (programs / "gh").write_text(GH.format(python=sys.executable))
+    (programs / "gh").chmod(0o755)
+    (programs / "eos-ref").symlink_to(BIN / "eos-ref")
+    (comments / "40").write_text("A person's own words on <!-- eos-ref: eos-ref-report -->.")
+    monkeypatch.setenv("COMMENTS", str(comments))
+    monkeypatch.setenv("GITHUB_REPOSITORY", "me/fluid")
+    case_file()
+    github = {"github.event_name": "pull_request", "github.event.number": "17", "github.token": "TOKEN"}
+
+    def commented(**given: str) -> tuple[int, dict[str, str], str]:
+        given = {"cases": "mine.yaml", "token": "TOKEN", "comment": "true"} | given
+        done = run_action(ACTION, given, tmp_path, programs, github=github)
+        return done.code, {path.name: path.read_text() for path in comments.iterdir()}, done.out
+
+    code, written, _ = commented(engine=f"path:{faulty}")
+    assert code == 1 and written.keys() == {"40", "41"}
+    assert written["41"].startswith("<!-- eos-ref: eos-ref-report -->\n## eos-ref: 🔴 FAIL")
+    assert "### Not accepted" in written["41"] and "`mine`" in written["41"]
+    code, written, _ = commented()
+    assert code == 0 and written.keys() == {"40", "41"}, "edited in place"
+    assert "## eos-ref: 🟢 PASS" in written["41"] and "Not accepted" not in written["41"]
+    assert written["40"].startswith("A person's own words")
+    code, _, said = commented(token="none of mine")
+    assert code == 0 and "::warning title=eos-ref::the comment could not be written" in said
+    assert run_action(ACTION, {"comment": "true"}, tmp_path, programs).code == 0, "nothing to comment on in a push"
+
+
 def test_key_of_the_cache_follows_cases_and_engine(case_file: Write, stub: Path, tmp_path: Path) -> None:
     def key(**given: str) -> str:
         done = run_action(ACTION, given, tmp_path, stub)

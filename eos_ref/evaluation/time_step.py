@@ -169,18 +169,9 @@ class Simulation:
             fields["temperature"] = e.temperature(s.energy_n)
 
     def _forces(self) -> None:
-        s, e, fields = self.state, self.evaluator, self.fields
-        zero_n = np.zeros(len(self.mass_n))
-        pressure_n = e.pressure(e.apparent_density(s.rho_n), s.energy_n) if "f" in self.plan else zero_n
-        viscosity_n = fields.get("viscosity", zero_n)
-        sound_n = e.sound_speed(s.energy_n)
-        T_n = fields.get("temperature")
-        terms = e.pair_terms(
-            PairInput(
-                *(s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, T_n),
-                virial="stress/atom" in self.plan,
-            )
-        )
+        fields = self.fields
+        pressure_n = self.force_pressure() if "f" in self.plan else np.zeros(len(self.mass_n))
+        terms = self.evaluator.pair_terms(self.pair_input(pressure_n))
         if terms.virial_ncc is not None:
             fields["stress/atom"], self.virial_ncc = -terms.virial_ncc, terms.whole_ncc
         fields["drho"] = terms.drho_n
@@ -189,6 +180,21 @@ class Simulation:
         if "f" in self.plan:
             self.pressure_force_nc = terms.pressure_force_nc
             fields["f"] = self._external(terms.force_nc)
+
+    def force_pressure(self) -> Array:
+        """Return the pressure that forces take, of the state as it is."""
+        s, e = self.state, self.evaluator
+        return e.pressure(e.apparent_density(s.rho_n), s.energy_n)
+
+    def pair_input(self, pressure_n: Array) -> PairInput:
+        """Return what the terms of pairs take: the state as it is, and what the evaluation has of it so far."""
+        s, fields = self.state, self.fields
+        viscosity_n = fields.get("viscosity", np.zeros(len(self.mass_n)))
+        sound_n, T_n = self.evaluator.sound_speed(s.energy_n), fields.get("temperature")
+        return PairInput(
+            *(s.v_nc, s.rho_n, pressure_n, viscosity_n, sound_n, self.chi_n, self.gradient, T_n),
+            virial="stress/atom" in self.plan,
+        )
 
     def _external(self, force_nc: Array) -> Array:
         """Add the forces of other fixes, in their order."""
@@ -218,11 +224,11 @@ class Simulation:
         self.box = box
         self.evaluator.take(box)
 
-    def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
+    def begin_again(self, new_n: BoolArray, read_back: bool = False, minimized: bool = False) -> None:
         """Evaluate the state reached as one that is given: a run begins so, whatever came before it.
 
-        ``new_n``, particles that are new to whoever keeps a history of forces, and ``read_back``, whether the state
-        was read from a file, make no difference here.
+        ``new_n``, particles that are new to whoever keeps a history of forces, ``read_back``, whether the state
+        was read from a file, and ``minimized``, whether a minimisation has evaluated forces since, make no difference.
         """
         self.other_nc = self.kept_at_stop(new_n)
         self.fresh = True

@@ -47,6 +47,7 @@ class Stop:
     digits : significant digits that the state goes through a text file with; None: all
     new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined anew
     box : the box from here on, with which the positions change; None: as before
+    minimized : whether a minimisation moves nothing, but evaluates forces
     """
 
     step: int
@@ -56,6 +57,7 @@ class Stop:
     read_back: bool = False
     digits: int | None = None
     box: Box | None = None
+    minimized: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[Stop
                 sim.state.x_nc = sim.state.x_nc + stop.by_nc
             if isinstance(sim, Shaken):
                 sim.shake(0.5 * 10.0 ** (1 - stop.digits) if stop.digits else 0.0)
-            sim.begin_again(stop.new_n, stop.read_back)
+            sim.begin_again(stop.new_n, stop.read_back, stop.minimized)
             dt = stop.timestep or dt
         if step in steps:
             yield step

@@ -62,7 +62,23 @@ def sums_walls(problem: Problem) -> bool:
 
 
 class PressureForceKept(Simulation):
-    """A run that is not the first begins with the pressure forces of the evaluation before, taken for accelerations."""
+    """A run that is not the first begins with the pressure forces of the evaluation before, taken for accelerations.
+
+    A minimisation evaluates them with the densities that it finds, and the pressures of the evaluation before.
+    """
+
+    used_n: Array
+
+    def force_pressure(self) -> Array:
+        """Return the pressure that forces take, and keep it."""
+        self.used_n = super().force_pressure()
+        return self.used_n
+
+    def begin_again(self, new_n: BoolArray, read_back: bool = False, minimized: bool = False) -> None:
+        """Evaluate forces as a minimisation does, before the run begins."""
+        if minimized:
+            self.pressure_force_nc = self.evaluator.pair_terms(self.pair_input(self.used_n)).pressure_force_nc
+        super().begin_again(new_n, read_back, minimized)
 
     def kept_at_stop(self, new_n: BoolArray) -> Array:
         """Return the pressure force on every particle that is not new."""
@@ -346,8 +362,9 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     "the fix is written to restart files.",
     observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids takes for "
     "the accelerations without pressure of all particles, walls included, the pressure forces of the evaluation "
-    "before, neither taken out of the force nor divided by the mass. They are kept in restart files too, so that a "
-    "run after read_restart begins with them, and displace_atoms and change_box are refused there. Densities of "
+    "before, neither taken out of the force nor divided by the mass. After minimize they are those that it evaluates, "
+    "from the densities that it finds and pressures of the evaluation before. They are kept in restart files too, so "
+    "that a run after read_restart begins with them, and displace_atoms and change_box are refused there. Densities of "
     "solids are wrong until the first step recomputes them, and with them the forces that this step begins with.",
     argument="Between two runs of 0 steps nothing happens, and yet the forces differ. A fluid particle at distance 1 "
     "of a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "

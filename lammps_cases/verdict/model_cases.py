@@ -62,6 +62,7 @@ def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
             stop.by in FROM_FILE,
             TEXT_DIGITS if stop.by in AS_TEXT else None,
             atoms.stretched(corners[stop.at]).box(scene.dimension) if stop.stretch else None,
+            stop.by == "minimize",
         )
         for stop in (evolve.beginnings if evolve else ())
     )

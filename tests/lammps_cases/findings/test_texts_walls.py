@@ -274,6 +274,16 @@ def test_what_begins_right_after_a_stop_beside_a_wall(lammps: Engine) -> None:
     assert quoted(BEGIN, "workaround") == ["run N pre no", "nofix"]
 
 
+def test_walls_begin_with_what_a_minimisation_evaluates(lammps: Engine) -> None:
+    """Densities of the end of a step, pressures of its evaluation; a mere run begins with forces of both of these."""
+    found = {}
+    for by in ("minimize", "run"):
+        scene = replace(beside_a_wall({"at": 1, "by": by}), steps=(0, 1))
+        found[by] = lammps.fields(scene)[1]["rho"]
+        assert agree(found[by], scene.predicted(FORCES, BEGIN), "rho", 1)
+    assert not agree(found["minimize"], scene.predicted(FORCES, BEGIN), "rho", 1)
+
+
 def test_created_with_forces_of_others(lammps: Engine) -> None:
     """The slot of the last particle, the first one, is filled by the one before it, whose slot it gets."""
     right, created, kept, none = said(

@@ -311,8 +311,7 @@ def judge(
         faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
     compared = bool(arrays) and ready.case.scene.whole_model
     with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
-        asks = compared and (record.verdict == "differs" or _explained_blindly(record))
-        if asks and (looked := _with_lists(site, ready, outcomes)):
+        if compared and (looked := with_lists(site, ready, outcomes, record)):
             record, arrays = _evaluated(ready, looked, engine, predictor)
     with contextlib.suppress(Exception):
         searched = compared and record.verdict == "differs" and ready.twin is None
@@ -345,13 +344,15 @@ def _explained_blindly(record: CaseRecord) -> bool:
     return any(variant is not None and variant.lists for variant in variants)
 
 
-def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes) -> Outcomes:
-    """Run LAMMPS again for its neighbour lists, read at every step; nothing if no finding follows them."""
+def with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, record: CaseRecord) -> Outcomes:
+    """Run LAMMPS again for its neighbour lists, read at every step; nothing if they would not change the verdict."""
     from lammps_cases.verdict.model_cases import asks_for_lists
 
+    if record.verdict != "differs" and not _explained_blindly(record):
+        return []
     if not any(asks_for_lists(ready.case, scene, atoms) for scene, atoms in ready.sides):
         return []
-    with_lists: Outcomes = []
+    found: Outcomes = []
     for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
         if isinstance(outcome, Failure):
             return []
@@ -359,8 +360,8 @@ def _with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes) -> Ou
         compared = zip(scene.snapshots, outcome.snapshots, strict=True)
         if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
             return []  # another run than the one judged: its lists say nothing
-        with_lists.append(replace(outcome, lists=again.lists))
-    return with_lists
+        found.append(replace(outcome, lists=again.lists))
+    return found
 
 
 def _same(arrays: Arrays, others: Arrays) -> bool:

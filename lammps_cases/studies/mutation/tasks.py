@@ -14,7 +14,7 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
-from lammps_cases.run.campaign import PreparedCase, faulty
+from lammps_cases.run.campaign import PreparedCase, faulty, with_lists
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep, recall
 from lammps_cases.studies.mutation.fault import Detection, files
@@ -47,8 +47,11 @@ def answer_case(
     name = ready.case.name
     outcomes: list[Outcome] = [Failure("crashed", failure) if failure else outcome(site, job) for job in ready.jobs]
     case = AnsweredCase(ready, tuple(outcomes))
-    keep(folder / f"{name}.known", case)
     plain = _verdict(judge, case, outcomes)
+    if plain.fields and ready.case.scene.whole_model and (looked := with_lists(site, ready, outcomes, plain)):
+        case = AnsweredCase(ready, tuple(looked))
+        plain = _verdict(judge, case, looked)
+    keep(folder / f"{name}.known", case)
     red = [] if plain.as_expected else [f"{plain.verdict}: {plain.message}"]
     played: bool | None = None
     if all(isinstance(one, Answer) for one in outcomes) and ready.eos is not None:
@@ -76,7 +79,12 @@ def detect(
 
 
 def _of_input(site: str | None, fault: str, case: AnsweredCase) -> list[Outcome]:
-    """Return LAMMPS' answers to the faulty input; none if the fault does not apply."""
+    """Return LAMMPS' answers to the faulty input; none if the fault does not apply, or lists decide the verdict.
+
+    A run with a fault has no lists, and would be red for want of them.
+    """
+    if any(isinstance(one, Answer) and one.lists for one in case.outcomes):
+        return []
     jobs = input_faults.jobs(catalogue.input_faults()[fault], case.ready)
     return [outcome(site, job) for job in jobs or ()]
 

@@ -262,5 +262,5 @@ def test_finding_that_cannot_be_fitted_explains_nothing(
     scene = ready.case.scene.model_copy(update={"compare": fields})
     blind = replace(ready, case=replace(ready.case, scene=scene))
     assert campaign.judge(None, blind, [answer], ENGINE)[0].verdict == "explained"
-    monkeypatch.setattr(campaign, "_with_lists", lambda *arguments: [])
+    monkeypatch.setattr(campaign, "with_lists", lambda *arguments: [])
     assert campaign.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"

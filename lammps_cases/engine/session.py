@@ -402,7 +402,7 @@ def read_list(lmp: Any) -> dict[str, Array]:
     Returns
     -------
     dict
-        ``id_s``, the id of each local or ghost atom; ``x_sc``, its position;
+        ``id_s``, the id of each local or ghost atom; ``x_sc``, its position; ``own_s``, whether it is local;
         ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_p``, the process
         whose list has it; ``newton``, the flags of pairs and bonds.
     """
@@ -413,6 +413,7 @@ def read_list(lmp: Any) -> dict[str, Array]:
     pair_ps = np.concatenate([np.zeros((0, 2), int), *pairs])
     return {
         "id_s": id_s.copy(),
+        "own_s": np.arange(natoms) < lmp.extract_global("nlocal"),
         "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
         "pair_ps": pair_ps,
         "rank_p": np.zeros(len(pair_ps), int),

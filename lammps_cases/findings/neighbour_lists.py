@@ -31,6 +31,7 @@ class Listed:
     ----------
     row_s : the particle that each slot holds, by its row
     x_sc : where the slot has it
+    own_s : whether it is the particle itself, not an image or what another process has of it
     pair_ps : the two slots of every pair, that under which the pair is listed first
     rank_p : the process whose list has the pair
     newton : the flags of pairs and of bonds
@@ -38,6 +39,7 @@ class Listed:
 
     row_s: IntArray
     x_sc: FloatArray
+    own_s: BoolArray
     pair_ps: IntArray
     rank_p: IntArray
     newton: BoolArray
@@ -52,8 +54,9 @@ class Listed:
 
         Images are made axis after axis, one period further each time, of all slots that there are by then.
         """
-        d, first_n = len(box.edge_c), np.unique(self.row_s, return_index=True)[1]
-        image_sc = box.periods(self.x_sc[:, :d] - self.x_sc[first_n[self.row_s], :d]).astype(np.int64)
+        d, own = len(box.edge_c), np.flatnonzero(self.own_s)
+        own_n = own[np.argsort(self.row_s[own])]
+        image_sc = box.periods(self.x_sc[:, :d] - self.x_sc[own_n[self.row_s], :d]).astype(np.int64)
         nearer_sc = image_sc.copy()
         last_s = d - 1 - np.argmax(image_sc[:, ::-1] != 0, axis=1)
         slot_s = np.arange(len(last_s))

@@ -171,11 +171,11 @@ class BeginningWithParts(PressureForceKept, CountingSteps):
 
     def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
         """Return the pressure force on every particle, and in the slots of images what pairs have added there."""
-        here, old, new = len(self.state.x_nc), *self.evaluator.lists[self.at - 1 : self.at + 1]
+        old, new = self.evaluator.lists[self.at - 1 : self.at + 1]
         slots_sc = self.evaluator.parts()
         if read_back or new_n.all() or not old.newton[0]:
             slots_sc[:] = 0.0
-        slots_sc[:here] = np.asarray(value(self.kept_at_stop(new_n)), float)[new.row_s[:here]]
+        slots_sc[old.own_s] = np.asarray(value(self.kept_at_stop(new_n)), float)[new.row_s[new.own_s]]
         return slots_sc
 
 
@@ -187,7 +187,8 @@ class LeftInMemory(PressureForceKept, CountingSteps):
         kept_nc = super().kept_at_stop(new_n)
         if new_n.all() or not new_n.any() or not self.evaluator.lists:
             return kept_nc
-        old_s = self.evaluator.lists[self.at - 1].row_s[: len(new_n)]
+        old = self.evaluator.lists[self.at - 1]
+        old_s = old.row_s[old.own_s]
         left_nc = value(kept_nc).copy()
         left_nc[new_n] = value(self.pressure_force_nc)[after_deletion(old_s, new_n)[-new_n.sum() :]]
         return left_nc

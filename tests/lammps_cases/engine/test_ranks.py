@@ -119,6 +119,7 @@ def test_lists_of_all_ranks_are_joined(job: Job) -> None:
         one, two = (solve(None, replace(asked, ranks=count)) for count in (1, 2))
         for alone, both in zip(one.lists, two.lists, strict=True):
             assert len(both["x_sc"]) == len(both["id_s"]) > len(job.id_n)
+            assert [sorted(each["id_s"][each["own_s"]]) for each in (alone, both)] == [sorted(job.id_n)] * 2
             counts = [dict(zip(*_pairs(listed), strict=True)) for listed in (alone, both)]
             assert counts[0].keys() == counts[1].keys()
             assert set(counts[1].values()) <= {1, times}

@@ -395,7 +395,9 @@ def test_snapshots_are_those_of_the_steps_asked_for_and_the_first_has_the_lists(
     assert every[0]["f"].shape == (20, 2) and len(last) == 1
     np.testing.assert_array_equal(last[0]["f"], every[2]["f"])
     ids = answer.arrays | {"id": np.array([3, 5, 9])}
-    lists = [{"id_s": np.array([9, 3]), "x_sc": n, "pair_ps": [], "rank_p": [], "newton": []} for n in range(2)]
+    lists = [
+        {"id_s": np.array([9, 3]), "x_sc": n, "own_s": [], "pair_ps": [], "rank_p": [], "newton": []} for n in range(2)
+    ]
     first, *others = read_snapshots(scene, replace(answer, arrays=ids, lists=tuple(lists)))
     assert [(listed.row_s.tolist(), listed.x_sc) for listed in first["lists"]] == [([2, 0], 0), ([2, 0], 1)]
     assert not any("lists" in snapshot for snapshot in others)

@@ -6,6 +6,20 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 SIMILAR = 0.5  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
+LONGEST = {"what": 80, "rule": 300, "found": 120}  # characters of the parts of a complaint, which may quote anything
+MOST = 50  # complaints that are printed about one input
+
+
+def brief(text: str, most: int) -> str:
+    """Return a text, cut where it is too long."""
+    return text if len(text) <= most else f"{text[: most - 4]} ..."
+
+
+def _shown(found: object) -> str:
+    try:
+        return repr(found)
+    except ValueError:  # a whole number of thousands of digits
+        return "a number that is too long"
 
 
 class InputError(ValueError):
@@ -25,9 +39,9 @@ class InputError(ValueError):
 
     def __init__(self, what: str, rule: str, found: object = None, where: str = "") -> None:
         self.what, self.rule, self.found, self.where = what, rule, found, where
-        line = f"{what}: {rule}"
+        line = f"{brief(what, LONGEST['what'])}: {brief(rule, LONGEST['rule'])}"
         if found is not None:
-            line += f", found {found!r}"
+            line += f", found {brief(_shown(found), LONGEST['found'])}"
         if where:
             line += f" ({where})"
         super().__init__(" ".join(line.split()))
@@ -60,7 +74,8 @@ class InputErrors(InputError):
         return self._errors
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self._errors))
+        more = [f"... and {len(self._errors) - MOST} more"] if len(self._errors) > MOST else []
+        return "\n".join([*map(str, self._errors[:MOST]), *more])
 
     def at(self, where: str) -> InputError:
         """Return the same complaints with the place put in front of what was known of it."""
@@ -80,10 +95,10 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """Return the name that was probably meant, for the end of a rule; empty if none is similar."""
     import difflib
 
-    close = difflib.get_close_matches(name, list(names), 1, SIMILAR)
+    close = difflib.get_close_matches(name[:100], list(names), 1, SIMILAR)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def unknown(what: str, name: str, names: Iterable[str]) -> InputError:
     """Return the complaint that there is no such thing, with the name that was probably meant."""
-    return InputError(f"no such {what}", f"{name!r}{nearest(name, names)}")
+    return InputError(f"no such {what}", f"{brief(repr(name), LONGEST['found'])}{nearest(name, names)}")

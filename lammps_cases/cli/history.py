@@ -68,7 +68,9 @@ def history_command(
     from lammps_cases.history import page, views
     from lammps_cases.history.store import History
     from lammps_cases.history.versions import engines
-    from lammps_cases.records.run_record import read_run
+    from lammps_cases.records import untrusted
+    from lammps_cases.records.documents import LARGEST
+    from lammps_cases.records.run_record import parse_run
 
     with Bar(quiet=as_json) as bar, History(_file(db, bool(added))) as history:
         if forget:
@@ -80,8 +82,8 @@ def history_command(
         for k, path in enumerate(added):
             bar.advance(k, len(added), str(path))
             folder = path.parent if path.name == "run.json" else path
-            run = read_run(folder)
-            history.add(run, (folder / "run.json").read_bytes())
+            content = untrusted.read_bytes(folder / "run.json", "run", LARGEST)
+            history.add(parse_run(content, folder), content)
         bar.advance(0, None, "reading the history")
         every = history.runs()
         runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))

@@ -80,6 +80,8 @@ class History:
 
     def __enter__(self) -> Self:
         with self._one_line_errors():
+            if self.path.exists() and not self.path.is_file():
+                raise InputError("history", "must be a regular file", where=str(self.path))
             if self.path.exists():
                 connection = self._opened("rw")  # SQLite opens for reading what the system protects from writing
                 if _tables(connection):

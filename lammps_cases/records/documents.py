@@ -13,6 +13,7 @@ from typing import Any, Generic, Literal, TypeVar
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
+from lammps_cases.records import untrusted
 from lammps_cases.records.files import write_atomically
 
 Kind = Literal[
@@ -48,6 +49,8 @@ _VERSIONS: Mapping[Kind, int] = {
     "costs": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
+
+LARGEST = 512 * untrusted.MIB  # of a run of 1e5 cases
 
 T = TypeVar("T")
 
@@ -99,11 +102,7 @@ class Document(Generic[T]):
         InputError
             The file cannot be read, is of another schema, or breaks a rule of this one: key and rule.
         """
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise InputError(self.kind, f"cannot be read: {error.strerror}", where=str(path)) from None
-        return self.parsed(content, str(path))
+        return self.parsed(untrusted.read_bytes(path, self.kind, LARGEST), str(path))
 
     def parsed(self, content: bytes, where: str) -> T:
         """Parse the document of a file's bytes; raises as `read`."""

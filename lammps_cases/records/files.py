@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import lzma
 import os
+import struct
 import tempfile
 import zipfile
 import zlib
@@ -17,7 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eos_ref.errors import InputError
+from lammps_cases.records import untrusted
 
+LARGEST = 4096 * untrusted.MIB  # of a file of arrays, unpacked
+# What a damaged archive makes of zipfile and of numpy's reader of headers.
+DAMAGED: tuple[type[Exception], ...] = (
+    *(ValueError, EOFError, OSError, KeyError, IndexError, TypeError, NotImplementedError, RuntimeError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+)
 _PREFIX = 10  # bytes before the header of an .npy file of version 1: magic, version, length of the header
 
 
@@ -61,16 +70,20 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """
     arrays = {}
     try:
-        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+        with zipfile.ZipFile(io.BytesIO(untrusted.read_bytes(path, "per-atom arrays", LARGEST))) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+            if unpacked > LARGEST:  # a member never unpacks to more than it says
+                most = LARGEST / untrusted.MIB
+                raise ValueError(f"unpacked they have {unpacked / untrusted.MIB:.0f} MiB, more than {most:g}")
             for name in archive.namelist():
                 raw = archive.read(name)
                 start = _PREFIX + int.from_bytes(raw[8:_PREFIX], "little")
                 shape, fortran, dtype = _header(raw[:start])
                 values = np.frombuffer(raw, dtype, offset=start)
                 arrays[name.removesuffix(".npy")] = values.reshape(shape, order="F" if fortran else "C")
-    except OSError as error:
-        raise InputError("per-atom arrays", f"cannot be read: {error.strerror}", where=str(path)) from None
-    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except InputError:
+        raise
+    except DAMAGED as error:
         raise InputError("per-atom arrays", f"are damaged: {error}", where=str(path)) from None
     return arrays
 

@@ -220,7 +220,7 @@ class OutlookRecord(_Record):
 class CaseRecord(_Record):
     """One case: what was compared and how it ended."""
 
-    case: str
+    case: str = Field(pattern=r"^[A-Za-z0-9_][^/\\\x00-\x1f]{0,250}$", description="its name, also of its files")
     tags: list[str] = []
     about: str = ""
     verdict: Verdict
@@ -481,3 +481,8 @@ def read_run(directory: Path) -> RunRecord:
         No run.json there, or one of another schema.
     """
     return _DOCUMENT.read(directory / "run.json")
+
+
+def parse_run(content: bytes, directory: Path) -> RunRecord:
+    """Parse the content of the run.json of a report folder; raises as `read_run`."""
+    return _DOCUMENT.parsed(content, str(directory / "run.json"))

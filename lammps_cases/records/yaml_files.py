@@ -14,8 +14,13 @@ from typing import Any
 import yaml
 
 from eos_ref.errors import InputError
+from lammps_cases.records import untrusted
 
 MOST_SHOWN = 80  # characters of a value in a complaint
+LARGEST = 32 * untrusted.MIB
+DEEPEST = 40  # levels of a document
+MOST_ALIASED = 100_000  # parts that aliases stand for, each counted whenever it is named
+LONGEST_NUMBER = 400  # characters
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -78,9 +83,46 @@ def position(line: int, column: int) -> str:
     return f"line {line + 1}, column {column + 1}"
 
 
+def _refused(rule: str, event: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=rule, problem_mark=event.start_mark)
+
+
+def _check_size(text: str) -> None:
+    """Check that a document is no deeper and, with its aliases written out, no larger than one that a person writes.
+
+    Raises
+    ------
+    yaml.MarkedYAMLError
+    """
+    open_parts: list[tuple[str | None, int]] = []  # anchor, and parts before
+    size_of: dict[str, int] = {}
+    parts = aliased = 0
+    for event in yaml.parse(text, _Loader):
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in size_of:
+                raise _refused("an alias must come after what it stands for", event)
+            aliased += size_of[event.anchor]
+            parts += size_of[event.anchor]
+            if aliased > MOST_ALIASED:
+                raise _refused(f"aliases must stand for at most {MOST_ALIASED} parts", event)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_parts.append((event.anchor, parts))
+            parts += 1
+            if len(open_parts) > DEEPEST:
+                raise _refused(f"must be at most {DEEPEST} levels deep", event)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = open_parts.pop()
+            size_of |= {anchor: parts - before} if anchor else {}
+        elif isinstance(event, yaml.ScalarEvent):
+            parts += 1
+            size_of |= {event.anchor: 1} if event.anchor else {}
+            if len(event.value) > LONGEST_NUMBER and event.implicit[0] and event.value[0] in "+-.0123456789":
+                raise _refused(f"a number must have at most {LONGEST_NUMBER} digits", event)
+
+
 def compose(path: Path) -> yaml.Node:
     """Return a file that `read_yaml` takes, and that is not empty, as nodes, each with line and column."""
-    node = yaml.compose(path.read_text(encoding="utf-8"), _Loader)
+    node = yaml.compose(untrusted.read_text(path, "case file", LARGEST), _Loader)
     assert node is not None
     return node
 
@@ -93,15 +135,13 @@ def read_yaml(path: Path, what: str = "case file") -> Any:
     InputError
         Unreadable, not UTF-8, not YAML, or a repeated key.
     """
+    text = untrusted.read_text(path, what, LARGEST)
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), _UniqueKeys)
-    except OSError as error:
-        raise InputError(what, f"cannot be read: {error.strerror}", where=str(path)) from None
-    except UnicodeDecodeError:
-        raise InputError(what, "must be UTF-8 text", where=str(path)) from None
+        _check_size(text)
+        return yaml.load(text, _UniqueKeys)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f"{path}, {position(mark.line, mark.column)}" if mark else str(path)
         raise InputError(what, f"is not valid YAML: {error.problem}", where=line) from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:  # a tag that its text does not fit
         raise InputError(what, f"is not valid YAML: {error}", where=str(path)) from None

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from eos_ref import InputError
 from lammps_cases.comparison import prediction_keys
-from lammps_cases.records import folders
+from lammps_cases.records import folders, untrusted
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text
 from lammps_cases.records.outcome import CaseOutcome, FieldOutcome, StepOutcome
@@ -31,6 +31,7 @@ from lammps_cases.regression.outcomes import Samples, Side
 from lammps_cases.scene import casefile
 
 IDENTITY, VERDICT_LINES, ARRAYS, REASONS = "baseline.json", "verdicts.tsv", "arrays", "reasons.jsonl"
+LARGEST = 256 * untrusted.MIB  # of the lines
 NOTHING = "-"
 CASE = "(case)"  # in the column of fields: the line of the case itself
 COLUMNS = ("case", "field", "stage", "verdict", "explained_by", "over_bound", "digest", "detail")
@@ -150,10 +151,7 @@ def _filled(*cells: str) -> Iterator[str]:
 
 
 def _cases(path: Path) -> dict[str, CaseOutcome]:
-    try:
-        rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError("baseline", f"cannot be read: {error}", where=str(path)) from None
+    rows = untrusted.read_text(path, "baseline", LARGEST).splitlines(keepends=True)
     head = sum(1 for _ in itertools.takewhile(lambda row: row.startswith("#"), rows)) + 1
     try:
         columns, *table = list(csv.reader(rows[head - 1 :], delimiter="\t")) or [[]]

@@ -15,10 +15,11 @@ from typing import Literal
 
 import yaml
 
-from lammps_cases.records import wording
+from lammps_cases.records import untrusted, wording
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import LOOKS
 from lammps_cases.records.run_record import CaseRecord
+from lammps_cases.records.yaml_files import LARGEST
 from lammps_cases.report.findings import Outcome
 from lammps_cases.scene.casefile import SHIPPED
 
@@ -40,8 +41,8 @@ def case_lines(path: Path) -> dict[str, int]:
     A case of a matrix stands at its label, in the axis that has most labels: the others tell less.
     """
     try:
-        root = yaml.compose(path.read_text(encoding="utf-8"), yaml.SafeLoader)
-    except (OSError, ValueError, yaml.YAMLError):
+        root = yaml.compose(untrusted.read_text(path, "case file", LARGEST), yaml.SafeLoader)
+    except (ValueError, RecursionError, yaml.YAMLError):
         return {}
     keys = _children(root)
     if "name" not in keys:
@@ -65,7 +66,10 @@ def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
 
 def source_of(case: CaseRecord) -> Path | None:
     """Return the case file, or the audited deck, that a record is of; None if it does not say."""
-    words = shlex.split(case.reproduce)
+    try:
+        words = shlex.split(case.reproduce)
+    except ValueError:  # a quote without end, in a record that was not made here
+        return None
     if words[1:2] == ["audit"] and len(words) > 2:
         return Path(words[2])
     if not case.source:

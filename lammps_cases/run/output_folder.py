@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eos_ref import InputError
-from lammps_cases.records import folders, kept
+from lammps_cases.records import folders, kept, untrusted
+from lammps_cases.records.documents import LARGEST
 
 WHAT = "output folder"
 REPORT = {"run.json", "fields", "report.html", "summary.md", "junit.xml", folders.JOURNAL}
@@ -45,8 +46,8 @@ def _foreign(directory: Path) -> bool:
     if not names:
         return False
     try:
-        ours = '"schema": "eos-ref/run/' in (directory / "run.json").read_text(errors="replace")[:200]
-    except OSError:
+        ours = b'"schema": "eos-ref/run/' in untrusted.read_bytes(directory / "run.json", "run", LARGEST)[:200]
+    except InputError:
         return True
     fields = directory / "fields"
     return not ours or bool(names - REPORT) or (fields.exists() and any(p.suffix != ".npz" for p in fields.iterdir()))

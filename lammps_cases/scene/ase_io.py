@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 import zipfile
 from importlib.metadata import version
@@ -14,11 +15,14 @@ import numpy as np
 from eos_ref import EOSTable, InputError
 from eos_ref.cache import cache_folder
 from eos_ref.eos.table import FloatArray
+from lammps_cases.records import untrusted
 from lammps_cases.records.files import write_arrays
 from lammps_cases.scene import Scene
 
 if TYPE_CHECKING:
     import ase
+
+LARGEST = 512 * untrusted.MIB
 
 
 def pressures(atoms: ase.Atoms, eos: EOSTable) -> FloatArray:
@@ -108,25 +112,25 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
 def _arrays(path: Path, where: str) -> dict[str, Any]:
     """Return a file's arrays as ASE reads them, cached by content: importing ASE takes longer than most scenes."""
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError("extxyz", f"no such file or not readable ({error.strerror})", path.name, where) from None
+        content = untrusted.read_bytes(path, "extxyz", LARGEST)
+    except InputError as error:
+        raise InputError("extxyz", f"no such file or not readable ({error.rule})", path.name, where) from None
     digest = hashlib.sha256(content + Path(__file__).read_bytes() + version("ase").encode()).hexdigest()
     cached = cache_folder("extxyz") / f"{digest}.npz"
     if not cached.exists():
-        write_arrays(cached, _read_with_ase(path, where))
+        write_arrays(cached, _read_with_ase(content, path, where))
     try:
         with np.load(cached) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile):  # a damaged cache: make it again
-        return _read_with_ase(path, where)
+        return _read_with_ase(content, path, where)
 
 
-def _read_with_ase(path: Path, where: str) -> dict[str, Any]:
+def _read_with_ase(content: bytes, path: Path, where: str) -> dict[str, Any]:
     import ase.io
 
     try:
-        atoms: Any = ase.io.read(path, index=0, format="extxyz")
+        atoms: Any = ase.io.read(io.StringIO(content.decode("utf-8")), index=0, format="extxyz")
         found = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,9 +15,11 @@ import numpy.typing as npt
 
 from eos_ref import Box, EOSTable, InputError
 from eos_ref.eos.table import FloatArray
+from lammps_cases.records import untrusted
 from lammps_cases.scene import FromData, FromDump, FromFile, FromXYZ, Lattice, Listed, Scene, Values
 from lammps_cases.scene.casefile import Case
 
+LARGEST_TABLE = 512 * untrusted.MIB
 IntArray = npt.NDArray[np.integer]
 # Basis of each lattice in units of its cell; the cell of hex is 1 x sqrt(3).
 _BASIS: dict[str, tuple[tuple[float, ...], ...]] = {
@@ -267,12 +270,14 @@ def _one_per_particle(values_n: FloatArray, n: int, where: str) -> FloatArray:
 
 def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
     try:
-        with (folder / name).open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError("table", f"cannot be read: {error}", name, where) from None
-    if not rows or column not in rows[0]:
-        raise InputError("column", f"must be one of {', '.join(rows[0]) if rows else 'none (no rows)'}", column, where)
+        text = untrusted.read_text(folder / name, "table", LARGEST_TABLE)
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    except (InputError, csv.Error) as error:
+        rule = error.rule if isinstance(error, InputError) else f"cannot be read: {error}"
+        raise InputError("table", rule, name, where) from None
+    names = [name for name in rows[0] if name] if rows else []  # None: of what stands beyond the last column
+    if column not in names:
+        raise InputError("column", f"must be one of {', '.join(names) or 'none (no rows)'}", column, where)
     values_n = np.empty(len(rows))
     for k, row in enumerate(rows):
         try:

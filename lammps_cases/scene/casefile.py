@@ -8,6 +8,7 @@ merged into the scene (``key+`` appends to a list, null removes), every combinat
 from __future__ import annotations
 
 import fnmatch
+import functools
 import itertools
 import math
 import shlex
@@ -98,6 +99,7 @@ def merge(base: Any, patch: Any) -> Any:
     return merged
 
 
+@functools.cache
 def _format() -> Format:
     """Return the keys of a case file and its scene."""
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()

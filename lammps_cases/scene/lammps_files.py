@@ -13,9 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.errors import InputError, nearest
+from lammps_cases.records import untrusted
 from lammps_cases.scene import Scene
 
 Array = npt.NDArray[Any]
+LARGEST = 2048 * untrusted.MIB
 SOLID = 1  # bit of the status of a particle
 STYLES = {
     "rheo": ("id", "type", "status", "rho", "x", "y", "z"),
@@ -142,7 +144,7 @@ def data_file(path: Path) -> Snapshot:
         Not readable, or not such a file.
     """
     first, *lines = _text(path).splitlines() or [""]
-    step = re.search(r"timestep = (\d+)", first)
+    step = re.search(r"timestep = ([0-9]{1,18})\b", first)
     header, sections = _sections(lines)
     low_c, high_c, count = np.zeros(3), np.zeros(3), -1
     tilt: tuple[float, ...] = ()
@@ -154,7 +156,7 @@ def data_file(path: Path) -> Snapshot:
         elif name == _TILT:
             tilt = tuple(_floats(words, 3, name))
         elif name == _COUNT:
-            count = int(_floats(words, 1, name)[0])
+            count = int(words[0]) if len(words) == 1 and re.fullmatch("[0-9]{1,12}", words[0]) else -1
     style, rows = sections.get("Atoms", ("", []))
     if style not in STYLES:
         raise InputError("Atoms", f"must be of one of the styles {', '.join(STYLES)} (Atoms # STYLE)", style or "none")
@@ -192,7 +194,9 @@ def snapshots(path: Path) -> Iterator[Snapshot]:
             yield _snapshot(lines)
         except StopIteration:
             raise InputError("dump", "must end with a whole snapshot") from None
-        except ValueError as error:
+        except InputError:
+            raise
+        except (ValueError, IndexError, OverflowError) as error:
             raise InputError("dump", f"cannot be read ({error})") from None
 
 
@@ -250,10 +254,9 @@ def arrays(snapshot: Snapshot, named: Mapping[str, str]) -> dict[str, Array]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise InputError("file", f"no such file or not readable ({why})", path.name) from None
+        return untrusted.read_text(path, "file", LARGEST)
+    except InputError as error:
+        raise InputError("file", f"no such file or not readable ({error.rule})", path.name) from None
 
 
 def _sections(lines: Sequence[str]) -> tuple[list[str], dict[str, tuple[str, list[str]]]]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from lammps_cases.comparison.store import VARIABLE
 from lammps_cases.engine.installations import Engine
+from lammps_cases.records.files import read_arrays
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, digest, read_run
 from lammps_cases.scene.casefile import Case
@@ -92,5 +93,5 @@ def run(
 def _reference(file: Path) -> str:
     if not file.exists():
         return ""
-    with np.load(file) as arrays:
-        return digest(*(arrays[name] for name in sorted(arrays.files) if name.endswith(".reference")))
+    arrays = read_arrays(file)
+    return digest(*(arrays[name] for name in sorted(arrays) if name.endswith(".reference")))

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ConfigDict
 
 from lammps_cases.records.documents import SCHEMAS, Document
-from lammps_cases.records.files import csv_text, write_arrays, write_atomically
+from lammps_cases.records.files import csv_text, read_arrays, write_arrays, write_atomically
 from lammps_cases.records.journal import Journal
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.model import Axis, Boundary, CellRun, Engine, MapCell
@@ -113,8 +112,7 @@ def read_state(folder: Path, cell: MapCell, engine: Engine) -> dict[str, Any] | 
     file = state_file(folder, cell, engine)
     if not file.exists():
         return None
-    with np.load(file) as arrays:
-        return dict(arrays)
+    return dict(read_arrays(file))
 
 
 # --- tables

@@ -84,7 +84,7 @@ def test_what_is_no_range_of_two_types(text: str, rule: str) -> None:
     assert message.startswith("type range: ")
     assert message.endswith("(in.deck)")
     assert "found" in message
-    assert repr(text) in message or " " in text  # spaces are closed up
+    assert repr(text)[:100] in message or " " in text  # spaces are closed up
     assert "\n" not in message
 
 

@@ -1,0 +1,251 @@
+"""Files that others made: never a traceback, a hang, or more memory than stated; a line says what is wrong."""
+
+from __future__ import annotations
+
+import copy
+import io
+import os
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from eos_ref import InputError
+from lammps_cases.records import files, untrusted
+from lammps_cases.records.documents import Document
+from lammps_cases.records.run_record import CaseRecord, RunRecord, read_run
+from lammps_cases.report.annotations import source_of
+from lammps_cases.run import merge
+from lammps_cases.scene.casefile import load_file
+from tests.support import made_runs
+from tests.support.hostile import SCENE, Reader, leaves, made, outcome, readers
+
+READERS = readers()
+QUICK = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+
+
+@st.composite
+def damaged(draw: st.DrawFn, seeds: tuple[bytes, ...]) -> bytes:
+    """Content that is read, with parts removed, doubled or replaced."""
+    content = draw(st.sampled_from(seeds))
+    for _ in range(draw(st.integers(1, 4))):
+        first = draw(st.integers(0, len(content)))
+        last = min(len(content), first + draw(st.integers(0, 12)))
+        new = draw(st.one_of(st.binary(max_size=6), st.sampled_from(PIECES), st.just(content[first:last] * 2)))
+        content = content[:first] + new + content[last:]
+    return content
+
+
+PIECES = tuple(
+    piece.encode()
+    for piece in (
+        *("1e400", "-1", "9" * 30, "nan", "null", "'", '"', "&a ", "*a", "{", "[", "]", "- ", "? ", ": ", "\n", "\x00"),
+        *("\u200b", "$", "${x}", "!!int ", "<<: ", "a b: 1\n", "&", ",", "0x", "*", "1*", "true", ";"),
+    )
+)
+
+
+@pytest.mark.parametrize("name", READERS)
+@QUICK
+@given(data=st.data())
+def test_damaged_files_are_refused_in_a_line(name: str, tmp_path_factory: pytest.TempPathFactory, data: Any) -> None:
+    reader = READERS[name]
+    outcome(reader, data.draw(damaged(reader.seeds)), tmp_path_factory.getbasetemp())
+
+
+@pytest.mark.parametrize("name", sorted(READERS.keys() - {"shard", "message"}))
+def test_what_is_undamaged_is_read(name: str, tmp_path: Path) -> None:
+    """So that the test above damages something that is read to its end."""
+    assert {outcome(READERS[name], seed, tmp_path) for seed in READERS[name].seeds} == {""}
+
+
+# --- scenes
+
+VALUES = [
+    *(None, True, 0, -1, 1.0e308, 1e-320, float("nan"), float("inf"), 10**30, 2**63, "", "a b", "1-2", [], {}, [[]]),
+    *({"a b": 1}, {"a-b": 1}, {1: 2}, {None: 1}, {True: 1}, [1e9, 1e9], [10**9] * 2, "x" * 500, -5, 1e-300, 1e300),
+]
+
+
+@settings(QUICK, max_examples=150)
+@given(data=st.data())
+def test_changed_scenes_are_refused_in_a_line(data: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+    content = yaml.safe_load(SCENE)
+    for _ in range(data.draw(st.integers(1, 2))):
+        *above, last = data.draw(st.sampled_from([place for place in leaves(content) if place]))
+        part = content
+        for key in above:
+            part = part[key]
+        if data.draw(st.booleans()) or not isinstance(part, dict):
+            part[last] = copy.deepcopy(data.draw(st.sampled_from(VALUES)))
+        else:
+            part[data.draw(st.sampled_from(["a b", "a-b", "", 1, None, True, 1.5, "x" * 400, "rho+"]))] = part.pop(last)
+    outcome(READERS["case file"], yaml.safe_dump(content).encode(), tmp_path_factory.getbasetemp())
+
+
+NOT_YAML = {
+    "bomb": "a: &a [x,x,x,x,x,x,x,x,x]\n"
+    + "".join(f"{b}: &{b} [{', '.join(9 * [f'*{a}'])}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)),
+    "deep": "[" * 100_000,
+    "endless": "a: &a [*a]",
+    "digits": "a: " + "9" * 5000,
+    "hexadecimal": "a: 0x" + "f" * 5000,
+    "key is a list": "? [a]\n: b",
+    "key is a mapping": "? {a: b}\n: c",
+    "timestamp": "a: !!timestamp b",
+    "object": "a: !!python/object/apply:os.system [touch made]",
+    "not UTF-8": "\udcff",
+    "null": "\x00",
+}
+
+
+@pytest.mark.parametrize("name", NOT_YAML)
+def test_yaml_is_limited(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    begin = time.monotonic()
+    content = NOT_YAML[name].encode("utf-8", "surrogateescape")
+    assert outcome(READERS["case file"], content, tmp_path) and time.monotonic() - begin < 5.0
+    assert not (tmp_path / "made").exists()
+
+
+SMUGGLED = ["shell smuggled", "1\nshell smuggled", "1; shell smuggled", "1 &\nsmuggled", "${smuggled}"]
+SMUGGLED += [
+    "' smuggled '",
+    "$(smuggled)",
+    "1 # smuggled",
+    "\u200bsmuggled",
+    "1\rsmuggled",
+    "1 smuggled",
+    "*\tsmuggled",
+]
+
+
+def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
+    """Every value and every key of a scene replaced by text that would be one."""
+    content, path, taken = yaml.safe_load(SCENE), tmp_path / "case.yaml", 0
+    del content["matrix"]
+    for place in [place for place in leaves(content) if place]:
+        for text in SMUGGLED:
+            for as_key in (False, True):
+                changed = copy.deepcopy(content)
+                part = changed
+                for key in place[:-1]:
+                    part = part[key]
+                if as_key and not isinstance(part, dict):
+                    continue
+                if as_key:
+                    part[text] = part.pop(place[-1])
+                else:
+                    part[place[-1]] = text
+                path.write_text(yaml.safe_dump(changed), encoding="utf-8")
+                try:
+                    jobs = [made(case) for case in load_file(path)]
+                except InputError:
+                    continue
+                taken += 1
+                told = [line for job in jobs for line in (*job.setup, *job.commands, *map(str, job.runs))]
+                assert told and not any("smuggled" in line for line in told), (place, text)
+    assert taken  # the texts that are for people are taken as they are
+
+
+# --- files that are none, or too large
+
+
+@pytest.fixture(params=["fifo", "zero", "folder", "absent"])
+def no_file(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    path = tmp_path / "none"
+    if request.param == "fifo":
+        os.mkfifo(path)
+    elif request.param == "zero":
+        path.symlink_to("/dev/zero")
+    elif request.param == "folder":
+        path.mkdir()
+    return path
+
+
+BY_PATH = {name: reader for name, reader in READERS.items() if name not in ("fix rheo", "fix rheo/pressure", "shard")}
+
+
+@pytest.mark.parametrize("name", sorted(BY_PATH.keys() - {"message", "extxyz"}))
+def test_no_reader_waits_for_a_fifo_or_reads_a_device(name: str, no_file: Path) -> None:
+    reader: Reader = BY_PATH[name]
+    path = no_file.with_name(reader.name)
+    if no_file.is_symlink() or no_file.exists():
+        no_file.rename(path)
+    begin = time.monotonic()
+    if name == "history" and not path.exists():
+        return  # which is empty
+    with pytest.raises(InputError):
+        reader.read(path)
+    assert time.monotonic() - begin < 2.0
+
+
+def test_sizes_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.npy", bytes(2**24))
+    monkeypatch.setattr(files, "LARGEST", 2**20)
+    with pytest.raises(InputError, match="are damaged: unpacked they have 16 MiB"):
+        files.read_arrays(path)
+    monkeypatch.undo()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.npy", b"\x93NUMPY\x01\x00" + bytes([200, 0]) + b"{'descr': '<f8', 'shape': (2**40,)}")
+    with pytest.raises(InputError, match="are damaged"):
+        files.read_arrays(path)
+    path.write_bytes(bytes(2**21))
+    with pytest.raises(InputError, match="must be at most 1 MiB"):
+        untrusted.read_bytes(path, "file", 2**20)
+
+
+def test_arrays_of_objects_are_refused(tmp_path: Path) -> None:
+    import numpy as np
+
+    content = io.BytesIO()
+    np.savez(content, a=np.array([{}], object))
+    (tmp_path / "a.npz").write_bytes(content.getvalue())
+    with pytest.raises(InputError, match="are damaged"):
+        files.read_arrays(tmp_path / "a.npz")
+
+
+# --- values of a run.json
+
+
+@pytest.mark.parametrize(
+    "shard", ["1/1000000000", "1/x", "1/1e400", "x", "1/0", "-1/2", "1/" + "9" * 400, "\u0661/\u0662"]
+)
+def test_shards_of_any_kind_end_in_a_line(shard: str, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        run = made_runs.run(cases=[made_runs.case(name)])
+        run.shard = shard
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.json").write_text(run.to_json())
+    begin = time.monotonic()
+    with pytest.raises(InputError, match="shard") as told:
+        merge.merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+    assert time.monotonic() - begin < 2.0 and len(str(told.value)) < 400
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["../a", "a/b", ".a", "", "a\nb", "a\x00b", "x" * 300, "-rf"])
+def test_names_that_become_files_are_checked(name: str, tmp_path: Path) -> None:
+    text = made_runs.run(cases=[made_runs.case("one")]).to_json()
+    (tmp_path / "run.json").write_text(text.replace('"case": "one"', f'"case": {name!r}'.replace("'", '"')))
+    with pytest.raises(InputError):
+        read_run(tmp_path)
+
+
+def test_unclosed_quotes_are_no_command() -> None:
+    case = CaseRecord(case="a", verdict="pass", reproduce="eos-ref audit 'in.deck")
+    assert source_of(case) is None
+
+
+def test_many_cases_are_read(tmp_path: Path) -> None:
+    run = made_runs.run(cases=[made_runs.case(f"case-{k}") for k in range(5_000)])
+    Document("run", RunRecord).write(tmp_path / "run.json", run)
+    begin = time.process_time()
+    assert len(read_run(tmp_path).cases) == 5_000 and time.process_time() - begin < 5.0

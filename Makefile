@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
@@ -10,10 +11,10 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser slurm check bench claims docs versions engines power judge fuzz pictures clean
+.PHONY: help setup validate quick fast test browser slurm check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1\t/' | expand -t 14
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 14
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version.split()[0]; sys.exit(sys.version_info < (3, 11) and f"eos-ref needs Python 3.11 or later, {sys.executable} is {v}: make PYTHON=...")'
@@ -78,6 +79,10 @@ judge: $(READY) ## mutate the code that judges; its tests have to notice (long)
 
 fuzz: $(READY) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others
 	$(BIN)/eos-ref fuzz $(FUZZ)
+
+fuzz-nightly: $(READY) ## every reader of files under atheris, 1.4 million inputs (long; needs a Python that atheris has wheels for)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[fuzz]'
+	$(BIN)/python -m tests.support.fuzz_nightly $(FUZZED) 3e5
 
 pictures: $(READY) ## the pictures of a report, a case and a comparison in the documents (needs chromium)
 	$(BIN)/eos-ref run walls-moving thermal forces.all cross-type surfaces refused near-rho0 runs --out reports/pictures

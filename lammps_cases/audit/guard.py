@@ -119,8 +119,16 @@ def check_script(path: Path) -> None:
         done.add(script)
         for number, line in text.read_lines(script):
             check(text.words(text.without_comment(line)), f"{script.name}:{number}")
-            files = [file.resolve() for file in _files(line, folder)]
-            waiting += [file for file in files if file.is_file() and file.is_relative_to(folder)]
+            waiting += [file for name in _files(line, folder) if (file := _within(name, folder)) is not None]
+
+
+def _within(path: Path, folder: Path) -> Path | None:
+    """Return the file that a path of a deck is, unless it is none or lies outside the folder."""
+    try:
+        file = path.resolve()
+        return file if file.is_file() and file.is_relative_to(folder) else None
+    except (OSError, ValueError):  # no name of a file
+        return None
 
 
 def _files(command: str, folder: Path) -> Iterator[Path]:

@@ -316,9 +316,10 @@ def test_decks_without_end_are_stopped(commands: str, place: str, deck: Path) ->
         (b"if '1 > 0' then 'include in.deck'\n", "may not hold commands within commands without end"),
         (b"\x00\xff\xfe" * 1000, ""),
         (b"'" * 30_000, ""),
+        (b"include a\x00b\njump " + b"x" * 300 + b"\n", ""),
         (b'"""' * 10_000, ""),
     ],
-    ids=range(10),
+    ids=range(11),
 )
 def test_texts_of_any_kind_end_in_a_line(content: bytes, rule: str, deck: Path) -> None:
     deck.write_bytes(content)

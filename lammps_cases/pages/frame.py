@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import base64
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -48,6 +50,7 @@ def page(
     date: str = "",
     styles: Sequence[Path] = (),
     scripts: Sequence[Path] = (),
+    unpacked: Sequence[str] = (),
     filters: Mapping[str, Callable[..., object]] | None = None,
     **content: object,
 ) -> str:
@@ -66,12 +69,31 @@ def page(
         What the page is about and when that was measured, for the index of the reports.
     styles, scripts : sequence of Path
         Further ones, embedded before those of the page.
+    unpacked : sequence of str
+        Scripts that the page holds packed.
     filters : mapping
         Of the page, besides ``packed`` and ``number``, ``brief`` and ``counted`` of `lammps_cases.records.wording`.
     content
         What the template shows.
     """
     css = [SHARED / "page.css", *styles, assets / f"{name}.css"]
+    embedded = [_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()]
+    environment = environment_of(assets)
+    environment.filters |= filters or {}
+    return environment.get_template(f"{name}.html.j2").render(
+        command=name,
+        status=status,
+        about_engine=engine,
+        about_date=date,
+        css=Markup("\n".join(path.read_text(encoding="utf-8") for path in css if path.is_file())),
+        policy=policy((*embedded, *unpacked)),
+        scripts=embedded,
+        **content,
+    )
+
+
+def environment_of(assets: Path) -> jinja2.Environment:
+    """Return what renders the templates of a folder: all that they show is text, none of it markup."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([assets, SHARED]),
         # Compiling the templates takes a fifth of the time of a report.
@@ -86,15 +108,16 @@ def page(
         "counted": wording.counted,
         "packed": packed,
     }
-    environment.filters |= filters or {}
-    return environment.get_template(f"{name}.html.j2").render(
-        command=name,
-        status=status,
-        about_engine=engine,
-        about_date=date,
-        css=Markup("\n".join(path.read_text(encoding="utf-8") for path in css if path.is_file())),
-        scripts=[_script(path) for path in (*scripts, assets / f"{name}.js") if path.is_file()],
-        **content,
+    return environment
+
+
+def policy(scripts: Iterable[str]) -> str:
+    """Return a page's content-security policy: it loads nothing, and runs these scripts and no other."""
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    allowed = " ".join(f"'sha256-{each}'" for each in hashes) or "'none'"
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
     )
 
 

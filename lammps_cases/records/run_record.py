@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Collection
 from pathlib import Path
@@ -220,7 +221,7 @@ class OutlookRecord(_Record):
 class CaseRecord(_Record):
     """One case: what was compared and how it ended."""
 
-    case: str = Field(pattern=r"^[A-Za-z0-9_][^/\\\x00-\x1f]{0,250}$", description="its name, also of its files")
+    case: str
     tags: list[str] = []
     about: str = ""
     verdict: Verdict
@@ -478,11 +479,21 @@ def read_run(directory: Path) -> RunRecord:
     Raises
     ------
     InputError
-        No run.json there, or one of another schema.
+        No run.json there, one of another schema, or a case whose name is none of a file.
     """
-    return _DOCUMENT.read(directory / "run.json")
+    return _named(_DOCUMENT.read(directory / "run.json"), directory)
 
 
 def parse_run(content: bytes, directory: Path) -> RunRecord:
     """Parse the content of the run.json of a report folder; raises as `read_run`."""
-    return _DOCUMENT.parsed(content, str(directory / "run.json"))
+    return _named(_DOCUMENT.parsed(content, str(directory / "run.json")), directory)
+
+
+_NAME = re.compile(r"[A-Za-z0-9_][^/\\\x00-\x1f]{0,250}")  # arrays and journals are named by their case
+
+
+def _named(run: RunRecord, directory: Path) -> RunRecord:
+    for case in run.cases:
+        if not _NAME.fullmatch(case.case):
+            raise InputError("case", "must be the name of a file", case.case, str(directory / "run.json"))
+    return run

@@ -56,6 +56,7 @@ def render(
 ) -> str:
     """Return the page of a run; arrays of cases that are not in ``drawn`` are read from the folder ``fields``."""
     at_hand, run = drawn or {}, of_run.run
+    plotly = _plotly().read_text(encoding="utf-8")
     tags = Counter(tag for case in run.cases for tag in set(case.tags))
     entries = [_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases]
     return frame.page(
@@ -67,7 +68,8 @@ def render(
         filters={"shade": shade, "sortable": _sortable},
         styles=[HISTORY_CSS] if history else [],
         scripts=[frame.PACKED, ASSETS / "plots.js"],
-        plotly=_plotly().read_text(encoding="utf-8"),
+        unpacked=[plotly],
+        plotly=plotly,
         run=run,
         of_run=of_run,
         wording=wording,

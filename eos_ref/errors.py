@@ -6,7 +6,12 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 SIMILAR = 0.5  # least ratio of `difflib.SequenceMatcher` at which a name is suggested
-LONGEST = {"what": 80, "rule": 300, "found": 120}  # characters of the parts of a complaint, which may quote anything
+LONGEST = {
+    "what": 80,
+    "rule": 300,
+    "found": 120,
+    "where": 300,
+}  # characters of the parts of a complaint, which may quote anything
 MOST = 50  # complaints that are printed about one input
 
 
@@ -43,7 +48,7 @@ class InputError(ValueError):
         if found is not None:
             line += f", found {brief(_shown(found), LONGEST['found'])}"
         if where:
-            line += f" ({where})"
+            line += f" ({brief(where, LONGEST['where'])})"
         super().__init__(" ".join(line.split()))
 
     @property

@@ -17,9 +17,6 @@ from lammps_cases.scene.casefile import CaseFile
 FOLDER = Path(__file__).parents[1]
 
 
-_FILES = ("FromXYZ", "FromData", "FromDump")
-
-
 def scene_schema() -> dict[str, Any]:
     """Return the schema of a case file; the scene's keys are optional, as patches of the matrix may bring them."""
     file, scene = CaseFile.model_json_schema(), Scene.model_json_schema()
@@ -33,8 +30,16 @@ def scene_schema() -> dict[str, Any]:
     axis = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Patch"}}
     file["properties"]["matrix"]["additionalProperties"] = axis
     # A patch gives parts of what a scene needs: none of its objects is complete. But a list of particles has x or
-    # types: without them, a spacing is that of a lattice.
-    for definition in (*_FILES, "Lattice", "LawSettings", "AtomType", "Evolve", "SurfaceDetectionSettings"):
+    # types, and a data file its name: without them, a spacing and periodic are those of a lattice.
+    for definition in (
+        "Lattice",
+        "FromXYZ",
+        "FromDump",
+        "LawSettings",
+        "AtomType",
+        "Evolve",
+        "SurfaceDetectionSettings",
+    ):
         definitions[definition].pop("required", None)
     definitions["Listed"].pop("required")
     definitions["Listed"]["anyOf"] = [{"required": ["x"]}, {"required": ["types"]}]

@@ -54,7 +54,7 @@ def audit(
     """
     chosen, deck = installations.resolve(engine), Path(deck)
     names = (fields,) if isinstance(fields, str) else tuple(fields)
-    options = AuditOptions(every, steps, timeout, trust or trusted(), chosen.site, fields=names)
+    options = AuditOptions(every, steps, timeout, trust or trusted(), chosen.site, fields=names, suffix=suffix)
     command = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
     with report_folder(out) as (folder, temporary):
         return Result(audit_into(folder, deck, options, chosen, command, fail_on), folder, temporary)

@@ -11,7 +11,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser slurm check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate quick fast test browser kills environment slurm check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 14
@@ -49,6 +49,12 @@ check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+kills: $(READY) ## kill runs 300 times at random moments and resume them (an hour)
+	$(BIN)/python -m pytest -s -m kills tests/lammps_cases/run
+
+environment: $(READY) ## the tests of full disks, which need root
+	$(BIN)/python -m pytest -m root tests/lammps_cases/run
 
 bench: $(READY) ## speed against peers, in one run, as ratios
 	$(BIN)/eos-ref bench

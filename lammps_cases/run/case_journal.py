@@ -106,11 +106,22 @@ class CaseJournal:
             if {file.name: _hash(file) for file in arrays} == entry.arrays:
                 found[entry.record.case] = entry.record
                 vouched |= {path, *arrays}
-        for folder in (self._entries, self.folder / "fields"):
-            for path in folder.iterdir() if folder.is_dir() else ():
-                if path not in vouched:
-                    path.unlink(missing_ok=True)
+        kept = (self._entries, self.folder / "fields")
+        for path in self.folder.rglob("*"):
+            half_written = path.parent == self.folder and path.name.startswith(".")
+            unvouched = path.parent in kept and path not in vouched and path != self._start
+            if (half_written or unvouched) and path.is_file():
+                path.unlink(missing_ok=True)
         return found
+
+    def lost(self, records: Mapping[str, CaseRecord]) -> list[str]:
+        """Return the cases that were judged and whose entries or arrays are there no more."""
+        return [
+            name
+            for name, record in records.items()
+            if not (record.harness_error or (self._entries / f"{name}.json").is_file())
+            or (record.fields and not self._arrays(name))
+        ]
 
     def forget(self) -> None:
         """Take everything away."""

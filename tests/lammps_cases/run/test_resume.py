@@ -110,7 +110,8 @@ def test_what_is_damaged_is_judged_again(cases: list[Case], undisturbed: dict[st
     (entries / f"{hurt[1]}.json").unlink()
     _cut(fields / f"{hurt[2]}.npz")
     (fields / f"{hurt[3]}.npz").unlink()
-    (fields / f".{hurt[0]}.npz.abcdefgh").write_text("half")
+    for name in (f"fields/.{hurt[0]}.npz.abcdefgh", ".report.html.abcdefgh"):
+        (folder / name).write_text("half")
     assert set(hurt) <= set(run(cases, out, resume=True))
     assert report(out, tmp_path / "scratch") == undisturbed
 

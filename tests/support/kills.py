@@ -1,0 +1,172 @@
+"""A campaign of kills: ``eos-ref run`` is killed at random moments and resumed, until its report is whole."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from lammps_cases.comparison import store
+from lammps_cases.engine import mpi
+from lammps_cases.history import store as history
+from lammps_cases.records import folders
+from tests.support.resumed import report
+
+NAMES = ("near-rho0", "ranges", "units.si", "refused.range-two-stars")
+COMMAND = [sys.executable, "-m", "lammps_cases.cli.main", "run", *NAMES, "--jobs", "2", "--json"]
+PATIENCE = 120.0  # seconds that a run may take on a busy machine
+GONE = 20.0  # seconds after which no process of a killed run may be there
+
+
+class Kills:
+    """Runs in a folder that are killed; what is wrong is an AssertionError.
+
+    Attributes
+    ----------
+    counts : what was killed, and what came of it
+    """
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self.folder, self.random, self.counts = folder, random.Random(seed), Counter[str]()
+        self.out = folder / "report"
+        self.making = folders.making(self.out)
+        self._seen = set[int]()
+        self.mark = f"eos-ref-kills-{os.getpid()}-{seed}"
+        (folder / "tmp").mkdir(parents=True)
+        own = {store.VARIABLE: str(folder / "store"), history.VARIABLE: str(folder / "history.sqlite")}
+        self.environment = {**os.environ, **own, "TMPDIR": str(folder / "tmp"), "EOS_REF_MARK": self.mark}
+        begin = time.monotonic()
+        self._finish(self._started(resume=False))
+        self.seconds = time.monotonic() - begin
+        self.expected = report(self.out, folder / "scratch")
+        self.cases = [case["case"] for case in json.loads((self.out / "run.json").read_text())["cases"]]
+
+    def round(self, most: int) -> int:
+        """Run once, killed at most so often, to the whole report; return how often it was killed."""
+        last = self.out.with_name("last")
+        self.out.rename(last)
+        for count in itertools.count():
+            process = self._started(resume=True)
+            if count == most or not self._killed(process):
+                break
+        self._finish(process)
+        self.counts["whole reports"] += 1
+        self._check()
+        subprocess.run(["rm", "-rf", str(last)], check=True)
+        return count
+
+    def _started(self, resume: bool) -> subprocess.Popen[bytes]:
+        words = [*COMMAND, "--out", str(self.out), *(["--resume"] if resume else [])]
+        with (self.folder / "printed").open("wb") as printed:
+            return subprocess.Popen(
+                words, env=self.environment, stdin=subprocess.DEVNULL, stdout=printed, stderr=printed
+            )
+
+    def _killed(self, process: subprocess.Popen[bytes]) -> bool:
+        """Kill the main process or a worker at a random moment; False if it had ended before."""
+        self._wait_for_the_moment(process)
+        workers = [pid for pid in self._alive() if _is_worker(pid)]
+        victim = self.random.choice([process.pid, *workers[:1]])
+        if process.poll() is not None:
+            return False
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(victim, signal.SIGKILL)
+        if victim != process.pid:
+            self.counts["kills of a worker"] += 1
+            self._finish(process)
+            return True
+        self.counts["kills of the main process"] += 1
+        process.wait()
+        self._await_end()
+        self.counts["cases kept over a kill"] += len(list(self.making.glob("journal/cases/*.json")))
+        return True
+
+    def _wait_for_the_moment(self, process: subprocess.Popen[bytes]) -> None:
+        """Wait for a random time, or for a random number of cases and a little longer, or for the end."""
+        entries = self.making / "journal" / "cases"
+        before = len(list(entries.glob("*.json")))
+        many = self.random.choice([0, self.random.randint(before, len(self.cases))])
+        deadline = time.monotonic() + self.random.uniform(0, 1) * self.seconds
+        while process.poll() is None:
+            if len(list(entries.glob("*.json"))) >= many if many else time.monotonic() > deadline:
+                time.sleep(self.random.uniform(0, 0.1))
+                break
+            time.sleep(0.005)
+
+    def _finish(self, process: subprocess.Popen[bytes]) -> None:
+        """Wait for the end of a run that nobody kills."""
+        code = process.wait(PATIENCE)
+        assert code == 0, (code, _wrong(self.folder / "printed"))
+        self._await_end()
+
+    def _await_end(self) -> None:
+        deadline = time.monotonic() + GONE
+        while alive := self._alive():
+            assert time.monotonic() < deadline, f"processes are left behind: {alive}"
+            time.sleep(0.02)
+
+    def _alive(self) -> list[int]:
+        """Return the processes of the run."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if f"EOS_REF_MARK={self.mark}".encode() in (process / "environ").read_bytes():
+                    found.append(int(process.name))
+        self._seen.update(found)
+        return found
+
+    def _check(self) -> None:
+        """Hold the report against that of an undisturbed run, and look for what is left behind."""
+        scratch = Path(tempfile.mkdtemp(dir=self.folder))
+        assert report(self.out, scratch) == self.expected, "not the report of an undisturbed run"
+        subprocess.run(["rm", "-rf", str(scratch)], check=True)
+        names = [case["case"] for case in json.loads((self.out / "run.json").read_text())["cases"]]
+        assert names == self.cases, "lost or doubled"
+        beside = {path.name for path in self.folder.iterdir()} - {"last", "scratch", "store", "history.sqlite"}
+        assert beside == {"report", "tmp", "printed"}, beside
+        shared = [pid for pid in self._seen if list(mpi.SHARED.glob(f"mpich_shm_{pid:x}_*")) and not _exists(pid)]
+        self.counts["files of MPICH left"] += len(shared)
+        self._seen.clear()
+        self.counts["folders left among temporary files"] = len(list((self.folder / "tmp").glob("eos-ref-*")))
+
+
+def _wrong(printed: Path) -> str:
+    """Return what a run says that did not end well."""
+    try:
+        cases = json.loads(printed.read_text())["cases"]
+    except (ValueError, KeyError):
+        return printed.read_text()[-2000:]
+    return "; ".join(
+        f"{case['case']}: {case['verdict']} {case['message']}" for case in cases if case["verdict"] == "error"
+    )
+
+
+def _exists(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists()
+
+
+def _is_worker(pid: int) -> bool:
+    """Return whether a process has been forked by the server: its parent runs the server too."""
+    with contextlib.suppress(OSError):
+        words = Path(f"/proc/{pid}/cmdline").read_bytes()
+        parent = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+        return b"forkserver" in words and Path(f"/proc/{parent}/cmdline").read_bytes() == words
+    return False
+
+
+def campaign(kills: int, seed: int, folder: Path) -> Counter[str]:
+    """Kill runs so often; return what came of it."""
+    runs = Kills(folder, seed)
+    while (done := runs.counts["kills of a worker"] + runs.counts["kills of the main process"]) < kills:
+        runs.round(min(runs.random.randint(1, 6), kills - done))
+        print(dict(runs.counts), file=sys.stderr, flush=True)
+    return runs.counts

@@ -79,7 +79,7 @@ def test_an_interrupted_run_is_gone_on_with_to_the_same_report(
     assert "interrupted: " in (partial / "summary.md").read_text()
     assert not out.exists()
     with pytest.raises(KeyboardInterrupt):
-        run(cases, out, resume=True, after=5)  # and once more
+        run(cases, out, resume=True, after=1)  # and once more
     kept = {case.case for case in read_run(partial).cases}
     judged = run(cases, out, resume=True)
     assert not kept & set(judged) and len(kept) + len(judged) == len(cases), "none twice, none lost"

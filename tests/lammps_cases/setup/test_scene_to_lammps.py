@@ -63,12 +63,16 @@ def test_every_command_is_made_of_the_grammar(case_file: Write) -> None:
     for name, field in _text_fields():
         free_text.append(f"{name}.{field}")
     # types: a range that the reference's parser accepts, or a scene that expects refusal (digits, stars, hyphens);
-    # extxyz, csv, column: files read by the harness; refused: compared with LAMMPS' answer.
+    # extxyz, data, dump, csv and their columns: files read by the harness; refused: compared with LAMMPS' answer.
     assert sorted(free_text) == [
+        "Columns.energy",
+        "Columns.rho",
         "Displacement.types",
         "Expect.refused",
         "ForceSettings.types",
-        "FromFile.extxyz",
+        "FromData.data",
+        "FromDump.dump",
+        "FromXYZ.extxyz",
         "LawSettings.types",
         "ShiftSettings.exclude",
         "ValueTable.column",

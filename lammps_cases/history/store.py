@@ -219,6 +219,8 @@ class History:
         """Report errors of the system and of SQLite in one line."""
         try:
             yield
+        except InputError:
+            raise
         except (OSError, OverflowError, ValueError, TypeError, AttributeError, sqlite3.Error) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise InputError("history", f"cannot be used: {reason}", where=str(self.path)) from None

@@ -117,7 +117,7 @@ def test_runs_before_a_day_are_forgotten(command: Callable[..., Outcome]) -> Non
         (("--since", "yesterday"), "eos-ref: date: must be a day such as 2026-01-31, found 'yesterday' (--since)"),
         (("--forget", "2026-02-30"), "eos-ref: date: must be a day such as 2026-01-31, found '2026-02-30' (--forget)"),
         (("--db", "/nowhere/h.sqlite"), "eos-ref: history: does not exist (/nowhere/h.sqlite)"),
-        (("--db", "/proc"), "eos-ref: history: cannot be used: unable to open database file (/proc)"),
+        (("--db", "/proc"), "eos-ref: history: must be a regular file (/proc)"),
         (
             ("--out", "/proc/nowhere"),
             "eos-ref: output folder: cannot be written: No such file or directory, found '/proc/nowhere'",

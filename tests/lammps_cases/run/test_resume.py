@@ -33,14 +33,14 @@ NAMES = (
 
 
 class Interrupts(Progress):
-    """Ctrl-C when some cases are judged; counts those that it is told of."""
+    """Ctrl-C when it is told of so many cases that are judged."""
 
     def __init__(self, after: int) -> None:
         self.after, self.told = after, list[str]()
 
     def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
         self.told.append(label)
-        if done == self.after:
+        if len(self.told) == self.after:
             raise KeyboardInterrupt
 
 

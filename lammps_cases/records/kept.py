@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import metadata
@@ -37,17 +37,19 @@ class Shelf:
     folder : where they lie
     link : what points to the newest
     mark : the file that is written last: a folder without it is no report
+    alike : whether all are reports of the same, so that a newer one takes the place of one that was interrupted
     """
 
     folder: Path
     link: Path
     mark: str
+    alike: bool = True
 
     @contextmanager
     def place(self, *engines: str, resume: bool = False) -> Iterator[Path]:
         """Yield a new folder for a report on some engines; if it is complete in the end, the link points to it.
 
-        To resume is to yield that of the report that was interrupted last, if there is one.
+        To resume is to yield that of the report on these engines that was interrupted last, if none is done since.
 
         Raises
         ------
@@ -56,7 +58,8 @@ class Shelf:
         """
         with ExitStack() as making:
             with folders.exclusive(self.link, WHAT):
-                folder = (self._last_interrupted() if resume else None) or self._free(engines)
+                label = folder_name("+".join(map(_version, engines)))
+                folder = (self._interrupted().get(label) if resume else None) or self._free(label)
                 making.enter_context(folders.exclusive(_making(folder), WHAT, "another program makes it"))
                 folder.mkdir(parents=True, exist_ok=True)
             try:
@@ -71,14 +74,17 @@ class Shelf:
         found = self.folder.glob(f"*/{self.mark}")
         return sorted((mark.parent for mark in found if is_entry(mark.parent)), key=begun, reverse=True)
 
-    def _last_interrupted(self) -> Path | None:
-        """Return the folder of the newest report that can be gone on with, and that nobody makes now."""
-        beside = (_BESIDE.fullmatch(path.name) for path in (self.folder.iterdir() if self.folder.is_dir() else ()))
-        targets = {self.folder / found["entry"] for found in beside if found}
-        for target in sorted(filter(folders.resumable, targets), key=begun, reverse=True):
-            with suppress(InputError), folders.exclusive(_making(target), WHAT, "is being made"):
-                return target
-        return None
+    def _interrupted(self) -> dict[str, Path]:
+        """Return by engine the newest report that can be gone on with, and that nobody makes now."""
+        there = self.folder.iterdir() if self.folder.is_dir() else ()
+        targets = {entry for entry in map(_entry, there) if is_entry(entry)}
+        done = {_engine(entry): begun(entry) for entry in reversed(self.entries()) if self.alike}
+        found: dict[str, Path] = {}
+        for target in sorted(filter(folders.resumable, targets), key=begun):
+            if begun(target) > done.get(_engine(target), ("", 0)):
+                with suppress(InputError), folders.exclusive(_making(target), WHAT, "is being made"):
+                    found[_engine(target)] = target
+        return found
 
     def settle(self) -> None:
         """Point the link to the newest report, drop the oldest of each engine, and what killed programs left."""
@@ -92,13 +98,13 @@ class Shelf:
                 of_engine[engine] = of_engine.get(engine, 0) + 1
                 if of_engine[engine] > KEPT:
                     shutil.rmtree(entry, ignore_errors=True)
-            self._clear(set(entries), self._last_interrupted())
+            self._clear({*entries, *self._interrupted().values()})
 
-    def _free(self, engines: Sequence[str]) -> Path:
+    def _free(self, label: str) -> Path:
         """Return a new folder, the newest; those of one second are counted."""
-        now, label = time.strftime(_DATE, time.gmtime()), folder_name("+".join(map(_version, engines)))
+        now = time.strftime(_DATE, time.gmtime())
         there = self.folder.iterdir() if self.folder.is_dir() else ()
-        last = max((k for date, k in map(begun, there) if date == now), default=0)
+        last = max((k for date, k in map(begun, map(_entry, there)) if date == now), default=0)
         return self.folder / f"{now}{f'-{last + 1}' if last else ''}_{label}"
 
     def _point(self, entry: Path) -> None:
@@ -110,12 +116,11 @@ class Shelf:
         new.symlink_to(entry.relative_to(self.link.parent), target_is_directory=True)
         new.replace(self.link)
 
-    def _clear(self, complete: set[Path], interrupted: Path | None) -> None:
-        """Remove folders that nobody is writing, completed or can go on with, and what lies beside them."""
+    def _clear(self, kept: set[Path]) -> None:
+        """Remove folders that nobody is writing, but those to be kept, and what lies beside them."""
         for path in list(self.folder.iterdir()):
-            beside = _BESIDE.fullmatch(path.name)
-            entry = path.with_name(beside["entry"]) if beside else path
-            if path in complete or entry == interrupted or not is_entry(entry):
+            entry = _entry(path)
+            if (entry in kept and (path == entry or folders.resumable(entry))) or not is_entry(entry):
                 continue
             try:
                 with folders.exclusive(_making(entry), WHAT, "is being made"):
@@ -131,7 +136,7 @@ def whole_runs(reports: Path) -> Shelf:
 
 def parts_of_runs(reports: Path) -> Shelf:
     """Return the shelf of runs of some cases."""
-    return Shelf(reports / "parts", reports / "parts" / "latest", "run.json")
+    return Shelf(reports / "parts", reports / "parts" / "latest", "run.json", alike=False)
 
 
 def whole_claims(reports: Path) -> Shelf:
@@ -167,6 +172,12 @@ def _version(engine: str) -> str:
         except metadata.PackageNotFoundError:
             return engine
     return engine.removeprefix("pypi:")
+
+
+def _entry(path: Path) -> Path:
+    """Return the report that a file or folder on a shelf is, or lies beside."""
+    beside = _BESIDE.fullmatch(path.name)
+    return path.with_name(beside["entry"]) if beside else path
 
 
 def _engine(entry: Path) -> str:

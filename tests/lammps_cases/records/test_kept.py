@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lammps_cases.records import kept
+from lammps_cases.records import folders, kept
 from lammps_cases.records.kept import KEPT, Shelf
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
@@ -68,6 +68,41 @@ def test_what_fails_or_is_killed_leaves_the_link_where_it_was(tmp_path: Path) ->
     assert shelf.link.resolve() == whole.resolve()
     after = report(shelf)
     assert there(shelf) == {whole, after} and shelf.link.resolve() == after.resolve()
+
+
+def interrupted(shelf: Shelf, engine: str) -> Path:
+    """A report that was interrupted when something of it was done, and where it would have lain."""
+    with pytest.raises(KeyboardInterrupt), shelf.place(engine) as folder:
+        journal = folders.interrupted(folder) / folders.JOURNAL
+        journal.mkdir(parents=True)
+        (journal / "run.json").write_text("{}")
+        raise KeyboardInterrupt
+    return folder
+
+
+def resumed(shelf: Shelf, engine: str) -> Path:
+    """Where a report goes on, or begins."""
+    with pytest.raises(KeyboardInterrupt), shelf.place(engine, resume=True) as folder:
+        raise KeyboardInterrupt
+    return folder
+
+
+def test_of_each_engine_the_report_that_was_interrupted_last_is_gone_on_with(tmp_path: Path) -> None:
+    shelf = kept.whole_runs(tmp_path)
+    _, last = interrupted(shelf, "pypi:1.0"), interrupted(shelf, "pypi:1.0")
+    other = interrupted(shelf, "pypi:2.0")
+    assert resumed(shelf, "pypi:1.0") == last and resumed(shelf, "pypi:2.0") == other
+    assert resumed(shelf, "pypi:3.0") not in (last, other)
+    third = report(shelf, "pypi:3.0")
+    assert there(shelf) == {third, *map(folders.interrupted, (last, other))}, "the older one is cleared away"
+
+
+def test_a_report_that_is_done_takes_the_place_of_one_interrupted_before_it(tmp_path: Path) -> None:
+    shelf = kept.whole_runs(tmp_path)
+    before = interrupted(shelf, "pypi:1.0")
+    whole = report(shelf)
+    assert there(shelf) == {whole} and shelf.link.resolve() == whole.resolve()
+    assert resumed(shelf, "pypi:1.0") not in (before, whole)
 
 
 def test_a_folder_in_the_place_of_the_link_is_moved_aside(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
+from lammps_cases.engine.interlude import Interlude
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.findings.walls import after_deletion
 from lammps_cases.run import campaign
@@ -300,6 +301,13 @@ def test_created_with_forces_of_others(lammps: Engine) -> None:
         assert scene.predicted().fields[0]["rho"][0] == pytest.approx(right, rel=1e-14, abs=0)
     scene = beside_a_wall({"at": 0, "by": "recreated"}, positions={"x": x, **box})
     assert none.is_rounded(scene.predicted(BEGIN).fields[0]["rho"][0])
+    assert ENTRIES[CREATED].workaround == "Take the RHEO fixes away (unfix) and define them anew after create_atoms."
+    anew = beside_a_wall({"at": 0, "by": "redefined"}, positions={"x": x, **box})
+    first, between, *others = scene.job.runs
+    assert isinstance(between, Interlude) and isinstance(anew.job.runs[1], Interlude)
+    both = replace(between, actions=(*between.actions, *anew.job.runs[1].actions))
+    snapshot = lammps.answer(replace(scene.job, runs=(first, both, *others))).snapshots[0]
+    assert agree(snapshot["rho"], anew.predicted(), "rho")
 
 
 @pytest.mark.parametrize(

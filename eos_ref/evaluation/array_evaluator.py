@@ -7,7 +7,7 @@ these are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,10 @@ class ArrayEvaluator(Evaluator):
         total_n = np.zeros(self.n, term_p.dtype)
         np.add.at(total_n, self.i, term_p)
         return total_n
+
+    def any_neighbour(self, holds: Callable[[Any, Any], BoolArray], of_n: Any) -> BoolArray:
+        """Return for which particles something holds of their value and that of a neighbour, (n,)."""
+        return np.bincount(self.i, holds(of_n[self.i], of_n[self.j]), self.n) > 0
 
     def kernel_sum(self, weight_n: Array | None = None) -> Array:
         return self.total(self.w if weight_n is None else weight_n[self.j] * self.w)  # type: ignore[no-any-return]

@@ -17,7 +17,7 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import PairInput
 from eos_ref.evaluation.pairs import Search
-from eos_ref.model.parameters import Box, Gradients, IntArray, PairTerms, State
+from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, PairTerms, State
 from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.number import Array, Number
 from eos_ref.numbers.rounded import Rounded, error, value
@@ -158,6 +158,9 @@ class InBlocks(ArrayEvaluator):
             return lambda array: None if array is None else array[block.at_m]
 
         return _joined([_own(sums(stages, taken(block)), block.own_k) for block, stages in self._each()])
+
+    def any_neighbour(self, holds: Callable[[Any, Any], BoolArray], of_n: Any) -> BoolArray:
+        return self._sums(lambda s, of: s.any_neighbour(holds, of(of_n)))  # type: ignore[no-any-return]
 
     def kernel_sum(self, weight_n: Array | None = None) -> Array:
         return self._sums(lambda s, of: s.kernel_sum(of(weight_n)))  # type: ignore[no-any-return]

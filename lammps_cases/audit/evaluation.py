@@ -146,11 +146,7 @@ class SampleEvaluation:
 
     def _beside(self, some_n: BoolArray) -> BoolArray:
         """Return the particles that have neighbours among some."""
-        if not some_n.any():
-            return some_n
-        pairs = self.stages
-        beside_n: BoolArray = np.bincount(pairs.i, some_n[pairs.j], len(some_n)) > 0
-        return beside_n
+        return self.stages.any_neighbour(lambda _, other: other, some_n) if some_n.any() else some_n
 
     def _in_plane(self) -> BoolArray:
         """Return the particles that lie in a plane with their neighbours, as do these with theirs."""
@@ -159,8 +155,7 @@ class SampleEvaluation:
 
     def tilted(self) -> BoolArray:
         """Return the particles of a 2D deck with neighbours above or below: LAMMPS takes distances in space."""
-        z_n, pairs = self.sample.z_n, self.stages
+        z_n = self.sample.z_n
         if z_n is None or "pairs" not in self.simulation.plan:
             return np.zeros(len(self.sample.state.solid_n), bool)
-        tilted_n: BoolArray = np.bincount(pairs.i, z_n[pairs.i] != z_n[pairs.j], len(z_n)) > 0
-        return tilted_n
+        return self.stages.any_neighbour(np.not_equal, z_n)

@@ -11,7 +11,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser kills environment slurm check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate quick fast test browser kills environment slurm unittest check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 14
@@ -43,6 +43,9 @@ browser: $(READY) ## the tests that draw a report in chromium
 
 slurm: $(READY) ## the tests of the kit for Slurm, on a Slurm started for them (needs slurmctld, slurmd, munge)
 	$(BIN)/python -m pytest -m slurm tests/lammps_cases/ci/kits
+
+unittest: $(READY) ## LAMMPS' own test programs on the kit for them; LAMMPS=TREE, with a serial build in its folder build
+	EOS_REF_TREE='$(LAMMPS)' $(BIN)/python -m pytest -m unittest tests/lammps_cases/upstream
 
 check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/ruff check .

@@ -6,7 +6,7 @@ The verdict is PASS or FAIL on a line of its own. A deck that LAMMPS must refuse
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -201,7 +201,7 @@ def _scene(job: Job) -> tuple[list[str], str]:
     if len(job.id_n) <= MOST_SINGLE:
         return [*lines, *_single(job, style), *job.commands], ""
     kept = [line for line in lines if not line.startswith(("region box", "create_box"))]
-    return [*kept, f"read_data {DATA}", *_masses(job), *job.commands], _data(job, style)
+    return [*kept, f"read_data {DATA}", *_masses(job), *job.commands], data_file(job)
 
 
 def _single(job: Job, style: str) -> Iterable[str]:
@@ -232,17 +232,20 @@ def _masses(job: Job) -> Iterable[str]:
         yield f"set atom {atom} mass {float(mass)!r}"
 
 
-def _data(job: Job, style: str) -> str:
-    """Return the data file: atoms, with status 0 (fluid) for atoms of the package, and velocities."""
+def data_file(job: Job, mass_t: Sequence[float] = (), solid_n: Sequence[int] = ()) -> str:
+    """Return the data file: masses of types, if they are given, atoms, with their status (0, fluid), and velocities."""
+    (style,) = (line.split()[1] for line in job.setup if line.startswith("atom_style"))
     (box,) = (line.split()[3:] for line in job.setup if line.startswith("region box"))
     (types,) = (line.split()[1] for line in job.setup if line.startswith("create_box"))
     lines = ["particles of the deck", "", f"{len(job.id_n)} atoms", f"{types} atom types", ""]
     lines += [f"{box[2 * a]} {box[2 * a + 1]} {axis}lo {axis}hi" for a, axis in enumerate("xyz")]
+    if mass_t:
+        lines += ["", "Masses", "", *(f"{t} {mass!r}" for t, mass in enumerate(mass_t, 1))]
     lines += ["", f"Atoms # {style}", ""]
-    status = ["0"] * (style != "atomic")
     zeros = np.zeros(len(job.id_n))
     for n, x_c in enumerate(job.x_nc):
         values = [*(job.per_atom.get(key, zeros)[n] for key, _ in _SET[style]), *x_c]
+        status = [str(solid_n[n] if solid_n else 0)] * (style != "atomic")
         lines.append(" ".join([f"{job.id_n[n]} {job.type_n[n]}", *status, *(repr(float(v)) for v in values)]))
     if job.v_nc is not None:
         lines += ["", "Velocities", ""]

@@ -48,14 +48,16 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
     """Write or print the files of a kit. Without NAME: list them.
 
     For CI: github, gitlab, lammps, decks, pre-commit. For a cluster: slurm, parallel, reframe; their shards take about
-    equally long by what the history measured of each case until now.
+    equally long by what the history measured of each case until now. For LAMMPS' own tree: unittest.
 
     \b
     Example:  eos-ref kit github --repository me/eos-ref --out .
               eos-ref kit slurm --shards 16 --run '--tag eos --engine path:build' --out campaign
+              eos-ref kit unittest --out lammps
     """
     from eos_ref import InputError
     from lammps_cases.ci.kits.files import KITS, in_repository, in_shards, kit, write
+    from lammps_cases.upstream.files import kit_files
 
     if name is None:
         kits = [{"kit": each.name, "about": each.about, "files": list(each.files)} for each in KITS]
@@ -72,6 +74,10 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
         notes.append(note)
     else:
         files = chosen.filled(in_repository(repository))
+        if chosen.tests:
+            if out is None and not as_json:
+                raise InputError("--out", "must be given: the kit has a hundred files", where="kit unittest")
+            files += kit_files()
         if "OWNER/" in repository:
             notes.append(f"replace {repository} by your repository (--repository)")
     written = write(files, out) if out else []

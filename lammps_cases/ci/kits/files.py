@@ -36,6 +36,7 @@ class Kit:
     about: str
     files: Mapping[str, str]
     cluster: bool = False
+    tests: bool = False  # force-style tests and decks come with them (`lammps_cases.upstream`)
 
     def filled(self, values: Mapping[str, str]) -> list[KitFile]:
         """Return the files with the values of their places."""
@@ -77,6 +78,12 @@ KITS = (
         "a run in shards as checks of ReFrame",
         {"reframe.txt": "eos_ref_check.py", **_OF_SHARDS},
         cluster=True,
+    ),
+    Kit(
+        "unittest",
+        "tests for LAMMPS' own test programs, with the reference's numbers",
+        {"unittest.md": "unittest/force-styles/README.rheo.md"},
+        tests=True,
     ),
 )
 

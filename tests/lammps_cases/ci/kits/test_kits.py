@@ -33,7 +33,7 @@ BIN = Path(sys.executable).parent
 ACTION = ROOT / ".github" / "actions" / "eos-ref"
 VALUES = in_repository("me/eos-ref") | in_shards(Costs(seconds={}), 2, ["near-rho0.linear"])
 NAMES = ", ".join(each.name for each in KITS)
-OF_CI = [each.name for each in KITS if not each.cluster]
+OF_CI = [each.name for each in KITS if not (each.cluster or each.tests)]
 SCHEMAS = {
     "vendor.github-workflows": re.compile(r"\.github/workflows/"),
     "vendor.github-actions": re.compile(r"action\.yml$"),

@@ -34,6 +34,7 @@ GROUPS = {
     },
     "Research": {
         "chart": "Chart speed against accuracy: LAMMPS, the reference, other methods.",
+        "validate": "Run flows that others have measured or solved: experiments, tables, closed forms.",
         "stability": "Map where methods fail, on LAMMPS and on the reference.",
         "diagnose": "Group the red cases of a finished run, and say what could cause them.",
         "shrink": "Make the smallest scene that still fails the same way.",

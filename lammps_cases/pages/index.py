@@ -47,6 +47,7 @@ KINDS = (
     Kind("adopt", "New LAMMPS", "LAMMPS taken in", "What is there, gone and new on a LAMMPS."),
     Kind("stability", "Stability", "Stability", "Where methods fail."),
     Kind("chart", "Chart", "Chart", "Speed against accuracy."),
+    Kind("validate", "Validation", "Validation", "Flows with experiments, tables and solutions."),
     Kind("power", "Power", "Power", "Which planted faults the cases catch."),
     Kind("witnesses", "Witnesses", "Witnesses", "Which cases depend on each rule of the reference."),
     Kind("fuzz", "Fuzz", "Random scenes", "Scenes drawn over the whole schema."),

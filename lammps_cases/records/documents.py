@@ -31,6 +31,7 @@ Kind = Literal[
     "adopt",
     "fuzz",
     "costs",
+    "validate",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -47,6 +48,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "adopt": 1,
     "fuzz": 1,
     "costs": 1,
+    "validate": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

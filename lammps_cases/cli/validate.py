@@ -1,0 +1,67 @@
+"""eos-ref validate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lammps_cases.cli.shared import engine_option, folder_option, json_option
+from lammps_cases.records.progress import Bar
+
+
+@click.command("validate")
+@click.argument("names", nargs=-1, metavar="[FLOW]...")
+@click.option("--quick", is_flag=True, help="Coarse and short: about a minute for all.")
+@folder_option("--out", "reports/validate", "Folder of the validation.")
+@click.option("--fresh", is_flag=True, help="Run every flow again, even those that the folder has.")
+@engine_option
+@json_option
+def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool, engine: str, as_json: bool) -> int:
+    """Run flows that others have measured, computed or solved, on the reference and on LAMMPS. Never a verdict.
+
+    FLOW: names, as the table has them; all by default. Writes report.html, validate.json, curves.csv and figures/ as
+    SVG and PNG. What is finished is kept: the same command resumes one that was stopped.
+
+    \b
+    Example:  eos-ref validate --quick
+              eos-ref validate cavity bingham --out reports/validate
+
+    Exit codes: 0, 2 for bad input, 3 where LAMMPS failed.
+    """
+    import json
+
+    from eos_ref.errors import InputError, nearest
+    from lammps_cases.run.campaign import command_line
+    from lammps_cases.studies.validation import VALIDATIONS, record, run
+
+    for name in names:
+        if name not in VALIDATIONS:
+            raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
+    chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or VALIDATIONS)]
+    if fresh:
+        record.journal(out).forget()
+    with Bar(quiet=as_json) as bar:
+        validated = run.validate(chosen, out, command_line(), quick=quick, engine=engine, progress=bar)
+    if as_json:
+        click.echo(json.dumps(record.DOCUMENT.plain(validated), indent=1))
+    else:
+        _show(validated, out)
+    return 3 if validated.failed else 0
+
+
+def _show(validated: Any, out: Path) -> None:
+    from lammps_cases.studies.validation import VALIDATIONS
+    from lammps_cases.studies.validation.record import LAMMPS, REFERENCE
+
+    for name in validated.flows:
+        for panel in VALIDATIONS[name].panels:
+            parts = []
+            for side in (REFERENCE, LAMMPS):
+                last = validated.of(name, side)[-1]
+                order = validated.order(name, side, panel.name).order
+                error = f"{last.errors[panel.name]:8.2g}, order {order:5.2f}" if last.errors else last.message
+                parts.append(f"{side} {error}")
+            click.echo(f"{name:18s} {panel.name:14s} {'; '.join(parts)}")
+    click.echo(f"report: {out / 'report.html'}")

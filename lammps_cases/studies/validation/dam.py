@@ -1,0 +1,177 @@
+r"""A column of fluid that collapses between walls, against the experiments of Martin & Moyce (1952) and Buchner (2002).
+
+Speeds are in units of :math:`\sqrt{gH}`, H the height of the column; the fastest fluid has two of them, sound twenty.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import partial
+
+import numpy as np
+
+from lammps_cases.findings.forces import FORCE_PER_VOLUME
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
+from lammps_cases.studies.validation.model import Curve, Panel, Quantity, Validation, misfits, table
+
+FASTEST, SOUND = 2.0, 20.0  # over sqrt(g H)
+VISCOSITY = 1e-3  # over H sqrt(g H): walls drag, but the fluid far from them hardly
+ARTIFICIAL, DAMPING = 0.1, 0.2  # artificial viscosity; density diffusion over h c
+
+
+class Tank:
+    """A tank and the column at its left end, in units of the height of the column; the times at which it is read."""
+
+    def __init__(self, width: float, length: float, height: float, times: Iterable[float]) -> None:
+        self.width, self.length, self.height, self.times = width, length, height, tuple(times)
+
+
+def _start(n: int, options: Options, tank: Tank) -> Start:
+    """Return the column in hydrostatic equilibrium with a wall that is gone; n spacings high."""
+    layers, g = math.ceil(options.cut), 1.0 / n
+    length, top = round(tank.length * n), round(tank.height * n)
+    x_nc = rows(-layers, top, length + 2 * layers) - np.array([layers, 0.0])
+    x_n, y_n = x_nc.T
+    open_n = (x_n > 0) & (x_n < length) & (y_n > 0)
+    wet_n = open_n & (x_n < round(tank.width * n)) & (y_n < n)
+    kept_n = ~open_n | wet_n
+    x_nc, wet_n = x_nc[kept_n], wet_n[kept_n]
+    depth_n = np.where(wet_n, n - x_nc[:, 1], 0.0)
+    kind = fluid(cs=SOUND, viscosity=VISCOSITY * n)
+    scene = {
+        "types": [kind, {**kind, "phase": "solid"}],
+        "rheo": {"interface_reconstruct": True},
+        "pair": {"artificial_visc": ARTIFICIAL, "rho_damp": DAMPING * options.cut / 3 * SOUND},
+        "forces": [
+            {"style": "gravity", "vector": (0.0, -g)},
+            {"style": "setforce", "vector": (0.0, 0.0), "types": "2"},
+        ],
+    }
+    return start(
+        f"dam-{n}",
+        scene,
+        x_nc,
+        (length + layers + 1.0, 2.0 * top),
+        (-layers - 1.0, -layers - 1.0),
+        options=options,
+        times=[t * n for t in tank.times],
+        timestep=time_step(options, SOUND + FASTEST, VISCOSITY * n),
+        type_n=np.where(wet_n, 1, 2),
+        rho_n=1 + g * depth_n / SOUND**2,
+        periodic=(False, False),
+    )
+
+
+# --- front
+
+NARROW = Tank(0.5, 2.75, 1.2, np.linspace(0.4, 3.34, 22) / 2)
+
+
+def _front(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
+    """Return the front over the width of the column, at times in units of the root of width over 2 g."""
+    wet_n = _start(n, options, NARROW).atoms.type_n == 1
+    width = NARROW.width * n
+    # The foremost particle may be a drop: the front has one in two hundred ahead of it.
+    ahead = max(1, int(wet_n.sum()) // 200)
+    return (
+        tuple(2 * shot.time / n for shot in snapshots),
+        tuple(float(np.sort(shot.x_nc[wet_n, 0])[-ahead] + 0.5) / width for shot in snapshots),
+    )
+
+
+FRONT = Panel(
+    "front",
+    "t sqrt(2g/a)",
+    "front / a",
+    (
+        table("martin-moyce-table", "Martin & Moyce 1952, table"),
+        table("martin-moyce-large", "the same, read off its figure"),
+        table("martin-moyce-small", "column of half the size"),
+    ),
+    _front,
+)
+
+
+def _arrival(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
+    """Return the time at which the front has run to three widths."""
+    times, fronts = _front(n, options, snapshots)
+    return float(np.interp(3.0, fronts, times))
+
+
+DAM = Validation(
+    Flow(
+        "dam-break",
+        "A column of width a, twice as high, collapses along a floor; c = 10 times the fastest fluid, viscosity "
+        f"{VISCOSITY:g} H sqrt(gH), artificial viscosity {ARTIFICIAL:g}, rho/damp {DAMPING:g} h c. The experiment has "
+        "its zero of time where the front was first seen, and a wall that takes time to go: simulations run ahead.",
+        FRONT.known[0].source,
+        (24, 32, 48),
+        "none: an experiment has no error that falls with the spacing",
+        partial(_start, tank=NARROW),
+        misfits((FRONT,)),
+        quick=(16,),
+    ),
+    "Dam break: the front",
+    (FRONT,),
+    (Quantity("time to run three widths", _arrival, 2.51, "Martin & Moyce, table 2"),),
+    (FORCE_PER_VOLUME,),
+)
+
+
+# --- pressure on the wall opposite
+
+LONG = Tank(2.0, 5.366, 3.0, np.arange(0.05, 5.5, 0.05))
+GAUGE, RADIUS = 160 / 600, 45 / 600  # its height and half its width, over H
+AVERAGED = 5  # readings
+
+
+def _pressure(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
+    """Return the pressure over rho g H of the fluid beside the gauge, and the times over sqrt(H/g), both averaged."""
+    wet_n = _start(n, options, LONG).atoms.type_n == 1
+    end, reach = round(LONG.length * n), max(RADIUS, 1.5 / n)
+    values = []
+    for shot in snapshots:
+        x_nc, p_n = shot.x_nc[wet_n], shot.pressure_n[wet_n]
+        beside_n = (x_nc[:, 0] > end - 2) & (np.abs(x_nc[:, 1] / n - GAUGE) < reach)
+        values.append(float(p_n[beside_n].mean()) if beside_n.any() else 0.0)
+    window = np.ones(AVERAGED) / AVERAGED
+    times = np.array([shot.time for shot in snapshots]) / n
+    return tuple(np.convolve(times, window, "valid").tolist()), tuple(np.convolve(values, window, "valid").tolist())
+
+
+WALL = Panel("pressure", "t sqrt(g/H)", "p / rho g H", (table("buchner-p1", "Buchner 2002"),), _pressure)
+
+
+def _plateau(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
+    """Return the mean pressure between the impact and the fall of the water that ran up."""
+    times, values = map(np.array, _pressure(n, options, snapshots))
+    return float(values[(times > 3.4) & (times < 5.0)].mean())
+
+
+def _measured_plateau() -> float:
+    t, p = WALL.known[0].x, WALL.known[0].y
+    at = np.linspace(3.4, 5.0, 101)
+    return float(np.interp(at, t, p).mean())
+
+
+IMPACT = Validation(
+    Flow(
+        "dam-break-impact",
+        f"A column twice as wide as high runs against a wall 5.366 heights away; pressures of the fluid within two "
+        f"spacings of the gauge, each the mean of {AVERAGED} readings in {AVERAGED * 0.05:.2g} sqrt(H/g). Sound waves "
+        "of the impact go on in a weakly compressible fluid.",
+        WALL.known[0].source,
+        (16, 22, 30),
+        "none: an experiment has no error that falls with the spacing",
+        partial(_start, tank=LONG),
+        misfits((WALL,)),
+    ),
+    "Dam break: the pressure on the wall",
+    (WALL,),
+    (Quantity("mean pressure from 3.4 to 5 sqrt(H/g), over rho g H", _plateau, _measured_plateau(), "Buchner"),),
+    (),
+)
+
+VALIDATIONS = (DAM, IMPACT)

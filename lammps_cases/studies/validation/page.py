@@ -1,0 +1,81 @@
+"""The page of validations, and its pictures as files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from lammps_cases.pages import frame
+from lammps_cases.pages.figures import saved
+from lammps_cases.records.files import write_atomically
+from lammps_cases.records.wording import brief
+from lammps_cases.studies.validation import VALIDATIONS, draw
+from lammps_cases.studies.validation.model import Quantity, Validation
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated
+
+ASSETS = Path(__file__).parent / "assets"
+
+
+def write(validated: Validated, folder: Path) -> None:
+    """Write ``report.html`` and ``figures/*.svg|png``."""
+    figures = folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    flows = [VALIDATIONS[name] for name in validated.flows]
+    html = frame.page(
+        ASSETS,
+        "validate",
+        "good",
+        engine=validated.engine.get("distribution", ""),
+        validated=validated,
+        flows=flows,
+        facts=_facts(validated),
+        pictures={of.name: saved(draw.figure(validated, of), figures, of.name) for of in flows},
+        effects={of.name: list(effects(validated, of)) for of in flows},
+        value=lambda number: f"{number:.4g}" if math.isfinite(number) else "",
+        sides=(REFERENCE, LAMMPS),
+        navigation=[(of.name, of.title) for of in flows],
+        nan=math.nan,
+    )
+    write_atomically(folder / "report.html", html)
+
+
+def _facts(validated: Validated) -> list[tuple[str, str]]:
+    machine = validated.machine
+    engine = validated.engine
+    return [
+        ("LAMMPS", engine.get("distribution") or engine.get("version_string", "")),
+        ("processor", f"{machine['processor']}, {machine['cores']} cores"),
+        ("took", f"{validated.seconds:.0f} s" + (" (quick)" if validated.quick else "")),
+    ]
+
+
+def effects(validated: Validated, of: Validation) -> Iterator[str]:
+    """Yield what LAMMPS, and each of its findings alone, does to the quantities of a flow, in words."""
+    for side in validated.sides(of.name):
+        if side == REFERENCE:
+            continue
+        run = validated.of(of.name, side)[-1]
+        if run.message:
+            yield f"{_who(side)} stopped at {run.n} particles: {run.message}"
+            continue
+        beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
+        for quantity in of.quantities:
+            if beside is not None and quantity.name in beside.quantities:
+                ours, theirs = beside.quantities[quantity.name], run.quantities[quantity.name]
+                yield f"{_who(side)}, {run.n}: {quantity.name} {_change(theirs, ours, quantity)}"
+
+
+def _who(side: str) -> str:
+    """Return a side as the beginning of a sentence."""
+    if side == UNIT:
+        return "LAMMPS where the same particles are 0.75 apart"
+    return side if side == LAMMPS else f"The reference with {side}"
+
+
+def _change(theirs: float, ours: float, quantity: Quantity) -> str:
+    """Say one number in place of another, and how far that is from it."""
+    words = f"{brief(theirs)} in place of the reference's {brief(ours)}"
+    if ours and math.isfinite(theirs / ours):
+        words += f", {100 * (theirs / ours - 1):+.2g} %"
+    return words if quantity.published is None else f"{words} (should be {brief(quantity.published)})"

@@ -1,0 +1,112 @@
+"""A validation on disk: ``validate.json``, ``curves.csv``; ``runs.jsonl``, from which an interrupted one goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ConfigDict
+
+from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.files import csv_text, write_atomically
+from lammps_cases.records.journal import Journal
+from lammps_cases.studies.flows.converge import Fit, fit
+from lammps_cases.studies.validation.model import Curve
+
+_INFINITE = ConfigDict(ser_json_inf_nan="strings")
+REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
+
+
+@dataclass(frozen=True)
+class FlowRecord:
+    """One flow at one resolution, as one side solved it.
+
+    Attributes
+    ----------
+    side : reference, LAMMPS, LAMMPS in another unit of length; or the id of the finding that the reference had
+    message : of LAMMPS, if it failed; then there is nothing else
+    """
+
+    __pydantic_config__ = _INFINITE
+
+    flow: str
+    side: str
+    n: int
+    particles: int
+    steps: int
+    seconds: float
+    message: str
+    curves: Mapping[str, Curve]
+    errors: Mapping[str, float]
+    quantities: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class RunEntry:
+    """A line of ``runs.jsonl``: a run, under the key of all it depends on."""
+
+    __pydantic_config__ = _INFINITE
+
+    key: str
+    ran: FlowRecord
+
+
+@dataclass(frozen=True)
+class Validated:
+    """All that was run: the single source of page and tables. ``engine`` is LAMMPS' own account of itself."""
+
+    __pydantic_config__ = _INFINITE
+
+    command: str
+    machine: dict[str, str | float | int]
+    engine: dict[str, str]
+    quick: bool
+    seconds: float
+    runs: tuple[FlowRecord, ...]
+    schema: str = SCHEMAS["validate"]
+
+    @property
+    def flows(self) -> list[str]:
+        """Names of the flows, in their order."""
+        return list(dict.fromkeys(run.flow for run in self.runs))
+
+    @property
+    def failed(self) -> list[FlowRecord]:
+        """Runs that LAMMPS did not finish, but for those in a unit of length that one of its findings depends on."""
+        return [run for run in self.runs if run.message and run.side == LAMMPS]
+
+    def of(self, flow: str, side: str) -> list[FlowRecord]:
+        """Return the runs of one side, from the coarsest on."""
+        return sorted((run for run in self.runs if (run.flow, run.side) == (flow, side)), key=lambda run: run.n)
+
+    def sides(self, flow: str) -> list[str]:
+        """Return the sides that solved a flow."""
+        return list(dict.fromkeys(run.side for run in self.runs if run.flow == flow))
+
+    def order(self, flow: str, side: str, measure: str) -> Fit:
+        """Return the order of convergence of a measure."""
+        runs = [run for run in self.of(flow, side) if measure in run.errors]
+        return fit([run.n for run in runs], [run.errors[measure] for run in runs])
+
+
+DOCUMENT = Document("validate", Validated)
+
+
+def journal(folder: Path) -> Journal[RunEntry]:
+    """Return ``runs.jsonl``: runs as they come."""
+    return Journal(folder / "runs.jsonl", RunEntry)
+
+
+def write(validated: Validated, folder: Path) -> None:
+    """Write ``validate.json`` and ``curves.csv``."""
+    write_atomically(folder / "curves.csv", csv_text(_rows(validated)))
+    DOCUMENT.write(folder / "validate.json", validated)
+
+
+def _rows(validated: Validated) -> Iterable[Sequence[Any]]:
+    yield ("flow", "side", "n", "panel", "x", "y")
+    for run in validated.runs:
+        for panel, (x, y) in run.curves.items():
+            yield from ((run.flow, run.side, run.n, panel, *point) for point in zip(x, y, strict=True))

@@ -1,0 +1,167 @@
+"""Run validations: every flow at its resolutions on the reference and on LAMMPS, and what each finding does to it."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from eos_ref import InputError
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.engine import installations
+from lammps_cases.engine.installations import library_sha256
+from lammps_cases.engine.workers import Workers
+from lammps_cases.findings.entry import Finding
+from lammps_cases.records.progress import SILENT, Progress
+from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
+from lammps_cases.studies.benchmarks.measure import machine
+from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
+from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.validation import page, record
+from lammps_cases.studies.validation.model import Validation
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, RunEntry, Validated
+
+LIMIT = 3600.0  # seconds for one run
+SPACING = 0.75  # between particles, in another unit of length
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run to be done: a flow at a resolution, by one side."""
+
+    of: Validation
+    n: int
+    side: str
+    solve: Callable[[Start], FlowResult]
+
+
+def validate(
+    chosen: Sequence[Validation],
+    out: Path,
+    command: str,
+    *,
+    quick: bool = False,
+    engine: str = "env",
+    progress: Progress = SILENT,
+) -> Validated:
+    """Run validations, and write document and page after each of them; runs that the folder has are not done again.
+
+    Raises
+    ------
+    InputError
+        No such engine.
+    EngineMissing
+    """
+    site, begin, before = installations.resolve(engine).site, time.perf_counter(), machine()
+    log, runs = record.journal(out), list[FlowRecord]()
+    kept = {entry.key: entry.ran for entry in log.entries()}
+    with Workers(site, 1) as workers:
+        about = workers.identify().result()
+        about["library_sha256"] = library_sha256(about.pop("library", ""))
+        tasks = [task for of in chosen for task in _tasks(of, quick, workers)]
+        for k, task in enumerate(tasks):
+            progress.advance(k, len(tasks), f"{task.of.name}, {task.n}, {task.side}")
+            start = task.of.flow.start(task.n, task.of.flow.options)
+            key = _key(task, start, about)
+            if key not in kept:
+                kept[key] = _run(task, start)
+                log.append(RunEntry(key, kept[key]))
+            runs.append(kept[key])
+    progress.advance(len(tasks), len(tasks), "report")
+    validated = Validated(command, before, about, quick, time.perf_counter() - begin, tuple(runs))
+    record.write(validated, out)
+    page.write(validated, out)
+    return validated
+
+
+def _tasks(of: Validation, quick: bool, workers: Workers) -> Iterator[Task]:
+    """Yield both sides at every resolution; in full also, at the coarsest, findings and another unit of length."""
+    flow = of.flow
+    resolutions = (flow.quick or flow.resolutions[:1]) if quick else flow.resolutions
+    lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
+    for n in resolutions:
+        yield Task(of, n, REFERENCE, by_reference)
+        yield Task(of, n, LAMMPS, lammps)
+    if not quick:
+        yield Task(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
+        for finding in of.findings:
+            yield Task(of, resolutions[0], finding.id, partial(_with, finding))
+
+
+def _with(finding: Finding, start: Start) -> FlowResult:
+    """Run a flow on the reference with a finding of LAMMPS."""
+    variant = finding.model_variant
+    assert variant is not None and variant.stages is not None
+    return by_reference(start, variant.stages)
+
+
+def _in_another_unit(start: Start, solve: Callable[[Start], FlowResult]) -> FlowResult:
+    """Run a flow whose lengths and times are told in other units; snapshots are in the first ones."""
+    case, scale = start.case, Scale.of_size(SPACING, start.case.scene.dimension)
+    cut = case.scene.rheo.cut
+    assert cut is not None
+    other = Start(
+        replace(case, scene=rescaled(case.scene, scale, cut)),
+        rescaled_atoms(start.atoms, scale),
+        start.steps,
+        start.timestep * scale.of("time"),
+    )
+    result = solve(other)
+    return replace(result, snapshots=tuple(_back(shot, scale) for shot in result.snapshots))
+
+
+def _back(shot: Snapshot, scale: Scale) -> Snapshot:
+    """Return a snapshot in the first units; velocities, densities and pressures are the same."""
+    return replace(shot, time=shot.time / scale.of("time"), x_nc=shot.x_nc / scale.of("x"))
+
+
+def _key(task: Task, start: Start, about: dict[str, Any]) -> str:
+    """Hash all that a run depends on: sources, start, side, and LAMMPS' account of itself."""
+    a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
+    arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
+    problem = start.case.scene.model_dump_json(), start.steps, start.timestep
+    of_flow = inspect.getmodule(getattr(task.of.flow.start, "func", task.of.flow.start))
+    return prediction_keys.fingerprint(_sources(of_flow), problem, task.side, SPACING, lammps, arrays)
+
+
+@functools.cache
+def _sources(of_flow: ModuleType) -> str:
+    """Hash the code that decides what is run and what is read off it, with the reference and its libraries."""
+    digest = hashlib.sha256(prediction_keys.context().encode())
+    package, own = Path(__file__).parents[2], [Path(str(of_flow.__file__)), Path(__file__).parent / "model.py"]
+    rooms = [path for room in ("scene", "setup", "engine", "studies/flows") for path in (package / room).glob("*.py")]
+    for path in (*sorted(rooms), *own):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _solved(task: Task, start: Start) -> FlowResult:
+    """Run a task; particles of the reference that are lost become the message, as those of LAMMPS do."""
+    try:
+        return task.solve(start)
+    except InputError as error:
+        return FlowResult((), math.nan, len(start.atoms), 0, str(error))
+
+
+def _run(task: Task, start: Start) -> FlowRecord:
+    of, n, options = task.of, task.n, task.of.flow.options
+    result = _solved(task, start)
+    about = (of.name, task.side, n, result.n, result.steps, result.seconds)
+    if result.message:
+        return FlowRecord(*about, result.message, {}, {}, {})
+    shots = result.snapshots
+    return FlowRecord(
+        *about,
+        "",
+        {panel.name: panel.read(n, options, shots) for panel in of.panels},
+        of.flow.measures(n, options, shots),
+        {quantity.name: quantity.read(n, options, shots) for quantity in of.quantities},
+    )

@@ -1,0 +1,180 @@
+"""Flows against what others know: closed forms, data, orders and faults on the reference, the command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lammps_cases.engine.session import EngineRefused
+from lammps_cases.studies.flows.converge import by_reference
+from lammps_cases.studies.validation import VALIDATIONS, cavity, channel, page, record, run
+from lammps_cases.studies.validation.model import DATA, Known, Validation, table
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Validated
+from tests.support.flow_faults import Plant, of_gravity, of_types
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+THICK = channel.THICKENING
+
+
+# --- what is known
+
+
+def test_every_table_has_its_source_its_scatter_and_points_in_order() -> None:
+    names = sorted(path.stem for path in DATA.glob("*.csv"))
+    assert names
+    for name in names:
+        known = table(name, name)
+        assert known.source
+        assert known.scatter
+        steps = np.diff(known.x)
+        assert (steps > 0).all() or (steps < 0).all(), name
+
+
+def test_the_cavity_has_seventeen_points_on_each_line_and_walls_at_their_ends() -> None:
+    u, v = cavity.U.known[0], cavity.V.known[0]
+    assert len(u.x) == len(v.x) == 17
+    assert (u.y[0], u.y[-1], v.y[0], v.y[-1]) == (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("power", [0.5, 1.5])
+def test_the_power_law_has_the_velocity_of_the_closed_form(power: float) -> None:
+    """Where the law is not cut: a cut at zero rate is no cut."""
+    cut = channel.power_law(power, 64)
+    uncut = replace(cut, eta=cut.K * (1e-9 * cut.gd0) ** (power - 1), gd0=1e-9 * cut.gd0)
+    y = np.linspace(0, 64, 65)
+    away = np.abs(y - 32)
+    exact = (uncut.gravity / uncut.K) ** (1 / power) * (32 ** (1 + 1 / power) - away ** (1 + 1 / power))
+    # Trapezia of width h miss h^2 f''/12 of an integral; at the wall of the thinning fluid f'' is largest.
+    assert uncut.velocity(y) == pytest.approx(exact / (1 + 1 / power), rel=1e-6)
+
+
+def test_a_stiff_plug_becomes_rigid() -> None:
+    """The stiffer it is below the yield stress, the nearer Bingham's own solution; in proportion."""
+    y, misses = np.linspace(0, 24, 49), []
+    for stiff in (20.0, 200.0):
+        soft = channel.bingham(24)
+        law = replace(soft, eta=stiff, gd0=soft.yield_stress / (stiff - soft.K))
+        misses.append(np.abs(law.velocity(y) - channel.ideal_bingham(law, y)).max())
+    assert 8 < misses[0] / misses[1] < 12
+
+
+def test_points_are_met_where_they_are_and_solutions_where_the_run_is() -> None:
+    points = Known("", (1.0, 2.0), (1.0, 2.0), "")
+    assert points.misfit(((0.0, 4.0), (0.0, 4.0))) == 0
+    assert points.misfit(((0.0, 4.0), (0.5, 4.5))) == pytest.approx(0.5 / 2.5**0.5)
+    solution = Known("", (0.0, 10.0), (0.0, 10.0), "", marks=False)
+    assert solution.misfit(((3.0, 7.0), (3.0, 7.0))) == 0
+    assert solution.misfit(((3.0, 4.0), (4.0, 4.0))) == pytest.approx(1 / 5)
+
+
+# --- the reference
+
+
+def error(of: Validation, n: int, plant: Plant = lambda start: start) -> float:
+    options = of.flow.options
+    result = by_reference(plant(of.flow.start(n, options)))
+    return next(iter(of.flow.measures(n, options, result.snapshots).values()))
+
+
+@pytest.mark.slow
+def test_the_order_is_the_one_expected_and_faults_are_seen() -> None:
+    """Two resolutions half as fine again: an error of second order falls by 2.25, one that stays by nothing."""
+    coarse, fine = (error(THICK, n) for n in (8, 12))
+    assert coarse / fine > 1.5**1.5
+    for plant in (of_gravity(1.05), of_types((2,), viscosity=0.7)):
+        assert error(THICK, 12, plant) > 1.5 * fine
+
+
+# --- the command
+
+
+@pytest.mark.slow
+@pytest.mark.lammps
+def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
+    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path)
+    assert first.code == 0
+    assert f"report: {tmp_path / 'report.html'}" in first.out
+    validated = record.DOCUMENT.read(tmp_path / "validate.json")
+    ours, theirs = (validated.of(THICK.name, side) for side in (REFERENCE, LAMMPS))
+    assert [of.n for of in ours] == [of.n for of in theirs] == list(THICK.flow.quick)
+    for one, other in zip(ours, theirs, strict=True):
+        assert other.errors["velocity"] == pytest.approx(one.errors["velocity"], rel=1e-3)
+    html = (tmp_path / "report.html").read_text()
+    assert THICK.title in html
+    assert "<svg" in html
+    assert (tmp_path / "figures" / f"{THICK.name}.png").stat().st_size
+    assert len((tmp_path / "curves.csv").read_text().splitlines()) == 1 + 2 * sum(THICK.flow.quick)
+
+    def not_again(*_: object) -> None:
+        raise AssertionError("run again")
+
+    monkeypatch.setattr(run, "_run", not_again)
+    again = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path, "--json")
+    assert again.code == 0
+    assert [each["seconds"] for each in json.loads(again.out)["runs"]] == [of.seconds for of in validated.runs]
+
+
+def test_an_unknown_flow_is_one_line(eos_ref_command: Run, tmp_path: Path) -> None:
+    ended = eos_ref_command("validate", "binghm", "--out", tmp_path / "out")
+    assert ended.code == 2
+    assert "flow: must be one of" in ended.err
+    assert "did you mean 'bingham'" in ended.err
+    assert not (tmp_path / "out").exists()
+
+
+# --- words, and what stopped
+
+
+def made(side: str, value: float, message: str = "") -> FlowRecord:
+    name = THICK.quantities[0].name
+    values = {} if message else {name: value}
+    return FlowRecord(THICK.name, side, 8, 100, 10, 1.0, message, {}, {} if message else {"velocity": 0.1}, values)
+
+
+def validated(*runs: FlowRecord) -> Validated:
+    return Validated("", {"processor": "", "cores": 1}, {}, False, 1.0, runs)
+
+
+def test_effects_are_said_in_the_quantities_of_a_user() -> None:
+    of = validated(made(REFERENCE, 1.0), made(LAMMPS, 0.5), made(UNIT, 0.0, "Lost atoms"), made("force-per-volume", 2))
+    assert list(page.effects(of, THICK)) == [
+        "LAMMPS, 8: velocity in the middle 0.5 in place of the reference's 1, -50 % (should be 1)",
+        "LAMMPS where the same particles are 0.75 apart stopped at 8 particles: Lost atoms",
+        "The reference with force-per-volume, 8: velocity in the middle 2 in place of the reference's 1, +1e+02 % "
+        "(should be 1)",
+    ]
+
+
+def test_only_a_flow_as_it_is_that_lammps_did_not_finish_fails_the_command() -> None:
+    assert not validated(made(REFERENCE, 1.0), made(LAMMPS, 1.0), made(UNIT, 0.0, "Lost atoms")).failed
+    assert len(validated(made(LAMMPS, 0.0, "Lost atoms")).failed) == 1
+
+
+@pytest.mark.lammps
+def test_lammps_that_fails_ends_with_three(
+    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> Validated:
+        return validated(made(REFERENCE, 1.0), made(LAMMPS, 0.0, str(EngineRefused("Lost atoms"))))
+
+    monkeypatch.setattr(run, "validate", stopped)
+    ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
+    assert ended.code == 3
+    assert "LAMMPS Lost atoms" in ended.out
+
+
+def test_every_flow_has_what_its_page_needs() -> None:
+    for name, of in VALIDATIONS.items():
+        assert name == of.flow.name
+        assert len(of.flow.resolutions) == 3
+        assert of.panels
+        assert all(panel.known for panel in of.panels)
+        assert all(finding.model_variant and finding.model_variant.stages for finding in of.findings)

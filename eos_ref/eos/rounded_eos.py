@@ -31,17 +31,21 @@ def by_type(
 
 
 def pressure(eos: EOS, rho: Any, e: Any) -> Any:
-    """Return the pressure; that of a `Rounded` density has the law's own rounding bound and the density's error."""
+    """Return the pressure; that of a `Rounded` density has the law's own rounding bound and the density's error.
+
+    Stiffnesses are largest at an end of an interval: they are monotonic or convex in the density.
+    """
     if not isinstance(rho, Rounded):
         return eos.evaluate(rho, e)
     energy = None if e is None else value(e)
     p = eos.evaluate(rho.value, energy)
     own = bounds.engine(eos, rho.value, energy) + bounds.reference(eos, rho.value, energy)
     with np.errstate(all="ignore"):
-        carried = np.abs(eos.stiffness(rho.value, energy)) * rho.error
+        ends = [rho.value - rho.error, rho.value + rho.error]
+        carried = np.maximum(*(np.abs(eos.stiffness(end, energy)) for end in ends)) * rho.error
     if terms := eos.law.energy:
-        slope = terms.slope(rho.value, energy, eos.rho0, eos.cs, eos.parameter)
-        carried = carried + np.abs(slope) * error(e)
+        slopes = (terms.slope(end, energy, eos.rho0, eos.cs, eos.parameter) for end in ends)
+        carried = carried + np.maximum(*map(np.abs, slopes)) * error(e)
     return Rounded(p, own + carried)
 
 

@@ -12,7 +12,12 @@ from eos_ref.numbers.rounded import Rounded, value
 
 
 class AtCutoff(ArrayEvaluator):
-    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open."""
+    """Pairs so close to the cutoff that rounding decides whether they count leave the coordination open.
+
+    ``spread``: by how much distances may be off beyond that, if positions are known to some digits only.
+    """
+
+    spread = 0.0
 
     def move(self, x_nc: Any) -> None:
         """Count the pairs, and those that may as well be on the other side."""
@@ -21,7 +26,7 @@ class AtCutoff(ArrayEvaluator):
         # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
         # on either side; so are the squares, their sum and the root.
         reach = float(np.abs(value(x_nc)).max(initial=0.0)) + np.abs(self.box.cell_cc).sum(axis=0).max()
-        width = 8 * bounds.EPS * (reach + cut) + 4 * self.box.rounding(cut).max()
+        width = 8 * bounds.EPS * (reach + cut) + 4 * self.box.rounding(cut).max() + self.spread
         i, j, shift_pc = self.pairs(value(x_nc).astype(float), cut + 2 * width)
         x = value(x_nc)
         r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))

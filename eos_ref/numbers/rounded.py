@@ -155,9 +155,11 @@ class Rounded:
         return _quotient(value(other), error(other), self.value, self.error)
 
     def __pow__(self, power: Any) -> Rounded:
+        """Return the power; the slope is the largest of the interval, at one of its ends."""
         with np.errstate(all="ignore"):
             x = self.value**power
-            slope = np.abs(power * x / self.value)
+            ends = (self.value - self.error, self.value + self.error)
+            slope = np.maximum(*(np.abs(power * end**power / end) for end in ends))
         return Rounded(x, slope * self.error + (2 + np.abs(power)) * ROUNDING * np.abs(x) + TINY)
 
     def sqrt(self) -> Rounded:

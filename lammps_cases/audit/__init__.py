@@ -8,7 +8,10 @@ Modules: `text` (syntax of input scripts), `guard` (commands that are refused), 
 `sample` (comparisons), `evaluation` (the reference's side), `explanation` (by the ledger), `effects` (what known
 findings do to the deck), `outlook` (why a run broke off), `warn` (questionable set-ups), `child`, `launch`, `messages`
 and `supervise` (the process, and what it may do), `scratch` (the copy), `verdict` (the record), `command` (what writes
-the report). Called, the package is `lammps_cases.audit.command.audit`.
+the report). Finished output: `setups` (a deck followed without its runs), `printed` (what columns hold, and how many
+digits), `frames` (a snapshot as a sample), `finished` (dumps), `restart`.
+
+Called, the package is `lammps_cases.audit.command.audit`.
 """
 
 import sys

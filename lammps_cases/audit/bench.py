@@ -27,7 +27,7 @@ class _FirstRun(DeckWatch):
     audited = True
     spent = 0.0
 
-    def run(self, values: list[str], execute: Callable[[], None]) -> bool:
+    def run(self, values: list[str], execute: Callable[..., None]) -> bool:
         if self.audited:
             self.begin(["run"])
         begin = time.process_time()

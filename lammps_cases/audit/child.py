@@ -18,6 +18,7 @@ from eos_ref.jit import keep_nothing
 from lammps_cases.audit import guard, launch
 from lammps_cases.audit.follow import Follower
 from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, Task
+from lammps_cases.audit.setups import SetupWatch
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine import containment
@@ -88,7 +89,7 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     options = task.options
     lmp, who = start(task)
     connection.send(EngineIdentity(who))
-    watch = DeckWatch(lmp, options, connection.send, who["distribution"])
+    watch = (SetupWatch if task.setups else DeckWatch)(lmp, options, connection.send, who["distribution"])
     follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.trust)
     refused = ""
     try:
@@ -97,6 +98,8 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
+    if isinstance(watch, SetupWatch):
+        connection.send(watch.setups())
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()

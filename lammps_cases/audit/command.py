@@ -6,7 +6,10 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
+from eos_ref.errors import InputError
+from lammps_cases.audit.finished import audit_dump
 from lammps_cases.audit.options import TIMEOUT, AuditOptions, trusted
+from lammps_cases.audit.restart import audit_restart
 from lammps_cases.audit.supervise import audit_deck
 from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
@@ -22,6 +25,8 @@ from lammps_cases.run.results import Result, report_folder
 def audit(
     deck: str | Path,
     *,
+    dump: str | Path | None = None,
+    restart: str | Path | None = None,
     every: int = 10,
     steps: int | None = None,
     fields: str | Sequence[str] = "all",
@@ -38,6 +43,9 @@ def audit(
     ----------
     deck : path
         The input script.
+    dump, restart : path, optional
+        What the deck has written: checked without running the deck; see `lammps_cases.audit.finished` and
+        `lammps_cases.audit.restart`.
     every, steps, timeout, trust, suffix :
         See `lammps_cases.audit.options.AuditOptions`.
     fields : str or sequence of str
@@ -55,17 +63,34 @@ def audit(
     chosen, deck = installations.resolve(engine), Path(deck)
     names = (fields,) if isinstance(fields, str) else tuple(fields)
     options = AuditOptions(every, steps, timeout, trust or trusted(), chosen.site, fields=names, suffix=suffix)
-    command = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
+    files = {name: Path(file) for name, file in (("dump", dump), ("restart", restart)) if file is not None}
+    words = [word for name, file in files.items() for word in (f"--{name}", str(file))]
+    command = shlex.join(["eos-ref", "audit", str(deck), *words, *options.words()])
     with report_folder(out) as (folder, temporary):
-        return Result(audit_into(folder, deck, options, chosen, command, fail_on), folder, temporary)
+        run = audit_into(folder, deck, options, chosen, command, fail_on, **files)
+        return Result(run, folder, temporary)
 
 
 def audit_into(
-    directory: Path, deck: Path, options: AuditOptions, engine: Engine, command: str, fail_on: FailOn
+    directory: Path,
+    deck: Path,
+    options: AuditOptions,
+    engine: Engine,
+    command: str,
+    fail_on: FailOn,
+    dump: Path | None = None,
+    restart: Path | None = None,
 ) -> RunRecord:
-    """Audit a deck, and write its report into a folder."""
+    """Audit a deck, or what it has written, and write the report into a folder."""
+    if dump is not None and restart is not None:
+        raise InputError("dump", "and restart must not be given together")
     with output_folder(directory) as folder:
-        result = audit_deck(deck, options)
+        if dump is not None:
+            result = audit_dump(dump, deck, options)
+        elif restart is not None:
+            result = audit_restart(restart, deck, options)
+        else:
+            result = audit_deck(deck, options)
         run = campaign.provenance(campaign.engine_record(engine, result.who), command)
         run.cases, run.seconds = result.record.cases, result.record.seconds
         run.fail_on = fail_on

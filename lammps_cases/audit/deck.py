@@ -162,6 +162,15 @@ class Deck:
             return str(error)
         return ""
 
+    def moves_on(self) -> str:
+        """Return what may move particles or the box between the forces and a dump, beside fix rheo; or nothing."""
+        rheo = self.fix("rheo")
+        if rheo is not None and rheo[2] != "all":
+            return f"fix rheo integrates group {rheo[2]} alone"
+        return self._other_fix(lambda style: style.startswith(("rheo", "wall/")) or style in _STAY).replace(
+            "add to it", "move particles between the forces and the dump"
+        )
+
     def _other_fix(self, harmless: Callable[[str], bool]) -> str:
         """Name a fix that may add to a sum over pairs, unless its style is harmless; or nothing."""
         others = ((name, values[3]) for name, values in self.fixes.items() if not harmless(values[3]))
@@ -185,6 +194,12 @@ class Deck:
                 with contextlib.suppress(InputError):
                     found.append(action(values))
         return found
+
+
+def between(values: Sequence[str]) -> str:
+    """Return a command that a run executes in between and that may change the model; or nothing."""
+    words = values[values.index("every") + 2 :] if "every" in values else ()
+    return next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
 
 
 _LAWS = ("rheo", "rheo/pressure")
@@ -212,6 +227,7 @@ _NO_FORCE = (
     *("ave/time", "ave/atom", "ave/chunk", "ave/histo", "ave/grid", "ave/correlate", "store/state", "store/force"),
 )
 _NO_HEAT = (*(style for style in _NO_FORCE if style != "add/heat"), *_FOLLOWED)
+_STAY = (*(style for style in _NO_FORCE if style not in ("momentum", "recenter")), *_FOLLOWED, "viscous")
 
 
 def _weights(special: list[str]) -> tuple[list[float], list[float]]:

@@ -49,6 +49,12 @@ class ParticleSample:
     summed: bool = False
     z_n: Array | None = None
 
+    def rounded(self) -> State:
+        """Return the state in `Rounded` arrays."""
+        s = self.state
+        energy_n = None if s.energy_n is None else Rounded(s.energy_n)
+        return State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
+
 
 class _GivenDensities(ArrayEvaluator):
     """Evaluator that takes the densities as given, and keeps their sum beside them."""
@@ -86,16 +92,15 @@ class SampleEvaluation:
     def __init__(
         self, sample: ParticleSample, fields: Sequence[str], stages: type[ArrayEvaluator] = ArrayEvaluator
     ) -> None:
+        state = sample.rounded()
         s = sample.state
-        energy_n = None if s.energy_n is None else Rounded(s.energy_n)
-        state = State(Rounded(s.x_nc), Rounded(s.v_nc), Rounded(s.rho_n), s.type_n, s.solid_n, energy_n)
         evaluator: Any = in_blocks(type("Given", (_GivenDensities, at_cutoff(stages)), {}), len(s.type_n))
         self.sample = sample
         self.stages: _GivenDensities = evaluator(sample.model, sample.box, s.type_n, s.solid_n)
         self.stages.mass_n, self.stages.given_n = sample.mass_n, state.rho_n
         self.simulation = Simulation.with_evaluator(state, self.stages, fields)
         with np.errstate(all="ignore"):
-            results = self.simulation.evaluate()
+            results = self.simulation.evaluate() if fields else {}
             if "f" in results:
                 results["f"] = self._acted_on(results["f"])
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from eos_ref.errors import InputError, nearest
-from eos_ref.model.parameters import Model
+from eos_ref.model.parameters import TILTED, Model
 from eos_ref.model.quantities import QUANTITIES, has, keyword_of, required
 from lammps_cases.audit.deck import Deck
 from lammps_cases.scene.fields import FIELDS
@@ -116,6 +116,11 @@ def why_not(name: str, model: Model | InputError, setting: Setting) -> str:
         "the box leans along an axis that is not periodic" if setting.open_tilt else ""
     )
     return hidden or _of_pairs(name, model, setting)
+
+
+def leans_open(tilt: Sequence[float], periodic: Sequence[bool]) -> bool:
+    """Return whether a box, leaning by xy, xz and yz, leans along an axis that is not periodic."""
+    return any(lean and not all(periodic[axis] for axis in axes) for lean, axes in zip(tilt, TILTED, strict=False))
 
 
 def needs(name: str, quantity: str, model: Model) -> bool:

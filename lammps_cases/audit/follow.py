@@ -133,7 +133,7 @@ class Follower:
                 self.skip_jump = any(not self.lmp.has_id("variable", name) for name in names)
             case ["run", *_]:
                 self._hidden(words)
-                if self.watch.run(values, lambda: self.execute(command)):
+                if self.watch.run(values, lambda text=command: self.execute(text)):
                     raise Finished
             case _:
                 self._hidden(words)

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
-from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, RunFacts, SampleRows
+from lammps_cases.audit.options import CommandPlace, DeckEnd, DeckSetups, EngineIdentity, RunFacts, SampleRows
 from lammps_cases.engine.session import EngineMissing
 
 LARGEST = 2**32  # bytes of a message: the arrays of 1e7 atoms
@@ -30,7 +30,7 @@ NAMES = {
 }
 
 KINDS: dict[type, TypeAdapter[Any]] = {
-    kind: TypeAdapter(kind) for kind in (EngineIdentity, CommandPlace, RunFacts, SampleRows, DeckEnd)
+    kind: TypeAdapter(kind) for kind in (EngineIdentity, CommandPlace, RunFacts, SampleRows, DeckSetups, DeckEnd)
 }
 
 

@@ -117,11 +117,80 @@ class Task:
     options: AuditOptions
     means: Means
     outside: str  # folder beside the copy, for the files of the audit itself
+    setups: bool = False  # whether runs are not carried out, but described
 
     @property
     def temporary(self) -> str:
         """Return the folder for temporary files."""
         return f"{self.outside}/tmp"
+
+
+@dataclass(frozen=True)
+class RunSetup:
+    """What a run of a deck begins with: the state of its commands, and the particles.
+
+    Attributes
+    ----------
+    first, last : its steps
+    said : how many of the deck's commands come before it
+    fixes, pair, coefficients, special, bonded, excludes : of `lammps_cases.audit.deck.Deck`
+    computes : their commands by id
+    between : a command that the run executes in between and that may change the model
+    mass_t : masses of the types, from index 1; None where every particle has its own
+    id_n, solid_n : of the particles
+    members : by group, whether a particle is in it
+    """
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
+
+    first: int
+    last: int
+    said: int
+    dt: float
+    version: str
+    units: str
+    dimension: int
+    ntypes: int
+    between: str
+    mass_t: list[float] | None
+    fixes: dict[str, list[str]]
+    pair: list[str]
+    coefficients: list[list[str]]
+    special: list[str]
+    bonded: list[str]
+    excludes: bool
+    computes: dict[str, list[str]]
+    id_n: npt.NDArray[Any]
+    solid_n: npt.NDArray[Any]
+    members: dict[str, npt.NDArray[Any]]
+
+
+@dataclass
+class DeckDump:
+    """A dump of a deck, or what write_dump writes.
+
+    Attributes
+    ----------
+    words : id, group, style, steps between two snapshots, file and columns
+    modify : what dump_modify says of it
+    begin, end : number of runs before its definition, and before its end
+    step : of write_dump; None for a dump
+    """
+
+    words: list[str]
+    modify: list[str]
+    begin: int
+    end: int
+    step: int | None = None
+
+
+@dataclass(frozen=True)
+class DeckSetups:
+    """The runs of a deck, none of which has been carried out, its dumps, and its fixes and the like as commands."""
+
+    runs: list[RunSetup]
+    dumps: list[DeckDump]
+    commands: list[str]
 
 
 @dataclass(frozen=True)

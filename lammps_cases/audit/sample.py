@@ -22,7 +22,7 @@ from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.explanation import Explained, explain
 from lammps_cases.audit.fields import checked
 from lammps_cases.comparison.compare import Comparison, compare_field, excess
-from lammps_cases.findings import LEDGER
+from lammps_cases.findings import LEDGER, Finding
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 
@@ -31,6 +31,7 @@ COMPUTE = "eosref_fields"
 MEMBERS = "eosref_in_"
 SOLID = 1
 ATOM_VARIABLE = 1  # extract_variable's LMP_VAR_ATOM
+NOT_PRINTED: Mapping[str, Array] = {}
 
 
 class Sampler:
@@ -61,7 +62,7 @@ class Sampler:
     ) -> None:
         self.lmp, self.model, self.actions, self.mass_t = lmp, model, actions, mass_t
         self.fields = tuple(field for field in checked() if field in fields and field != "pressure")
-        self.listed = [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
+        self.listed = known(engine)
         self.explained: Explained = {}  # by earlier samples
         self.last: ParticleSample | None = None
         self.tilted = 0  # most particles of a 2D deck that do not lie in a plane with their neighbours
@@ -84,43 +85,9 @@ class Sampler:
             return {}
         self.last = sample = self._sample(n, x_nc, setup)
         shown = self._shown(n)
-        reference = SampleEvaluation(sample, self.fields)
+        comparisons, reference, self.explained = judged(sample, self.fields, tag_n, shown, self.listed, self.explained)
         self.tilted = max(self.tilted, int(reference.tilted().sum()))
-        rows_of = {field: rows_n for field in self.fields if (rows_n := reference.comparable(field)).any()}
-        comparisons = {
-            field: compare_field(
-                field,
-                FIELDS[field].stage,
-                tag_n[rows_n],
-                *_sides(shown[field], reference.output(field), rows_n),
-                derivation=derived(0),
-            )
-            for field, rows_n in rows_of.items()
-        }
-        self._explain(sample, shown, rows_of, comparisons)
         return comparisons
-
-    def _explain(
-        self,
-        sample: ParticleSample,
-        shown: Mapping[str, Array],
-        rows_of: Mapping[str, Array],
-        comparisons: Mapping[str, Comparison],
-    ) -> None:
-        before = frozenset(field for field, c in comparisons.items() if c.record.verdict == "differs")
-        if not before:
-            return
-
-        def outside(stages: type[ArrayEvaluator], undefined: bool) -> frozenset[str]:
-            by = SampleEvaluation(sample, self.fields, stages)
-            sides = {field: _sides(shown[field], by.output(field), rows_n) for field, rows_n in rows_of.items()}
-            return frozenset(field for field, arrays in sides.items() if not _inside(*arrays, undefined))
-
-        explained = explain(sample, shown, self.listed, before, outside, self.explained)
-        self.explained = self.explained | explained
-        for field, entries in explained.items():
-            record = comparisons[field].record
-            record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
 
     def _sample(self, n: int, x_nc: Array, setup: bool) -> ParticleSample:
         fix = self.model.fix
@@ -138,6 +105,57 @@ class Sampler:
             for name, columns in self.columns.items():
                 shown[name] = table[:, columns].reshape(n, *(d,) * QUANTITIES[name].rank)
         return shown
+
+
+def judged(
+    sample: ParticleSample,
+    fields: Sequence[str],
+    tag_n: Array,
+    shown: Mapping[str, Array],
+    listed: Sequence[Finding],
+    earlier: Explained,
+    evaluation: type[SampleEvaluation] = SampleEvaluation,
+    printed: Mapping[str, Array] = NOT_PRINTED,
+) -> tuple[dict[str, Comparison], SampleEvaluation, Explained]:
+    """Compare fields of a sample with the reference, and explain those that lie outside their bounds.
+
+    Parameters
+    ----------
+    shown : LAMMPS' fields
+    listed : findings of the engine
+    earlier : what explained earlier samples
+    evaluation : how the reference evaluates the sample
+    printed : by how much LAMMPS' fields may be off, as they were printed
+    """
+    reference = evaluation(sample, fields)
+    rows_of = {field: rows_n for field in fields if (rows_n := reference.comparable(field)).any()}
+
+    def sides(field: str, by: SampleEvaluation) -> tuple[Array, Array, Array]:
+        a, b, bound = _sides(shown[field], by.output(field), rows_of[field])
+        return a, b, bound + printed[field][rows_of[field]] if field in printed else bound
+
+    comparisons = {
+        field: compare_field(field, FIELDS[field].stage, tag_n[rows_n], *sides(field, reference), derivation=derived(0))
+        for field, rows_n in rows_of.items()
+    }
+    before = frozenset(field for field, c in comparisons.items() if c.record.verdict == "differs")
+    if not before:
+        return comparisons, reference, earlier
+
+    def outside(stages: type[ArrayEvaluator], undefined: bool) -> frozenset[str]:
+        by = evaluation(sample, fields, stages)
+        return frozenset(field for field in rows_of if not _inside(*sides(field, by), undefined))
+
+    explained = explain(sample, shown, listed, before, outside, earlier)
+    for field, entries in explained.items():
+        record = comparisons[field].record
+        record.verdict, record.explained_by = "explained", [entry.id for entry in entries]
+    return comparisons, reference, earlier | explained
+
+
+def known(engine: str) -> list[Finding]:
+    """Return the findings of an engine that a sample may show."""
+    return [entry for entry in LEDGER if entry.model_variant is not None and entry.listed(engine)]
 
 
 def taken(

@@ -18,7 +18,7 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.audit import launch, messages
 from lammps_cases.audit.guard import check_script
-from lammps_cases.audit.options import AuditOptions, AuditResult, SampleRows, Task
+from lammps_cases.audit.options import AuditOptions, AuditResult, DeckSetups, SampleRows, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment
@@ -66,14 +66,10 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     """
     options = options or AuditOptions()
     deck = Path(deck)
-    if not deck.is_file():
-        raise InputError("deck", "must be a readable file", where=str(deck))
-    if not options.trust:
-        check_script(deck)
+    _check(deck, options)
     begin = time.perf_counter()
     findings, failure = _run(deck, options)
-    name = re.sub(r"[^A-Za-z0-9._-]+", "_", deck.name).lstrip(".-") or "deck"
-    case = findings.case(name, failure)
+    case = findings.case(case_name(deck), failure)
     case.source = str(deck)
     case.reproduce = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
     if findings.ended is not None and not findings.checks and case.verdict == "skipped":
@@ -88,15 +84,44 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
 
 
-def _run(deck: Path, options: AuditOptions) -> tuple[Findings, Failure | None]:
+def case_name(file: Path) -> str:
+    """Return the name of the case that audits a file."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", file.name).lstrip(".-") or "deck"
+
+
+def described(deck: Path, options: AuditOptions) -> tuple[Findings, DeckSetups]:
+    """Return which LAMMPS it is, and the runs of a deck, none of which is carried out.
+
+    Raises
+    ------
+    InputError
+        The deck cannot be read or followed, LAMMPS refuses it or dies, or it has no run.
+    EngineMissing
+    """
+    _check(deck, options)
+    findings, failure = _run(deck, options, setups=True)
+    if failure is not None:
+        raise InputError("deck", f"must be set up by LAMMPS, without its runs ({failure.message})", where=str(deck))
+    if findings.setups is None or not findings.setups.runs:
+        raise InputError("deck", "must reach a run command", where=str(deck))
+    return findings, findings.setups
+
+
+def _check(deck: Path, options: AuditOptions) -> None:
+    if not deck.is_file():
+        raise InputError("deck", "must be a readable file", where=str(deck))
+    if not options.trust:
+        check_script(deck)
+
+
+def _run(deck: Path, options: AuditOptions, setups: bool = False) -> tuple[Findings, Failure | None]:
     findings = Findings()
     with contextlib.ExitStack() as stack:
         folder = options.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
         outside = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
         copy_folder(deck.resolve().parent, folder.resolve(), links_out=options.trust)
-        task = Task(
-            deck.name, str(folder.resolve()), replace(options, progress=SILENT), confined(options), str(outside)
-        )
+        silent = replace(options, progress=SILENT)
+        task = Task(deck.name, str(folder.resolve()), silent, confined(options), str(outside), setups)
         output = outside / "output"
         with launch.running(ENTRY, task, output) as (process, receiver):
             return findings, _listen(receiver, findings, options, process, output)

@@ -6,7 +6,15 @@ from dataclasses import dataclass, field
 
 from lammps_cases.audit.effects import worst as largest
 from lammps_cases.audit.fields import offered
-from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, RunFacts, SampleRow, SampleRows
+from lammps_cases.audit.options import (
+    CommandPlace,
+    DeckEnd,
+    DeckSetups,
+    EngineIdentity,
+    RunFacts,
+    SampleRow,
+    SampleRows,
+)
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, EffectRecord, FieldRecord, worst
@@ -27,6 +35,7 @@ class Findings:
     effects: list[EffectRecord] = field(default_factory=list)
     blame: Blame | None = None
     ended: DeckEnd | None = None
+    setups: DeckSetups | None = None
 
     def take(self, message: object) -> None:
         """Take one message."""
@@ -42,6 +51,8 @@ class Findings:
                     self.unchecked.setdefault(reason, []).append(message.run)
             case SampleRows():
                 self._sample(message)
+            case DeckSetups():
+                self.setups = message
             case DeckEnd():
                 self.ended = message
                 self.effects = largest(self.effects, message.effects)

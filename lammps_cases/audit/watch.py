@@ -19,11 +19,12 @@ import numpy.typing as npt
 from eos_ref import EOSTable
 from eos_ref.eos import bounds
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import TILTED, Model
+from eos_ref.model.parameters import Model
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample
-from lammps_cases.audit.deck import HARMLESS, Action, Deck, hyphens
+from lammps_cases.audit.deck import Action, Deck, between, hyphens
 from lammps_cases.audit.effects import effects
+from lammps_cases.audit.fields import leans_open
 from lammps_cases.audit.options import AuditOptions, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import RUNAWAY, Good, mach, outlook
 from lammps_cases.audit.pressure import PressureSample
@@ -112,7 +113,7 @@ class DeckWatch:
             sample.drop(self.lmp)
         self.questions.note(values)
 
-    def run(self, values: list[str], execute: Callable[[], None]) -> bool:
+    def run(self, values: list[str], execute: Callable[..., None]) -> bool:
         """Execute a run command with samples; return whether the audit has done all the steps it was to do."""
         self.runs += 1
         first = self._step()
@@ -173,13 +174,9 @@ class DeckWatch:
         if self.options.fields == fields.PRESSURE:
             return fields.Choice(fields.PRESSURE, {}), None
         model = self._model(table, mass_t)
-        words = values[values.index("every") + 2 :] if "every" in values else []
-        between = next((word for word in words if word.split()[:1] and word.split()[0] not in HARMLESS), "")
         _, _, xy, yz, xz, periodic, _ = self.lmp.extract_box()
-        open_tilt = any(
-            tilt and not all(periodic[axis] for axis in axes) for tilt, axes in zip((xy, xz, yz), TILTED, strict=True)
-        )
-        setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), open_tilt, between)
+        open_tilt = leans_open((xy, xz, yz), periodic)
+        setting = fields.Setting(self.deck, str(self.lmp.extract_global("units")), open_tilt, between(values))
         choice = fields.choose(self.options.fields, model, setting)
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from eos_ref.errors import InputError
 from lammps_cases.cli import shared
 from lammps_cases.records.progress import Bar
 from lammps_cases.records.run_record import CaseRecord, FailOn
@@ -14,7 +15,10 @@ from lammps_cases.records.wording import effects, listed
 
 
 @click.command("audit")
-@click.argument("deck", type=shared.PATH)
+@click.argument("deck", type=shared.PATH, required=False)
+@click.option("--deck", "of_deck", type=shared.PATH, metavar="DECK", help="The same as DECK.")
+@click.option("--dump", type=shared.PATH, metavar="FILE", help="Check a dump that DECK has written, running nothing.")
+@click.option("--restart", type=shared.PATH, metavar="FILE", help="Check a restart file that DECK has written.")
 @click.option("--every", default=10, show_default=True, metavar="M", help="Look at all atoms every M time steps.")
 @click.option("--steps", type=int, metavar="N", help="Stop after N time steps in all.  [default: the whole deck]")
 @click.option(
@@ -37,7 +41,10 @@ from lammps_cases.records.wording import effects, listed
 @shared.fail_on_option
 @shared.json_option
 def audit_command(
-    deck: Path,
+    deck: Path | None,
+    of_deck: Path | None,
+    dump: Path | None,
+    restart: Path | None,
     every: int,
     steps: int | None,
     fields: str,
@@ -56,21 +63,29 @@ def audit_command(
     includes, several runs and redefined fixes are followed. Where LAMMPS breaks off, the reference runs on from the
     last good sample to find out why.
 
+    With --dump or --restart nothing is run but the set-up: the columns of a dump are checked against each other, with
+    the digits that it holds; LAMMPS reads a restart file and evaluates its forces once.
+
     \b
     Examples: eos-ref audit in.deck --every 10 --steps 1000
               eos-ref audit in.deck --fields pressure,surface,grad/v
+              eos-ref audit --dump out.dump --deck in.deck
     """
     from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
     from lammps_cases.engine import installations
     from lammps_cases.run import campaign
 
+    if (deck is None) == (of_deck is None):
+        raise InputError("deck", "must be given once: eos-ref audit DECK, or --deck DECK")
+    deck = deck or of_deck
+    assert deck is not None
     chosen = installations.resolve(engine)
-    directory = out or Path("reports") / f"audit-{deck.name}"
+    directory = out or Path("reports") / f"audit-{(dump or restart or deck).name}"
     with Bar(quiet=as_json) as bar:
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
         options = AuditOptions(every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix)
-        run = audit_into(directory, deck, options, chosen, campaign.command_line(), fail_on or "new")
+        run = audit_into(directory, deck, options, chosen, campaign.command_line(), fail_on or "new", dump, restart)
     if not as_json:
         for line in report_lines(run.cases[0]):
             click.echo(line)

@@ -1,0 +1,297 @@
+"""`audit_dump`: the columns of a dump that a deck has written, checked against each other without running the deck."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.errors import InputError
+from eos_ref.model.parameters import Box, Model
+from eos_ref.model.quantities import has, keyword_of
+from eos_ref.numbers.rounded import Rounded, error, value
+from eos_ref.syntax.manual import manual_of
+from lammps_cases.audit import fields, frames, printed
+from lammps_cases.audit.deck import Deck
+from lammps_cases.audit.explanation import Explained
+from lammps_cases.audit.frames import FrameEvaluation, FrameSample
+from lammps_cases.audit.options import (
+    AuditOptions,
+    AuditResult,
+    DeckDump,
+    DeckEnd,
+    RunFacts,
+    RunSetup,
+    SampleRow,
+    SampleRows,
+)
+from lammps_cases.audit.sample import judged, known
+from lammps_cases.audit.supervise import case_name, described
+from lammps_cases.audit.verdict import Findings
+from lammps_cases.comparison.compare import Comparison
+from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, Seconds
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.scene.lammps_files import SOLID, Snapshot, snapshots
+from lammps_cases.verdict.model_fields import derived
+
+NO_COLUMN = "no column of it in the dump (compute rheo/property/atom NAME, of vectors and tensors NAME/*)"
+NO_FORCES = "no columns fx fy fz in the dump"
+NO_RATE = "no column of it in the dump (compute property/atom drho)"
+
+
+class Run(NamedTuple):
+    """A run of the deck, by its number, with its model; an error where there is none that can be followed."""
+
+    number: int
+    setup: RunSetup
+    deck: Deck
+    model: Model | InputError
+
+
+class Frame(NamedTuple):
+    """A snapshot in its run; ``set_up`` whether it is that of the run's set-up."""
+
+    snapshot: Snapshot
+    run: Run
+    set_up: bool
+
+
+def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
+    """Check the columns of a dump against each other; the deck is followed, its runs are set up, none is carried out.
+
+    Parameters
+    ----------
+    dump : Path
+        A dump custom as text, with one snapshot or several.
+    deck : Path
+        The deck that has written it.
+    options : AuditOptions
+
+    Returns
+    -------
+    AuditResult
+        One case, as of `lammps_cases.audit.audit_deck`.
+
+    Raises
+    ------
+    InputError
+        No such dump; one that the deck does not write, or of steps that it does not reach.
+    EngineMissing
+    """
+    begin = time.perf_counter()
+    found = list(_read(dump))
+    findings, setups = described(deck, options)
+    runs = [_run(k, setup) for k, setup in enumerate(setups.runs, 1)]
+    columns = printed.columns_of(dump, list(found[0].columns), setups.dumps, runs[0].setup)
+    writing = _writing(columns.dump, runs)
+    audit = _Audit(columns, options, findings)
+    for snapshot in found:
+        if list(snapshot.columns) != list(columns.names):
+            raise InputError("columns", "must be the same in every snapshot", snapshot.step, dump.name)
+        frame = _frame(snapshot, writing, dump.name)
+        writing = writing[writing.index(frame.run) :]  # steps may be counted anew
+        audit.take(frame)
+    audit.end()
+    case = findings.case(case_name(dump))
+    case.about = "a dump of your input deck: its columns against each other, at the end of a step"
+    case.not_checked = audit.unchecked()
+    case.source, case.reproduce = str(dump), shlex.join(["eos-ref", "audit", "--dump", str(dump), "--deck", str(deck)])
+    case.seconds = Seconds(reference=time.perf_counter() - begin, total=time.perf_counter() - begin)
+    record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
+    return AuditResult(record, findings.who, audit.arrays)
+
+
+def _read(dump: Path) -> Sequence[Snapshot]:
+    try:
+        found = list(snapshots(dump))
+    except InputError as error:
+        raise error.at(str(dump)) from None
+    if not found:
+        raise InputError("dump", "must hold a snapshot", where=str(dump))
+    for name in ("id", "type"):
+        if name not in found[0].columns:
+            raise InputError("columns", f"must hold {name}", " ".join(found[0].columns), str(dump))
+    return found
+
+
+def _run(number: int, setup: RunSetup) -> Run:
+    deck = Deck(**{field.name: getattr(setup, field.name) for field in dataclasses.fields(Deck)})
+    mass_t = [1.0] * setup.ntypes if setup.mass_t is None else setup.mass_t[1:]
+    try:
+        laws = deck.laws(setup.ntypes)
+        if laws is None:
+            raise InputError("deck", "defines no fix rheo and fix rheo/pressure")
+        model: Model | InputError = deck.model(setup.dimension, setup.ntypes, mass_t, laws, manual_of(setup.version))
+    except InputError as error:
+        model = error
+    return Run(number, setup, deck, model)
+
+
+def _frame(snapshot: Snapshot, runs: Sequence[Run], where: str) -> Frame:
+    """Find the run of a snapshot: where one ends and another begins, the first, if the dump was there already.
+
+    ``runs`` are those that can have written it.
+    """
+    within = [run for run in runs if run.setup.first <= snapshot.step <= run.setup.last]
+    if not within:
+        steps = ", ".join(f"{run.setup.first} to {run.setup.last}" for run in runs)
+        raise InputError(
+            "step", f"must be one of the runs of the deck that write it (steps {steps})", snapshot.step, where
+        )
+    ended = [run for run in within if run.setup.first < snapshot.step]
+    return Frame(snapshot, (ended or within)[0], not ended)
+
+
+def _writing(dump: DeckDump, runs: Sequence[Run]) -> list[Run]:
+    """Return the runs that can have written a dump; write_dump shows what the run before it leaves."""
+    if dump.step is not None:
+        return [run for run in runs if run.number <= max(dump.begin, 1)]
+    return [run for run in runs if dump.begin < run.number <= dump.end]
+
+
+class _Audit:
+    """Takes the snapshots, one by one."""
+
+    def __init__(self, columns: printed.Columns, options: AuditOptions, findings: Findings) -> None:
+        self.columns, self.options, self.findings = columns, options, findings
+        self.whole = printed.whole(columns.dump)
+        self.listed = known(findings.who["distribution"])
+        self.explained: Explained = {}
+        self.reasons: dict[tuple[str, str], list[int]] = {}
+        self.steps: list[int] = []
+        self.arrays: dict[str, npt.NDArray[Any]] = {}
+
+    def take(self, frame: Frame) -> None:
+        """Check one snapshot."""
+        run, snapshot = frame.run, frame.snapshot
+        self.steps.append(snapshot.step)
+        held = self.columns.read(snapshot, run.setup.dimension)
+        names, unchecked = self._choice(frame, held)
+        for name, reason in unchecked.items():
+            self.reasons.setdefault((name, reason), []).append(snapshot.step)
+        setup = run.setup
+        laws = run.model.eos.laws if isinstance(run.model, Model) else ()
+        mass_t: list[Any] = setup.mass_t or [None] * (len(laws) + 1)
+        records = [LawRecord.of(t, law, mass_t[t]) for t, law in enumerate(laws, 1)]
+        stages: dict[str, str] = {name: FIELDS[name].stage for name in names}
+        id_n = snapshot.numbers("id", int)
+        facts = RunFacts(len(id_n), setup.dimension, setup.units, records, [], run.number, {}, stages, derived(0))
+        self.findings.take(facts)
+        if not names or not len(id_n):
+            return
+        sample = _sample(frame, held, id_n)
+        shown = {name: held[name].value for name in names}
+        compared, _, self.explained = judged(
+            sample, names, id_n, shown, self.listed, self.explained, FrameEvaluation,
+            {name: held[name].error for name in names},
+        )  # fmt: skip
+        rows = {(name, 0): SampleRow.of(len(c.bound_n), c.record) for name, c in compared.items()}
+        for name in names:
+            if name not in compared:
+                self.reasons.setdefault((name, "no particle can be compared"), []).append(snapshot.step)
+        self.findings.take(SampleRows(snapshot.step, run.number, snapshot.step, rows))
+        self.arrays = _arrays(sample, snapshot, id_n, compared)
+
+    def _choice(self, frame: Frame, held: dict[str, Any]) -> tuple[list[str], dict[str, str]]:
+        names, unchecked = [], {}
+        for name in fields.checked():
+            if reason := self._why_not(name, frame, held):
+                unchecked[name] = reason
+            elif fields.ALL in self.options.fields or name in self.options.fields:
+                names.append(name)
+        return names, unchecked
+
+    def _why_not(self, name: str, frame: Frame, held: dict[str, Any]) -> str:
+        run, model = frame.run, frame.run.model
+        if isinstance(model, InputError):
+            return str(model)
+        if not has(model, keyword_of(name)):
+            return f"fix rheo has no {keyword_of(name)} in this deck"
+        if name not in held:
+            return {"f": NO_FORCES, "drho": NO_RATE}.get(name, NO_COLUMN)
+        given = held.keys() | ({"mass"} if run.setup.mass_t is not None else set())
+        if reason := frames.lacking(name, model, given, frame.set_up, self.whole):
+            return reason
+        if frames.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
+            return ""
+        open_tilt = fields.leans_open(frame.snapshot.tilt, frame.snapshot.periodic)
+        setting = fields.Setting(run.deck, run.setup.units, open_tilt, run.setup.between)
+        if reason := fields.why_not(name, model, setting):
+            return reason
+        return "" if frame.set_up else self._between(run)
+
+    def _between(self, run: Run) -> str:
+        """Return why the state that the forces saw does not follow from that of the dump; or nothing."""
+        if run.setup.units in ("real", "metal", "electron"):
+            return f"in units {run.setup.units} force over mass is no acceleration"
+        return run.deck.moves_on()
+
+    def unchecked(self) -> list[str]:
+        """Return a line per field and reason, with the steps if it does not hold for all snapshots."""
+        lines = []
+        for (name, reason), steps in self.reasons.items():
+            some = f" (steps {', '.join(map(str, steps[:5]))}{', ...' * (len(steps) > 5)})"
+            lines.append(f"{name}: {reason}{some * (len(steps) < len(self.steps))}")
+        return lines
+
+    def end(self) -> None:
+        """Tell the record that all snapshots have been taken."""
+        if not self.findings.checks:
+            why = "; ".join(sorted({f"{name}: {reason}" for name, reason in self.reasons})[:3])
+            raise InputError("dump", f"must hold columns that can be checked against each other ({why}, ...)")
+        runs = len({check.run for check in self.findings.checks})
+        self.findings.take(DeckEnd(max(self.steps), runs, Seconds(), [], [], {}, {}))
+
+
+def _sample(frame: Frame, held: dict[str, Any], id_n: npt.NDArray[Any]) -> FrameSample:
+    run, snapshot = frame.run, frame.snapshot
+    model, setup = run.model, run.setup
+    assert isinstance(model, Model)
+    type_n = snapshot.numbers("type", int)
+    place = {number: k for k, number in enumerate(setup.id_n.tolist())}
+    at_n = np.array([place.get(number, -1) for number in id_n.tolist()])
+    mass_n = held["mass"] if setup.mass_t is None else np.array(setup.mass_t)[type_n]
+    solid_n = _solid(held, setup, at_n)
+    held = held | {"mass": Rounded(value(mass_n), error(mass_n))}
+    state = frames.state_of_forces(held, model, type_n, solid_n, setup.dt, frame.set_up)
+    d = model.dimension
+    tilt = snapshot.tilt[: d * (d - 1) // 2] if any(snapshot.tilt) else ()
+    box = Box(tuple(snapshot.low_c[:d]), tuple(snapshot.high_c[:d]), snapshot.periodic[:d], tilt)
+    both = model.fix.rho_sum and model.fix.interface_reconstruct
+    return FrameSample(
+        model, box, frames.plain(state), value(mass_n),
+        [(action, setup.members[action.group][at_n] & (at_n >= 0)) for action in run.deck.plain_actions()],
+        frame.set_up and both,
+        snapshot.numbers("z") if d == 2 and "z" in snapshot.columns else None,
+        state,
+        {name: held[name] for name in ("rho", "energy") if name in held},
+        held.get("grad/v"),
+    )  # fmt: skip
+
+
+def _solid(held: dict[str, Any], setup: RunSetup, at_n: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Return which particles are solid: by the dump, else as they were when the run began."""
+    if "phase" in held:
+        return np.asarray(held["phase"].value != 0)
+    if "status" in held:
+        return np.asarray(held["status"].value.astype(int) & SOLID != 0)
+    return np.asarray(setup.solid_n[at_n] & (at_n >= 0))
+
+
+def _arrays(
+    sample: FrameSample, snapshot: Snapshot, id_n: npt.NDArray[Any], compared: dict[str, Comparison]
+) -> dict[str, npt.NDArray[Any]]:
+    order_n, s = np.argsort(id_n, kind="stable"), sample.state
+    arrays = {"id": id_n, "type": s.type_n, "x": s.x_nc, "v": s.v_nc, "rho": s.rho_n, "mass": sample.mass_n}
+    for name, c in compared.items():
+        if len(c.bound_n) == len(id_n):
+            arrays |= {f"{name}.lammps": c.lammps_n, f"{name}.reference": c.reference_n, f"{name}.bound": c.bound_n}
+    box_c = np.array([snapshot.low_c, snapshot.high_c, *[snapshot.tilt] * any(snapshot.tilt)])
+    sorted_n = {name: array[order_n] for name, array in arrays.items()}
+    return sorted_n | {"box": box_c, "periodic": np.array(snapshot.periodic), "step": np.array(snapshot.step)}

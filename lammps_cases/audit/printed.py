@@ -1,0 +1,202 @@
+"""What the columns of a dump hold, by its deck, and to how many digits."""
+
+from __future__ import annotations
+
+import fnmatch
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from eos_ref.eos.bounds import EPS
+from eos_ref.eos.table import FloatArray
+from eos_ref.errors import InputError
+from eos_ref.model.quantities import QUANTITIES
+from eos_ref.numbers.rounded import Rounded
+from lammps_cases.audit.options import DeckDump, RunSetup
+from lammps_cases.scene.fields import FIELDS
+from lammps_cases.scene.lammps_files import Snapshot
+
+FORMAT = re.compile(r"%[-+ 0#]*[0-9]*(?:\.([0-9]+))?l?([eEfFgG])")
+DEFAULT = "%g"  # the manual's, of dump custom
+EXACT = {"e": 16, "g": 17}  # digits (e: behind the point) from which on every double has a text of its own
+OF_ATOM = {"drho": "drho", "viscosity": "viscosity", "rho": "rho", "rheo_status": "status"}  # compute property/atom
+
+
+class Part(NamedTuple):
+    """A component of a quantity, by its number in the order of `numpy.ndarray.ravel`."""
+
+    quantity: str
+    component: int
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of a dump: their names in the file, what they hold if that is known, and the format of each."""
+
+    dump: DeckDump
+    names: tuple[str, ...]
+    parts: tuple[Part | None, ...]
+    formats: tuple[str, ...]
+
+    def read(self, snapshot: Snapshot, dimension: int) -> dict[str, Rounded]:
+        """Return the quantities of a snapshot all of whose components are there, with the error of their digits.
+
+        Raises
+        ------
+        InputError
+            A column that does not hold numbers, or none that are finite.
+        """
+        found: dict[str, dict[int, Rounded]] = {}
+        for name, part, form in zip(self.names, self.parts, self.formats, strict=True):
+            if part is not None:
+                found.setdefault(part.quantity, {})[part.component] = number(snapshot.numbers(name), form)
+        whole: dict[str, Rounded] = {}
+        for quantity, parts in found.items():
+            rank = 1 if quantity in ("x", "v", "f") else QUANTITIES[quantity].rank if quantity in QUANTITIES else 0
+            shape = (dimension,) * rank
+            if all(k in parts for k in range(dimension**rank)):
+                stacked = [np.stack([getattr(parts[k], side) for k in range(dimension**rank)], axis=1)
+                           for side in ("value", "error")]  # fmt: skip
+                whole[quantity] = Rounded(*(side.reshape(-1, *shape) for side in stacked))
+        return whole
+
+
+def number(values_n: FloatArray, form: str) -> Rounded:
+    """Return numbers with half a unit of the last digit that a format prints, and the rounding of reading them.
+
+    Raises
+    ------
+    InputError
+        A format that is none of %e, %f and %g.
+    """
+    match = FORMAT.fullmatch(form)
+    if match is None:
+        raise InputError("dump_modify format", "must be one of %e, %f and %g, with digits", form)
+    digits, style = int(match[1] or 6), match[2].lower()
+    if style == "g":
+        digits = max(digits, 1)
+    if digits >= EXACT.get(style, np.inf):
+        return Rounded(values_n, np.zeros(values_n.shape))
+    if style == "f":
+        return Rounded(values_n, 0.5 * 10.0**-digits + EPS * np.abs(values_n))
+    with np.errstate(divide="ignore"):
+        exponent_n = np.floor(np.log10(np.abs(values_n)) + 1e-12)  # of 0, which these formats print for 0 alone: -inf
+    last_n = exponent_n - (digits if style == "e" else digits - 1)
+    return Rounded(values_n, 0.5 * 10.0**last_n + EPS * np.abs(values_n))
+
+
+def columns_of(path: Path, names: Sequence[str], dumps: Sequence[DeckDump], setup: RunSetup) -> Columns:
+    """Return what columns hold, by the dump of a deck that writes them: that of the file's name, else the first.
+
+    Raises
+    ------
+    InputError
+        No dump of the deck writes such columns.
+    """
+    described = [_described(dump, setup) for dump in dumps if dump.words[2] == "custom"]
+    fitting = [columns for columns in described if list(columns.names) == list(names)]
+    if not fitting:
+        written = "; ".join(" ".join(columns.names) for columns in described) or "none (dump custom)"
+        rule = f"must be those that a dump of the deck writes: {written}"
+        raise InputError("columns", rule, " ".join(names), path.name)
+    named = (columns for columns in fitting if fnmatch.fnmatch(path.name, _pattern(columns.dump.words[4])))
+    return next(named, fitting[0])
+
+
+def _pattern(file: str) -> str:
+    return Path(file).name.replace("[", "[[]").replace("?", "[?]").replace("%", "*")
+
+
+def _described(dump: DeckDump, setup: RunSetup) -> Columns:
+    words = [word for given in dump.words[5:] for word in _expanded(given, setup)]
+    names = list(words)
+    formats = ["" if word in ("id", "type", "mol", "proc") else DEFAULT for word in words]
+    modify = iter(dump.modify)
+    for keyword in modify:
+        if keyword == "colname":
+            if (column := next(modify, "")) != "default":
+                names[_place(column, words)] = next(modify, "")
+        elif keyword == "format":
+            _format(next(modify, ""), modify, formats)
+    return Columns(dump, tuple(names), tuple(_part(word, setup) for word in words), tuple(formats))
+
+
+def _place(column: str, words: Sequence[str]) -> int:
+    """Return the place of a column by its number, or by its name."""
+    at = int(column) - 1 if column.lstrip("-").isdigit() else words.index(column) if column in words else len(words)
+    if not -len(words) - 1 <= at < len(words):
+        raise InputError("dump_modify", "must name a column of the dump", column)
+    return at + 1 if at < -1 else at
+
+
+def _format(which: str, rest: Iterator[str], formats: list[str]) -> None:
+    if which == "line":
+        formats[:] = next(rest, "").split()
+    elif which == "float":
+        form = next(rest, "")
+        formats[:] = [form if old else old for old in formats]
+    elif which == "none":
+        formats[:] = [DEFAULT if old else old for old in formats]
+    elif which == "int":
+        next(rest, "")
+    else:
+        formats[_place(which, formats)] = next(rest, "")
+
+
+def _expanded(word: str, setup: RunSetup) -> list[str]:
+    """Return the columns that a word with a wild card stands for; other words as they are."""
+    match = re.fullmatch(r"(c_(\w+))\[([0-9]*)\*([0-9]*)\]", word)
+    if match is None or match[2] not in setup.computes:
+        return [word]
+    last = len(_attributes(setup.computes[match[2]], setup.dimension))
+    return [f"{match[1]}[{k}]" for k in range(int(match[3] or 1), int(match[4] or last) + 1)]
+
+
+def _part(word: str, setup: RunSetup) -> Part | None:
+    """Return what a column holds; None if it does not matter."""
+    if word == "mass":
+        return Part("mass", 0)
+    if len(word) <= 2 and word[:-1] in ("", "v", "f") and word[-1] in "xyz":
+        return Part(word[:-1] or "x", "xyz".index(word[-1]))
+    match = re.fullmatch(r"c_(\w+)(?:\[([0-9]+)\])?", word)
+    if match is None or match[1] not in setup.computes:
+        return None
+    attributes = _attributes(setup.computes[match[1]], setup.dimension)
+    at = int(match[2] or 1) - 1
+    return attributes[at] if at < len(attributes) else None
+
+
+def _attributes(words: Sequence[str], dimension: int) -> list[Part | None]:
+    """Return what the columns of a compute hold."""
+    if words[3] == "property/atom":
+        return [Part(OF_ATOM[word], 0) if word in OF_ATOM else None for word in words[4:]]
+    if words[3] != "rheo/property/atom":
+        return []
+    return [part for word in words[4:] for part in _components(word, dimension)]
+
+
+def _components(attribute: str, dimension: int) -> list[Part | None]:
+    columns = {field.column: field.name for field in FIELDS.values() if field.column and not field.of_solids}
+    stem, _, component = attribute.rpartition("/")
+    if attribute in columns:
+        return [Part(columns[attribute], 0)]
+    if stem not in columns:
+        return [None]
+    rank, axes = QUANTITIES[stem].rank, "xyz"[:dimension]
+    if component == "*":
+        return [Part(stem, k) for k in range(dimension**rank)]
+    order: Mapping[str, int] = {"".join(pair): k for k, pair in enumerate(itertools.product(axes, repeat=rank))}
+    return [Part(stem, order[component]) if component in order else None]
+
+
+def whole(dump: DeckDump) -> str:
+    """Return why a dump may hold only some of the particles; or nothing."""
+    if dump.words[1] != "all":
+        return f"the dump holds group {dump.words[1]} alone"
+    some = next((word for word in ("thresh", "region") if word in dump.modify), "")
+    return f"the dump holds some particles alone (dump_modify {some})" if some else ""

@@ -1,0 +1,118 @@
+"""A deck followed without its runs: what each begins with, and what the deck's dumps write."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lammps_cases.audit import sample
+from lammps_cases.audit.deck import Deck, between
+from lammps_cases.audit.options import DeckDump, DeckSetups, RunSetup
+from lammps_cases.audit.sample import SOLID
+from lammps_cases.audit.watch import DeckWatch
+
+ENDLESS = 2**31 - 1
+# What a restart file does not bring along; it has the box, the particles, their masses and their groups.
+DEFINITIONS = frozenset(
+    {
+        *("newton", "lattice", "region", "variable", "neighbor", "neigh_modify", "comm_modify", "comm_style"),
+        *("pair_style", "pair_coeff", "pair_modify", "bond_style", "bond_coeff", "special_bonds", "timestep"),
+        *("fix", "fix_modify", "unfix", "compute", "compute_modify", "uncompute"),
+    }
+)
+
+
+class SetupWatch(DeckWatch):
+    """Executes ``run 0`` in place of every run, and keeps what the run would begin with."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.described: list[RunSetup] = []
+        self.computes: dict[str, list[str]] = {}
+        self.dumps: list[DeckDump] = []
+        self.commands: list[list[str]] = []
+        self.ahead = 0  # steps of runs since LAMMPS' own count was set
+
+    def setups(self) -> DeckSetups:
+        """Return all that was kept."""
+        return DeckSetups(self.described, self.dumps, [" ".join(map(_quoted, words)) for words in self.commands])
+
+    def note(self, values: list[str]) -> None:
+        """Take down a command that LAMMPS has executed."""
+        super().note(values)
+        if values[0] in DEFINITIONS:
+            self.commands.append(values)
+        match values:
+            case ["compute", name, *_]:
+                self.computes[name] = values
+            case ["uncompute", name]:
+                self.computes.pop(name, None)
+            case ["dump", *words]:
+                self.dumps.append(DeckDump(words, [], self.runs, ENDLESS))
+            case ["undump", name]:
+                self._dump(name).end = self.runs
+            case ["dump_modify", name, *words]:
+                self._dump(name).modify += words
+            case ["write_dump", group, style, file, *words]:
+                at = words.index("modify") if "modify" in words else len(words)
+                written = ["", group, style, "0", file, *words[:at]]
+                self.dumps.append(DeckDump(written, words[at + 1 :], self.runs, self.runs, self._step()))
+            case ["reset_timestep", *_]:
+                self.ahead = 0
+            case ["clear"]:
+                self.ahead, self.computes = 0, {}
+                for dump in self.dumps:
+                    dump.end = min(dump.end, self.runs)
+
+    def _dump(self, name: str) -> DeckDump:
+        return next(dump for dump in reversed(self.dumps) if dump.words[0] == name)
+
+    def _step(self) -> int:
+        return super()._step() + self.ahead
+
+    def run(self, values: list[str], execute: Callable[..., None]) -> bool:
+        """Describe a run, and count its steps; LAMMPS sets it up."""
+        self.runs += 1
+        execute("run 0")
+        first, count = self._step(), int(float(values[1]))
+        last = count if "upto" in values else first + count
+        self.described.append(self._setup(values, first, last))
+        self.ahead += last - first
+        return False
+
+    def _setup(self, values: list[str], first: int, last: int) -> RunSetup:
+        lmp = self.lmp
+        n = int(lmp.extract_setting("nlocal"))
+        deck = copy.deepcopy(self.deck)
+        groups = sorted({action.group for action in self.deck.plain_actions()})
+        for group in groups:
+            sample.follow_group(lmp, group)
+        status = lmp.extract_atom("rheo_status")
+        return RunSetup(
+            first=first,
+            last=last,
+            said=len(self.commands),
+            dt=float(lmp.extract_global("dt")),
+            version=str(lmp.version()),
+            units=str(lmp.extract_global("units")),
+            dimension=int(lmp.extract_setting("dimension")),
+            ntypes=int(lmp.extract_setting("ntypes")),
+            between=between(values),
+            mass_t=None if lmp.extract_atom("rmass") else lmp.numpy.extract_atom("mass").tolist(),
+            computes=dict(self.computes),
+            id_n=lmp.numpy.extract_atom("id")[:n].copy(),
+            solid_n=(lmp.numpy.extract_atom("rheo_status")[:n] & SOLID != 0) if status else np.zeros(n, bool),
+            members={group: sample.members(lmp, group, n) for group in groups},
+            **{field.name: getattr(deck, field.name) for field in dataclasses.fields(Deck)},
+        )
+
+
+def _quoted(word: str) -> str:
+    """Return a word as a script has it."""
+    if word and not any(c.isspace() or c in "\"'#&" for c in word):
+        return word
+    return f'"""{word}"""'

@@ -1,0 +1,393 @@
+"""Audits of finished output: dumps and restart files that real LAMMPS wrote, whole and with planted faults."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import random
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from lammps_cases.audit import AuditOptions, finished, restart, supervise
+from lammps_cases.audit.options import DeckSetups
+from lammps_cases.audit.printed import number
+from lammps_cases.audit.verdict import Findings
+from lammps_cases.records.run_record import CaseRecord
+
+pytestmark = pytest.mark.lammps
+
+DECKS = Path(__file__).parents[2] / "decks"
+PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
+SURFACE = "surface surface/n/* surface/r surface/divr"
+HEAT = "temperature energy heatflow cv conductivity"
+STATE = "phase rho pressure coordination grad/v/* viscosity stress/v/* stress/t/*"
+Run = Callable[..., tuple[int, str, str]]
+PLACES = "id type x y z vx vy vz fx fy fz"
+# Decks with dumps of three formats put before their first run, and the columns of each.
+COLUMNS = {"box": "shift/v/*", "summed": f"{SURFACE} shift/v/*", "power": f"{SURFACE} {HEAT}", "walls_quintic": "chi"}
+FORMATS = {
+    "six": "",
+    "fifteen": "sort id format float %20.15g",
+    "all": "format float %.17g",
+    "few": "format float %.3f",
+}
+
+
+def inlined(name: str) -> list[str]:
+    """The lines of a deck, with those of its includes."""
+    lines: list[str] = []
+    for line in (DECKS / name).read_text().splitlines():
+        included = re.fullmatch(r"include\s+(\w+\.inc)", line)
+        lines += inlined(included[1]) if included else [line]
+    return lines
+
+
+def with_dumps(name: str) -> str:
+    lines = inlined(f"in.{name}")
+    at = next(k for k, line in enumerate(lines) if line.startswith("run "))
+    dumps = [f"compute of_audit all rheo/property/atom {STATE} {COLUMNS[name]}", "compute rates all property/atom drho"]
+    for label, form in FORMATS.items():
+        dumps += [f"dump {label} all custom 5 {label}.dump {PLACES} c_rates c_of_audit[*]"]
+        dumps += [f"dump_modify {label} {form}"] if form else []
+    return "\n".join([*lines[:at], *dumps, "restart 5 kept.*", *lines[at:], ""])
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The folder of a deck that LAMMPS has run, with all that it wrote."""
+
+    @functools.cache
+    def run(name: str) -> Path:
+        folder = tmp_path_factory.mktemp(name)
+        (folder / "in.deck").write_text(with_dumps(name))
+        subprocess.run([sys.executable, "-c", PLAIN, "in.deck"], cwd=folder, check=True, capture_output=True)
+        return folder
+
+    return run
+
+
+@functools.cache
+def described(deck: Path) -> tuple[dict[str, str], DeckSetups]:
+    findings, setups = supervise.described(deck, AuditOptions())
+    return findings.who, setups
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have LAMMPS describe each deck once."""
+    monkeypatch.setattr(finished, "described", lambda deck, _: (Findings(who=described(deck)[0]), described(deck)[1]))
+
+
+def audited(dump: Path, *fields: str) -> CaseRecord:
+    options = AuditOptions(fields=fields or ("all",))
+    return finished.audit_dump(dump, dump.parent / "in.deck", options).record.cases[0]
+
+
+def verdicts(case: CaseRecord) -> dict[str, str]:
+    return {field.field: field.verdict for field in case.fields}
+
+
+# --- what LAMMPS wrote is inside the bounds of the digits
+
+KNOWN = {"f": "explained", "heatflow": "explained"}
+MOVED = dict.fromkeys(("grad/v", "f"), "explained")
+STRESS = {"grad/v", "viscosity", "stress/v", "stress/t"}
+FOUND: dict[str, tuple[set[str], dict[str, str]]] = {
+    "box": (STRESS | {"coordination", "pressure", "shift/v", "drho", "f"}, KNOWN),
+    "summed": (STRESS | {"coordination", "pressure", "rho", "shift/v", "drho", "f"} | set(SURFACE.split()), KNOWN),
+    "power": (STRESS | {"coordination", "pressure", "drho", "f"} | set(f"{SURFACE} {HEAT}".split()), KNOWN),
+    "walls_quintic": (STRESS | {"coordination", "pressure", "chi", "drho", "f"}, MOVED),
+}
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("label", FORMATS)
+@pytest.mark.parametrize("name", FOUND)
+def test_dumps_of_all_formats(name: str, label: str, written: Callable[[str], Path]) -> None:
+    case = audited(written(name) / f"{label}.dump")
+    expected = {field.removesuffix("/*") for field in FOUND[name][0]} - {"energy"}
+    judged = verdicts(case)
+    open_ = {line.partition(":")[0] for line in case.not_checked if "no particle can be compared" in line}
+    assert judged.keys() | (open_ if label == "few" else set()) == expected
+    allowed = {"exact", "pass"}
+    for field, verdict in judged.items():
+        coarse = label == "few" and verdict in allowed  # three digits may hide what the finding does
+        assert verdict == FOUND[name][1].get(field, verdict if verdict in allowed else "pass") or coarse, field
+    steps = sorted({check.step for check in case.checks})
+    assert steps[0] == 0 and len(steps) >= 3 and case.blame is None
+
+
+@pytest.mark.usefixtures("quick")
+def test_bounds_are_as_wide_as_the_digits(written: Callable[[str], Path]) -> None:
+    """Each format's worst difference comes near its bound, and the bounds shrink with the digits."""
+    bounds = {}
+    for label in ("six", "fifteen"):
+        field = next(f for f in audited(written("box") / f"{label}.dump").fields if f.field == "pressure")
+        assert 0.3 < (field.max_over_bound or 0) <= 1
+        bounds[label] = field.bound or 0
+    assert bounds["six"] > 1e7 * bounds["fifteen"]
+
+
+@pytest.mark.parametrize("form", ["%g", "%.3g", "%20.15g", "%.3f", "%.1f", "%e", "%.2e", "%.0g"])
+def test_errors_of_printed_numbers(form: str) -> None:
+    rng = random.Random(5)
+    values = [rng.uniform(-1, 1) * 10.0 ** rng.randint(-4, 5) for _ in range(2000)] + [0.0, 1.0, 1000.0, 999.9996]
+    read = number(np.array([float(form % v) for v in values]), form)
+    ratio = np.abs(read.value - values) / np.where(read.error > 0, read.error, 1)
+    assert ratio.max() <= 1 and ratio.max() > 0.9
+
+
+def test_formats_with_all_digits_are_exact() -> None:
+    for form in ("%.17g", "%25.20g", "%.16e"):
+        assert not number(np.array([0.1, 1e300]), form).error.any()
+    with pytest.raises(InputError, match="one of %e, %f and %g"):
+        number(np.array([0.1]), "%a")
+
+
+# --- planted faults
+
+DIRECT = {
+    "box": ("coordination", "grad/v", "shift/v", "viscosity", "pressure", "stress/v", "stress/t", "drho", "f"),
+    "summed": ("rho", "surface", "surface/r", "surface/n", "surface/divr"),
+    "power": ("temperature", "heatflow", "cv", "conductivity"),
+    "walls_quintic": ("chi",),
+}
+TELLS = {"box": {"x": "grad/v", "vx": "grad/v", "fx": "grad/v", "rho": "pressure"}, "power": {"energy": "temperature"}}
+
+
+def headers(name: str) -> list[str]:
+    """The names of the columns behind the places, in order, by what they hold."""
+    d = 3 if name == "box" else 2
+    ranks = {"grad/v": 2, "stress/v": 2, "stress/t": 2, "shift/v": 1, "surface/n": 1}
+    words = [word.removesuffix("/*") for word in f"{STATE} {COLUMNS[name]}".split()]
+    return [*PLACES.split(), "drho", *(word for word in words for _ in range(d ** ranks.get(word, 0)))]
+
+
+def planted(dump: Path, column: str, name: str, folder: Path, frame: int, grow: float) -> tuple[Path, int]:
+    """A copy in which one atom's value of a column is another one in a snapshot; and that atom."""
+    lines = dump.read_text().splitlines()
+    starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS")]
+    at = headers(name).index({"f": "fx"}.get(column, column))
+    end = starts[frame] + 1 + int(lines[starts[frame] - 5])
+    rows = range(starts[frame] + 1, end)
+    row = max(rows, key=lambda k: abs(float(lines[k].split()[at])))
+    words = lines[row].split()
+    words[at] = repr(float(words[at]) * (1 + grow) + grow)
+    lines[row] = " ".join(words)
+    copy = folder / dump.name
+    copy.write_text("\n".join(lines) + "\n")
+    shutil.copy(dump.parent / "in.deck", folder)
+    return copy, int(words[0])
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("frame, label, grow", [(2, "all", 1e-6), (0, "six", 1e-1)])
+@pytest.mark.parametrize("name, field", [(name, field) for name, fields in DIRECT.items() for field in fields])
+def test_planted_column_is_found(
+    name: str, field: str, label: str, grow: float, frame: int, written: Callable[[str], Path], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    folder = written(name)
+    copy, atom = planted(folder / f"{label}.dump", field, name, tmp_path, frame, grow)
+    monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=described(folder / "in.deck")[0]),
+                                                           described(folder / "in.deck")[1]))  # fmt: skip
+    case = audited(copy)
+    bad = [check for check in case.checks if check.verdict == "differs" and check.field == field]
+    assert [check.step for check in bad] == [5 * frame]
+    assert field in KNOWN or bad[0].worst_id == atom  # a known difference of other atoms may be larger
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("name, column, field", [(n, c, f) for n, tells in TELLS.items() for c, f in tells.items()])
+def test_planted_state_is_found_by_what_follows(
+    name: str, column: str, field: str, written: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = written(name)
+    copy, _ = planted(folder / "all.dump", column, name, tmp_path, 2, 1e-4)
+    monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=described(folder / "in.deck")[0]),
+                                                           described(folder / "in.deck")[1]))  # fmt: skip
+    bad = [check for check in audited(copy).checks if check.verdict == "differs" and check.field == field]
+    assert [check.step for check in bad] == [10]
+
+
+# --- what is not checked, and why
+
+
+def cut(dump: Path, keep: Sequence[str], name: str, folder: Path) -> Path:
+    """A copy with some columns alone, as a dump of a deck that asks for no more."""
+    lines, numbers = [], [k for k, what in enumerate(headers(name)) if what in keep]
+    inside = False
+    for line in dump.read_text().splitlines():
+        words = line.split()
+        if line.startswith("ITEM: "):
+            inside = line.startswith("ITEM: ATOMS")
+            lines.append(" ".join(["ITEM:", "ATOMS", *(words[2 + k] for k in numbers)]) if inside else line)
+        else:
+            lines.append(" ".join(words[k] for k in numbers) if inside else line)
+    copy = folder / dump.name
+    copy.write_text("\n".join(lines) + "\n")
+    return copy
+
+
+def writing(setups: DeckSetups, label: str, dump: Path, group: str = "all", modify: Sequence[str] = ()) -> DeckSetups:
+    """The set-ups of a deck whose dump writes the columns that a file has."""
+    columns = next(line for line in dump.read_text().splitlines() if line.startswith("ITEM: ATOMS")).split()[2:]
+    dumps = [
+        dataclasses.replace(d, words=[d.words[0], group, *d.words[2:5], *columns], modify=[*d.modify, *modify])
+        for d in setups.dumps
+        if d.words[0] == label
+    ]
+    return dataclasses.replace(setups, dumps=dumps)
+
+
+@pytest.mark.parametrize(
+    "keep, compared, at_first, reason",
+    [
+        ("rho pressure", {"pressure"}, set(), "f: no columns fx fy fz in the dump"),
+        ("x y z rho coordination", {"coordination"}, set(), "pressure: no column of it in the dump (compute rheo/"),
+        ("rho coordination pressure", {"pressure"}, set(), "coordination: the dump lacks columns x y z"),
+        ("grad/v viscosity stress/v", {"viscosity", "stress/v"}, set(), "grad/v: the dump lacks columns x y z, rho,"),
+        ("x y z vx vy vz rho grad/v", set(), {"grad/v"}, "grad/v: the dump lacks a column of drho (compute property"),
+        ("x y z vx vy vz rho grad/v drho", {"drho"}, {"grad/v"}, "columns fx fy fz, as the forces saw the state half"),
+    ],
+)
+def test_what_lacks_columns_is_not_checked(
+    keep: str, compared: set[str], at_first: set[str], reason: str,
+    written: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    folder = written("box")
+    copy = cut(folder / "all.dump", ["id", "type", *keep.split()], "box", tmp_path)
+    who, setups = described(folder / "in.deck")
+    monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=who), writing(setups, "all", copy)))
+    if not compared | at_first:
+        with pytest.raises(InputError, match="can be checked"):
+            audited(copy)
+        return
+    case = audited(copy)
+    assert {check.field for check in case.checks} == compared | at_first
+    assert {check.field for check in case.checks if check.step > 0} == compared
+    assert all(check.verdict in ("exact", "pass") for check in case.checks)
+    assert any(reason in line for line in case.not_checked), case.not_checked
+    assert all("(steps 5, 10)" in line for line in case.not_checked if line.partition(":")[0] in at_first)
+
+
+@pytest.mark.parametrize(
+    "group_, modify, word", [("half", (), "group half"), ("all", ("thresh", "x", "<", "2"), "thresh")]
+)
+def test_sums_need_all_particles(
+    group_: str, modify: Sequence[str], word: str, written: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = written("box")
+    dump = folder / "all.dump"
+    who, setups = described(folder / "in.deck")
+    partial = writing(setups, "all", dump, group_, modify)
+    monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=who), partial))
+    case = audited(dump)
+    assert {check.field for check in case.checks} == {"pressure", "viscosity", "stress/v", "stress/t"}
+    assert any(line.startswith("f: the dump holds") and word in line for line in case.not_checked)
+
+
+def test_fixes_that_move_particles_after_the_forces(
+    written: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = written("box")
+    who, setups = described(folder / "in.deck")
+    moved = [
+        dataclasses.replace(run, fixes=run.fixes | {"9": ["fix", "9", "all", "momentum", "1", "linear", "1", "1", "1"]})
+        for run in setups.runs
+    ]
+    changed = dataclasses.replace(setups, runs=moved)
+    monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=who), changed))
+    case = audited(folder / "all.dump")
+    assert {check.field for check in case.checks if check.step} == {"pressure", "viscosity", "stress/v", "stress/t"}
+    assert any("fix 9 (momentum) may move particles" in line for line in case.not_checked)
+
+
+@pytest.mark.usefixtures("quick")
+def test_renamed_columns_and_chosen_fields(written: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = written("box")
+    assert verdicts(audited(folder / "all.dump", "pressure", "drho")).keys() == {"pressure", "drho"}
+    who, setups = described(folder / "in.deck")
+    named = [
+        dataclasses.replace(d, modify=[*d.modify, "colname", "c_of_audit[3]", "P"])
+        for d in setups.dumps
+        if d.words[0] == "all"
+    ]
+    monkeypatch.setattr(finished, "described", lambda *_: (Findings(who=who), dataclasses.replace(setups, dumps=named)))
+    text = (folder / "all.dump").read_text().replace("c_of_audit[3]", "P")
+    (folder / "renamed.dump").write_text(text)
+    assert "pressure" in verdicts(audited(folder / "renamed.dump"))
+
+
+# --- restart files
+
+
+def test_restart_is_judged_by_field(written: Callable[[str], Path]) -> None:
+    folder = written("box")
+    case = restart.audit_restart(folder / "kept.5", folder / "in.deck", AuditOptions()).record.cases[0]
+    assert case.case == "kept.5" and {check.step for check in case.checks} == {5}
+    assert verdicts(case) == dict.fromkeys(verdicts(case), "pass") | {
+        field: verdict for field, verdict in verdicts(case).items() if verdict in ("exact", "explained")
+    }
+    assert {"pressure", "grad/v", "shift/v", "f"} <= verdicts(case).keys()
+
+
+def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_path: Path) -> None:
+    """A law that a later run has does not count for the restart of an earlier one."""
+    text = (written("box") / "in.deck").read_text().splitlines()
+    (tmp_path / "in.deck").write_text("\n".join([*text, "unfix 3", "fix 3 all rheo/pressure * linear", "run 5", ""]))
+    shutil.copy(written("box") / "kept.5", tmp_path)
+    case = restart.audit_restart(tmp_path / "kept.5", tmp_path / "in.deck", AuditOptions()).record.cases[0]
+    assert [law.style for law in case.laws] == ["cubic"]
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (("--dump", "all.dump"), "deck: must be given once"),
+        (("in.deck", "--deck", "in.deck"), "deck: must be given once"),
+        (("in.deck", "--dump", "all.dump", "--restart", "kept.5"), "restart"),
+        (("in.deck", "--dump", "none.dump"), "no such file"),
+        (("in.deck", "--dump", "in.deck"), "must be one of text"),
+        (("in.deck", "--dump", "cut.dump"), "must end with a whole snapshot"),
+        (("in.deck", "--dump", "empty.dump"), "must hold a snapshot"),
+        (("in.deck", "--dump", "late.dump"), "must be one of the runs of the deck that write it (steps 0 to 10)"),
+        (("in.deck", "--dump", "other.dump"), "must be those that a dump of the deck writes: id type x"),
+        (("in.deck", "--dump", "noid.dump"), "must hold id"),
+        (("in.deck", "--dump", "word.dump"), "must hold numbers"),
+        (("in.nothing", "--dump", "all.dump"), "deck: must be a readable file"),
+        (("in.deck", "--restart", "none"), "restart: must be a readable file"),
+        (("in.deck", "--restart", "all.dump"), "restart: must be readable by LAMMPS"),
+        (("in.short", "--restart", "kept.10"), "step: must be one of the deck's runs (steps 0 to 2)"),
+    ],
+)
+@pytest.mark.usefixtures("quick")
+def test_bad_input_is_one_line(
+    arguments: Sequence[str], message: str, written: Callable[[str], Path], eos_ref_command: Run,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    folder = written("box")
+    whole = (folder / "all.dump").read_text()
+    (folder / "cut.dump").write_text(whole.rsplit("\n", 3)[0])
+    (folder / "empty.dump").write_text("")
+    (folder / "late.dump").write_text(whole.replace("TIMESTEP\n10\n", "TIMESTEP\n99\n"))
+    (folder / "other.dump").write_text(whole.replace("c_rates", "c_other"))
+    (folder / "noid.dump").write_text(whole.replace("ATOMS id", "ATOMS mol"))
+    (folder / "word.dump").write_text(re.sub(r"(ITEM: ATOMS.*\n\d+ \d+) \S+", r"\1 much", whole))
+    (folder / "in.short").write_text((folder / "in.deck").read_text().replace("run             10", "run 2"))
+    monkeypatch.chdir(folder)
+    code, _, complaint = eos_ref_command("audit", *arguments, "--out", "report")
+    assert (code, complaint.count("\n")) == (2, 1), complaint
+    assert message in complaint
+    assert not (folder / "report").exists()

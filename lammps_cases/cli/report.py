@@ -12,12 +12,14 @@ from lammps_cases.cli import shared
 @click.command("report")
 @click.argument("run", type=shared.PATH)
 @click.option("--news", is_flag=True, help="Print what is new as Markdown, for a comment; render nothing.")
+@click.option("--dashboard", type=shared.PATH, help="Write run.json in the form of LAMMPS' dashboard; render nothing.")
 @shared.json_option
-def report_command(run: Path, news: bool, as_json: bool) -> int:
+def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool) -> int:
     """Render report.html, summary.md and junit.xml of a finished run again, from its run.json.
 
     \b
     Example:  eos-ref report reports/latest
+              eos-ref report reports/latest --dashboard data/eos-ref/run.json
     """
     from lammps_cases import history
     from lammps_cases.records.run_record import read_run
@@ -29,6 +31,18 @@ def report_command(run: Path, news: bool, as_json: bool) -> int:
         from lammps_cases.report.findings import outcome
 
         click.echo(markdown.news(outcome(record)), nl=False)
+        return 0
+    if dashboard:
+        from eos_ref import InputError
+        from lammps_cases.records.files import write_atomically
+        from lammps_cases.report.dashboard import document
+        from lammps_cases.report.findings import outcome
+
+        try:
+            write_atomically(dashboard, document(outcome(record)))
+        except OSError as error:
+            raise InputError("--dashboard", f"cannot be written: {error.strerror}", where=str(dashboard)) from None
+        click.echo(dashboard)
         return 0
     write_report(record, run, history=history.past(record))
     return shared.finish(record, run, as_json)

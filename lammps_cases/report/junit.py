@@ -46,18 +46,19 @@ def _add(suite: ET.Element, case: CaseRecord, outcome: str) -> None:
     name = _legal(case.case)
     attributes = {"classname": f"eos-ref.{name.split('.')[0]}", "name": name, "time": f"{case.seconds.total:.6f}"}
     testcase = ET.SubElement(suite, "testcase", attributes)
-    text = _text(case)
+    said = text(case)
     if outcome == "passed":
-        if text and case.verdict in ("explained", "refused"):
-            ET.SubElement(testcase, "system-out").text = text
+        if said and case.verdict in ("explained", "refused"):
+            ET.SubElement(testcase, "system-out").text = said
         return
     result = ET.SubElement(testcase, outcome, {"message": _legal(case.message) or case.verdict})
     if outcome != "skipped":
         result.set("type", case.verdict)
-        result.text = text
+        result.text = said
 
 
-def _text(case: CaseRecord) -> str:
+def text(case: CaseRecord) -> str:
+    """Return what is said of a case: how it ended, each field with its worst atom, how to run it alone."""
     lines = [f"{wording.kind(case)}: {case.message}" if case.message else wording.kind(case)]
     if case.expects:
         lines.append(f"expected refusal: {case.expects}")

@@ -1,0 +1,141 @@
+"""run.json in the form of LAMMPS' dashboard: keys, statuses, counts, and where a case begins to differ."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from check_jsonschema import main as check_jsonschema
+from click.testing import CliRunner
+
+from lammps_cases.records.run_record import CaseRecord, StepRecord
+from lammps_cases.report import dashboard, junit
+from lammps_cases.report.findings import outcome
+from lammps_cases.run.campaign import write_run
+from tests.support.made_runs import case, run
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+# As the dashboard's own tool tells a test that ran out of time from other errors.
+TIMED_OUT = re.compile(r"\btimeout \((\d+)s expired\)")
+
+
+def steps(*verdicts: str) -> list[StepRecord]:
+    """Looks at steps 0, 10, 20, ... with these verdicts."""
+    return [StepRecord(step=10 * k, verdict=v, max_abs=0, max_over_bound=0) for k, v in enumerate(verdicts)]
+
+
+def documented(*cases: CaseRecord) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(dashboard.document(outcome(run(cases=list(cases)))))
+    return document
+
+
+CASES = (
+    case("one.a", "exact"),
+    case("one.b", "pass"),
+    case("two", "explained", 3.0, finding="force-per-volume"),
+    case("three", "differs", 3.0),
+    CaseRecord(case="four", verdict="refused", ended="refused", message="refused: no such style"),
+    CaseRecord(case="five", verdict="refused", ended="refused", expects="no such style"),
+    CaseRecord(case="six", verdict="crashed", ended="crashed", message="crashed: SIGSEGV"),
+    CaseRecord(case="seven", verdict="timeout", ended="timeout", message="did not finish", seconds={"total": 60.2}),
+    CaseRecord(case="eight", verdict="error", ended="error", message="no bound"),
+    CaseRecord(case="nine", verdict="skipped", ended="skipped", message="needs MPI"),
+)
+
+
+def test_every_verdict_has_its_status() -> None:
+    tests = documented(*CASES)["tests"]
+    status = {key.partition("/")[2]: test["status"] for key, test in tests.items()}
+    assert status == {
+        **{"one.a": "passed", "one.b": "passed", "five": "passed", "two": "failed", "three": "failed"},
+        **{"four": "error", "six": "error", "seven": "error", "eight": "error", "nine": "skipped"},
+    }
+    assert {test["message"] for test in tests.values() if test["status"] == "passed"} == {""}
+    assert all(test["message"] for test in tests.values() if test["status"] != "passed")
+
+
+def test_counts_are_those_of_the_statuses() -> None:
+    document = documented(*CASES)
+    counts = dict(document["metadata"]["counts"])
+    assert counts.pop("tests") == len(CASES)
+    assert counts.pop("time") == pytest.approx(sum(test["time"] for test in document["tests"].values()))
+    assert counts == {"passed": 3, "failed": 2, "error": 4, "runtest": 0, "skipped": 1}
+
+
+def test_tests_are_named_as_in_junit_xml() -> None:
+    """The key of LAMMPS' merge_results.py: class, stroke, name."""
+    of_run = outcome(run(cases=list(CASES)))
+    cases = ET.fromstring(junit.document(of_run)).iter("testcase")
+    names = [f"{found.get('classname')}/{found.get('name')}" for found in cases]
+    assert names == list(json.loads(dashboard.document(of_run))["tests"])
+
+
+def test_a_known_bug_fails_by_its_name() -> None:
+    found = documented(*CASES)["tests"]["eos-ref.two/two"]
+    assert found["status"] == "failed" and found["message"].startswith("known: force-per-volume")
+
+
+def test_what_ran_out_of_time_is_told_from_other_errors() -> None:
+    tests = documented(*CASES)["tests"]
+    timed_out = {key: found for key, test in tests.items() if (found := TIMED_OUT.search(test["message"]))}
+    assert list(timed_out) == ["eos-ref.seven/seven"] and timed_out["eos-ref.seven/seven"][1] == "60"
+
+
+def test_where_a_case_leaves_its_bound_first() -> None:
+    """The earliest look of all fields that do; the dashboard asks for its row and its step."""
+    late, early = case("one", "differs"), case("two", "explained", finding="force-per-volume", field="v")
+    late.fields[0].steps = steps("pass", "pass", "differs")
+    early.fields[0].steps = steps("exact", "explained", "pass")
+    found = documented(late.model_copy(update={"fields": [*late.fields, *early.fields]}))["tests"]["eos-ref.one/one"]
+    assert (found["diverged"], found["diverged_row"], found["diverged_at"]) == (2, 1, 10)
+    assert "v (stage pair): explained" in found["details"]
+    without = documented(case("one", "differs"))["tests"]["eos-ref.one/one"]
+    assert without["diverged"] == 1 and "diverged_row" not in without
+
+
+@pytest.mark.parametrize(
+    ("git", "commit"),
+    [
+        ("develop / patch_4Jul2026-12-gabc / " + "1f" * 20, "1f" * 20),
+        ("(unknown) / (unknown) / (unknown)", None),
+        ("", None),
+    ],
+)
+def test_the_commit_is_that_of_the_build(git: str, commit: str | None) -> None:
+    record = run()
+    record.engine.git = git
+    metadata = json.loads(dashboard.document(outcome(record)))["metadata"]
+    assert metadata.get("commit") == metadata.get("sha") == commit
+    assert metadata.get("branch") == (git.split()[0] if commit else None)
+    assert ("git_info" in metadata["properties"]) == bool(commit)
+    assert metadata["generated"] == record.date and record.date.endswith("Z")
+
+
+def test_the_command_writes_it(tmp_path: Path, eos_ref_command: Run) -> None:
+    write_run(run(cases=list(CASES)), tmp_path / "report")
+    written = tmp_path / "data" / "eos-ref" / "run.json"
+    done = eos_ref_command("report", tmp_path / "report", "--dashboard", written)
+    assert (done.code, done.out.strip()) == (0, str(written))
+    assert json.loads(written.read_text()) == documented(*CASES)
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, eos_ref_command: Run) -> None:
+    write_run(run(), tmp_path / "report")
+    (tmp_path / "file").write_text("")
+    done = eos_ref_command("report", tmp_path / "report", "--dashboard", tmp_path / "file" / "run.json")
+    assert done.code == 2 and "--dashboard: cannot be written" in done.err
+
+
+def test_the_nightly_job_of_the_page_is_a_workflow(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "upstream.md").read_text()
+    (block,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (tmp_path / "nightly.yml").write_text(block)
+    arguments = ["--builtin-schema", "vendor.github-workflows", str(tmp_path / "nightly.yml")]
+    outcome = CliRunner().invoke(check_jsonschema, arguments)
+    assert outcome.exit_code == 0, outcome.output

@@ -105,4 +105,6 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     questions, (cause, ahead) = watch.questions, watch.outlook()
     warnings, margins = questions.lines(), questions.stability
     mistaken = (HYPHEN,) if questions.mistaken else ()
-    return DeckEnd(watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead, mistaken)
+    return DeckEnd(
+        watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead, watch.share(), mistaken
+    )

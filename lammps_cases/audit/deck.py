@@ -260,6 +260,13 @@ def pair_rheo(words: Sequence[str]) -> PairRheo:
     return pair
 
 
+def rheo_words(words: Sequence[str]) -> list[str]:
+    """Return the words of pair_style rheo, alone or among the styles of a hybrid/overlay."""
+    at = words.index("rheo")
+    others = (k for k, word in enumerate(words[at + 1 :], at + 1) if word[:1].isalpha() and word not in _PAIR_WORDS)
+    return list(words[at : next(others, len(words))])
+
+
 def action(words: Sequence[str]) -> Action:
     """Read fix gravity, addforce or setforce with plain numbers.
 

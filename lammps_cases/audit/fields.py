@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy.typing as npt
 
 from eos_ref.errors import InputError, nearest
 from eos_ref.model.parameters import TILTED, Model
@@ -15,6 +18,7 @@ from eos_ref.model.quantities import QUANTITIES, has, keyword_of, required
 from lammps_cases.audit.deck import Deck
 from lammps_cases.scene.fields import FIELDS
 
+Array = npt.NDArray[Any]
 ALL = "all"
 DEFAULT = (ALL,)
 PRESSURE = ("pressure",)

@@ -259,6 +259,20 @@ class RunFacts:
 
 
 @dataclass(frozen=True)
+class PairShare:
+    """A deck of pair_style rheo alone, and the lines of its data file: the particles of a sample.
+
+    ``reason`` says why the forces of the sample itself could not be compared.
+    """
+
+    run: int
+    step: int
+    reason: str
+    commands: list[str]
+    data: list[str]
+
+
+@dataclass(frozen=True)
 class DeckEnd:
     """The deck came to its end, or to the error ``refused``; with the arrays and fields of the last sample."""
 
@@ -274,4 +288,5 @@ class DeckEnd:
     refused: str = ""
     outlook: OutlookRecord | None = None
     effects: list[EffectRecord] = field(default_factory=list)
+    share: PairShare | None = None
     mistaken: tuple[str, ...] = ()  # findings by which LAMMPS takes commands of the deck for something else

@@ -16,15 +16,16 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from eos_ref.errors import InputError
-from lammps_cases.audit import launch, messages
+from lammps_cases.audit import launch, messages, share
 from lammps_cases.audit.guard import check_script
-from lammps_cases.audit.options import AuditOptions, AuditResult, DeckSetups, SampleRows, Task
+from lammps_cases.audit.options import AuditOptions, AuditResult, DeckSetups, PairShare, SampleRows, Task
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment
 from lammps_cases.engine.workers import Failure
+from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT
-from lammps_cases.records.run_record import EngineRecord, RunRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
 
 PATIENCE = 0.5  # seconds between two checks of the time limit
 LAST = 65536  # bytes of what a process printed that are looked at when it has died
@@ -79,9 +80,38 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
             else "must reach a run command"
         )
         raise InputError("deck", rule, where=str(deck))
+    if findings.ended is not None and findings.ended.share is not None:
+        _take_share(case, findings.ended.share, options)
     case.seconds.total = time.perf_counter() - begin
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
     return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
+
+
+def _take_share(case: CaseRecord, asked: PairShare, options: AuditOptions) -> None:
+    """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
+    where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {asked.step}"
+    own = replace(options, fields=("f",), steps=None, keep=None, suffix=None, progress=SILENT)
+    try:
+        with tempfile.TemporaryDirectory(prefix="eos-ref-share-") as folder:
+            second = audit_deck(share.write(asked, Path(folder)), own).record.cases[0]
+        failure = second.engine_error
+    except InputError as error:
+        failure = str(error)
+    compared = [] if failure else second.fields
+    for record in compared:
+        told_of = {"worst_step": asked.step, "derivation": f"{where}; {record.derivation}"}
+        case.fields.append(record.model_copy(update=told_of))
+        case.checks += [c.model_copy(update={"step": asked.step, "run": asked.run}) for c in second.checks]
+        if case.blame is None and second.blame is not None:
+            case.blame = second.blame.model_copy(update={"step": asked.step, "run": asked.run})
+    failure = failure.replace(f"{folder}/", "")
+    told = f"f with all that adds to it: {asked.reason}; compared is that {where}"
+    without = f"f: {asked.reason}; {where} it cannot be had ({failure})"
+    case.not_checked = [
+        line if not line.startswith("f: ") else told if compared else without for line in case.not_checked
+    ]
+    case.verdict = worst([case.verdict, *(record.verdict for record in compared)])
+    case.message = wording.message(case)
 
 
 def case_name(file: Path) -> str:

@@ -6,6 +6,7 @@ belong to one and the same evaluation. At the end of a step they do not (density
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 import time
@@ -21,11 +22,11 @@ from eos_ref.eos import bounds
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
 from eos_ref.syntax.manual import manual_of
-from lammps_cases.audit import fields, pressure, sample
+from lammps_cases.audit import fields, pressure, sample, share
 from lammps_cases.audit.deck import Action, Deck, between, hyphens
 from lammps_cases.audit.effects import effects
 from lammps_cases.audit.fields import leans_open
-from lammps_cases.audit.options import AuditOptions, RunFacts, SampleRow, SampleRows
+from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import RUNAWAY, Good, mach, outlook
 from lammps_cases.audit.pressure import PressureSample
 from lammps_cases.audit.warn import SOLID, Questions
@@ -53,6 +54,8 @@ class WatchedRun:
     actions : fixes that change forces by plain numbers
     choice : what is checked
     sampler : of the fields beside the pressure, if any is checked
+    deck : the commands at its beginning
+    shared : what adds to the forces of pair_style rheo, if a second deck can be asked for these alone
     """
 
     first: int
@@ -63,6 +66,8 @@ class WatchedRun:
     actions: list[Action]
     choice: fields.Choice
     sampler: sample.Sampler | None
+    deck: Deck
+    shared: str
 
 
 class DeckWatch:
@@ -94,6 +99,7 @@ class DeckWatch:
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
         self._failure: BaseException | None = None
+        self._shared: tuple[Any, ...] | None = None  # of the last sample that looks like a fluid; see `share`
 
     def heed(self, values: list[str]) -> None:
         """Take down what LAMMPS will not do as a command that it is about to execute says."""
@@ -158,7 +164,9 @@ class DeckWatch:
                 sample.follow_group(lmp, group)
             if table is not None:
                 choice, sampler = self._choose(table, mass_t, actions, values)
-            self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler)
+            shared = self._added(choice) if sampler is not None else ""
+            deck = copy.deepcopy(self.deck)
+            self._run = WatchedRun(first, stop, False, table, mass_t, actions, choice, sampler, deck, shared)
             if lmp.has_id("fix", FIX):
                 lmp.command(f"unfix {FIX}")
             # Called on the steps to sample, on the first one, and on the last one that the audit is to do.
@@ -181,6 +189,15 @@ class DeckWatch:
         if not isinstance(model, Model) or choice.fields == fields.PRESSURE:
             return choice, None
         return choice, sample.Sampler(self.lmp, choice.fields, model, actions, mass_t, self.engine)
+
+    def _added(self, choice: fields.Choice) -> str:
+        """Return what adds to the forces, if that alone is why they are left out and the share of rheo can be had."""
+        added = self.deck.adds_force() if choice.unchecked.get("f") == self.deck.adds_force() else ""
+        return added if share.can_be_asked(self.deck) else ""
+
+    def share(self) -> PairShare | None:
+        """Return the deck of pair_style rheo alone for the last sample, where others add to its forces."""
+        return None if self._shared is None else share.share(*self._shared)
 
     def _model(self, table: EOSTable, mass_t: Array | None) -> Model | InputError:
         mass = [1.0] * len(table) if mass_t is None else mass_t[1:].tolist()
@@ -242,6 +259,9 @@ class DeckWatch:
         if setup and self.deck.sums_walls():  # LAMMPS then shows other densities of walls than it used (see the ledger)
             fluid_n = status_n & SOLID == 0
             now, status_n = now.of(fluid_n), status_n[fluid_n]
+        if others and sampler is not None and run.shared:
+            units = str(self.lmp.extract_global("units"))
+            self._shared = run.deck, sampler.last, tag_n.copy(), now.box_c, units, run.shared, self.runs, step
         checked = "pressure" in run.choice.fields
         self._last = now, others, checked
         rows = {}

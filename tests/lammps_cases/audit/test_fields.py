@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from eos_ref import EOS, EOSTable, InputError, parse_fix_rheo
 from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, supervise
+from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, share, supervise
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import Task
 from lammps_cases.pages.packed import unpacked
@@ -52,6 +52,7 @@ FOUND: dict[str, tuple[set[str], dict[str, str]]] = {
         {"f": "force-per-volume", "heatflow": "heat-is-temperature-rate"},
     ),
     "gas": (EVERYWHERE | STRESS | HEAT | {"drho", "f"}, {"f": "force-per-volume"}),
+    "overlay": (EVERYWHERE | STRESS | {"drho", "f"}, {"f": "force-per-volume"}),
 }
 
 
@@ -82,7 +83,7 @@ def test_every_field_is_compared(name: str, kept: Callable[[str], Path]) -> None
     assert all(f.verdict in ("exact", "pass") for f in case.fields if f.field not in explained)
     assert all((f.max_over_bound or 0) < 1 for f in case.fields if f.field not in explained)
     assert case.verdict == ("explained" if explained else "pass")
-    named = {line.partition(":")[0] for line in case.not_checked}
+    named = {line.partition(":")[0].removesuffix(" with all that adds to it") for line in case.not_checked}
     assert named | checked == set(fields.offered())
 
 
@@ -184,6 +185,100 @@ def _heavier(sample: Any) -> None:
         return replace(right_one, mass_n=right_one.mass_n * (1 + 1e-12))
 
     sample.Sampler._sample = wrong
+
+
+# --- forces to which other styles add
+
+
+def _second_only(plant: Callable[[Any], None], task: Task, connection: Connection) -> None:
+    if task.deck == share.SCRIPT:
+        _wrong(plant, task, connection)
+    from lammps_cases.audit import child
+
+    child.main(task, connection)
+
+
+def _one_force(sample: Any) -> None:
+    right = sample.Sampler._shown
+
+    def wrong(self: Any, n: int) -> Any:
+        shown = right(self, n)
+        shown["f"][self.lmp.numpy.extract_atom("id")[:n].tolist().index(17)] += 1e-9
+        return shown
+
+    sample.Sampler._shown = wrong
+
+
+def soft_forces(x_nc: Any, edge: float, amplitude: float, cut: float) -> Any:
+    """Forces of E = A (1 + cos(pi r/cut)) in a periodic square, (n, 2)."""
+    apart = x_nc[:, None] - x_nc[None]
+    apart -= edge * np.round(apart / edge)
+    r = np.sqrt((apart**2).sum(axis=2))
+    np.fill_diagonal(r, np.inf)
+    size = np.where(r < cut, amplitude * np.pi / cut * np.sin(np.pi * np.minimum(r, cut) / cut) / r, 0.0)
+    return (size[..., None] * apart).sum(axis=1)
+
+
+def test_share_of_pair_rheo_is_the_rest_of_the_forces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results: list[AuditResult] = []
+    audit = supervise.audit_deck
+
+    def kept(*given: Any) -> AuditResult:
+        results.append(audit(*given))
+        return results[-1]
+
+    monkeypatch.setattr(supervise, "audit_deck", kept)
+    case = case_of(audit(DECKS / "in.overlay", AuditOptions(keep=tmp_path)))
+    rows = np.loadtxt(tmp_path / "final.dump", skiprows=9)
+    rows = rows[np.argsort(rows[:, 0])]
+    second = results[0].arrays
+    periods = (second["x"] - rows[:, 2:5]) / 8
+    assert np.array_equal(second["type"], rows[:, 1]) and np.abs(periods - np.round(periods)).max() < 1e-15
+    total = second["f.lammps"] + soft_forces(rows[:, 2:4], 8.0, 0.5, 1.2)
+    assert np.abs(total - rows[:, 8:10]).max() < 1e-13 * np.abs(total).max() * 64
+    assert np.abs(second["f.lammps"] - rows[:, 8:10]).max() > 0.01
+    looks = [(check.run, check.step) for check in case.checks if check.field == "f"]
+    assert looks == [(1, 20)]
+    told = next(line for line in case.not_checked if line.startswith("f "))
+    assert told.startswith(
+        "f with all that adds to it: pair_style soft adds to it; compared is that of pair_style rheo"
+    )
+
+
+def test_wrong_share_of_pair_rheo_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervise, "ENTRY", functools.partial(_second_only, _one_force))
+    case = case_of(audit_deck(DECKS / "in.overlay", AuditOptions()))
+    assert case.verdict == "differs" and {f.field for f in case.fields if f.verdict == "differs"} == {"f"}
+    assert case.blame is not None and (case.blame.field, case.blame.step) == ("f", 20)
+
+
+@pytest.mark.parametrize(
+    "commands, asked",
+    [
+        ("", True),
+        ("bond_style harmonic", False),
+        ("pair_coeff 1 1 rheo", True),
+        ("fix 8 all wall/harmonic ylo EDGE 1 1 1", True),
+        ("neigh_modify exclude type 1 1", False),
+        ("unfix 2\nfix 2 half rheo/viscosity * constant 0.1", False),
+        ("pair_style soft 1.2", False),
+    ],
+)
+def test_when_the_share_of_pair_rheo_can_be_asked_for(commands: str, asked: bool) -> None:
+    assert share.can_be_asked(followed(MODEL + commands)) is asked
+
+
+def test_words_of_pair_rheo_among_others() -> None:
+    assert deck.rheo_words(followed(MODEL).pair) == ["rheo", "3.0", "artificial/visc", "0.1", "harmonic/means"]
+
+
+def test_second_lammps_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    write = share.write
+    monkeypatch.setattr(share, "write", lambda asked, to: write(replace(asked, commands=["bogus"]), to))
+    case = case_of(audit_deck(DECKS / "in.overlay", AuditOptions(steps=1)))
+    told = next(line for line in case.not_checked if line.startswith("f: "))
+    assert "pair_style soft adds to it; of pair_style rheo alone" in told and "cannot be had (ERROR" in told
+    assert case.verdict in ("exact", "pass")
 
 
 SUMMED_WRONG = ["coordination", "rho", "grad/v", "shift/v", "surface/r", "surface/n", "surface/divr", "f", "drho"]

@@ -67,7 +67,7 @@ def test_a_finding_is_seen_where_the_deck_adds_forces_that_hide_it(tmp_path: Pat
     hidden = "fix             7 water spring/self 0.1\nrun             0"
     moved = COLUMN.replace("set             group all rheo/rho 1.0\n", shaken).replace("run             100", hidden)
     case = case_of(moved, tmp_path)
-    assert any(line.startswith("f: ") for line in case.not_checked)
+    assert any(line.startswith("f with all that adds to it: fix 7 (spring/self)") for line in case.not_checked)
     (f,) = [of for of in case.effects if (of.finding, of.field) == ("force-per-volume", "f")]
     assert f.factor == pytest.approx(100, rel=0.05, abs=0) and f.particles > 100
 

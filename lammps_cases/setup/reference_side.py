@@ -157,6 +157,7 @@ def simulation(
     fields: Iterable[str] = (),
     where: str = "",
     evaluator: MakeEvaluator | None = None,
+    stepping: type[Simulation] = Simulation,
 ) -> Simulation:
     """Return the reference of a scene, to be evaluated and stepped.
 
@@ -166,6 +167,8 @@ def simulation(
         What is wanted of an evaluation, by LAMMPS' names; none: what time steps need.
     evaluator : class, optional
         The compiled one by default, but in a tilted box.
+    stepping : class
+        `Simulation`, or one that adds to it.
 
     Raises
     ------
@@ -179,4 +182,4 @@ def simulation(
         from eos_ref.compiled.evaluator import CompiledEvaluator
 
         evaluator = CompiledEvaluator
-    return Simulation(model(scene, atoms, where), around, state(scene, atoms, where), fields, evaluator)
+    return stepping(model(scene, atoms, where), around, state(scene, atoms, where), fields, evaluator)

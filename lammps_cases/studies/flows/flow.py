@@ -54,6 +54,22 @@ class Options:
 
 
 @dataclass(frozen=True)
+class Body:
+    """A force on every fluid particle that depends on where it is, or on its temperature.
+
+    Attributes
+    ----------
+    formulas : its components for LAMMPS, as formulas of atom-style variables; the temperature is c_warm
+    force : the same for the reference, (n, d), of masses (n,), positions (n, d) and temperatures (n,), if there are any
+    warm : whether it depends on the temperature
+    """
+
+    formulas: tuple[str, str]
+    force: Callable[[FloatArray, FloatArray, FloatArray | None], FloatArray]
+    warm: bool = False
+
+
+@dataclass(frozen=True)
 class Start:
     """A flow at time 0: the scene, its particles, the steps at which fields are read, the length of a step."""
 
@@ -61,6 +77,7 @@ class Start:
     atoms: Atoms
     steps: tuple[int, ...]
     timestep: float
+    body: Body | None = None
 
 
 @dataclass(frozen=True)

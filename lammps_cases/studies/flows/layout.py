@@ -13,7 +13,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, IntArray
 from lammps_cases.scene.casefile import Case
-from lammps_cases.studies.flows.flow import Options, Start
+from lammps_cases.studies.flows.flow import Body, Options, Start
 
 
 def rows(first: int, last: int, width: int) -> FloatArray:
@@ -63,6 +63,7 @@ def start(
     rho_n: FloatArray | None = None,
     e_n: FloatArray | None = None,
     periodic: tuple[bool, bool] = (True, True),
+    body: Body | None = None,
 ) -> Start:
     """Return the start of a flow in the plane, particles at unit spacing more or less.
 
@@ -82,6 +83,8 @@ def start(
         Longest step.
     type_n, rho_n, e_n : (n,)
         Types (default 1), densities (default: those of equilibrium; none where they are summed), energies per mass.
+    body : Body, optional
+        A force that depends on place or temperature.
     """
     n = len(x_nc)
     dt = times[0] / math.ceil(times[0] / timestep)
@@ -117,7 +120,7 @@ def start(
         rho_n=None if options.rho_sum else rho0_n if rho_n is None else rho_n,
         energy_n=None if e_n is None else mass_n * e_n,
     )
-    return Start(Case(name, "", (), parsed, Path("flows")), atoms, steps, dt)
+    return Start(Case(name, "", (), parsed, Path("flows")), atoms, steps, dt, body)
 
 
 def relative(error_n: FloatArray, scale_n: FloatArray) -> float:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.evaluation.time_step import MakeEvaluator
+from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
+from eos_ref.numbers.number import Array
 from lammps_cases.engine.session import EngineRefused
 from lammps_cases.engine.stepping import Stepping
+from lammps_cases.scene import Scene
 from lammps_cases.setup import reference_side
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
-from lammps_cases.studies.flows.flow import Snapshot, Start
+from lammps_cases.studies.flows.flow import Body, Snapshot, Start
 
 
 class FlowRun(Protocol):
@@ -31,13 +34,27 @@ class FlowRun(Protocol):
         """Return the fields now."""
 
 
+class Driven(Simulation):
+    """A simulation whose fluid feels a `Body`."""
+
+    body: Body
+
+    def _external(self, force_nc: Array) -> Array:
+        """Add the force of the body, and those of other fixes."""
+        added_nc = self.body.force(self.mass_n, self.state.x_nc, self.fields.get("temperature"))
+        return super()._external(force_nc + np.where(self.state.solid_n[:, None], 0.0, added_nc))
+
+
 class ReferenceFlow:
     """A flow on the reference; by default on the compiled one."""
 
     def __init__(self, start: Start, evaluator: MakeEvaluator | None = None) -> None:
         case = start.case
         self.start, self.step = start, 0
-        self.simulation = reference_side.simulation(case.scene, start.atoms, (), case.where, evaluator)
+        stepping = Driven if start.body else Simulation
+        self.simulation = reference_side.simulation(case.scene, start.atoms, (), case.where, evaluator, stepping)
+        if isinstance(self.simulation, Driven) and start.body:
+            self.simulation.body = start.body
         self.simulation.run(0, start.timestep)
 
     def advance(self, steps: int) -> None:
@@ -63,7 +80,10 @@ class LammpsFlow:
     def __init__(self, start: Start, lmp: Any) -> None:
         scene = start.case.scene
         self.start = start
-        self._stepping = Stepping(lmp, job(scene, start.atoms, plan(scene)))
+        whole = job(scene, start.atoms, plan(scene))
+        if start.body:
+            whole = replace(whole, commands=(*whole.commands, *_body(start.body, scene)))
+        self._stepping = Stepping(lmp, whole)
         self._stepping.begin()
 
     @property
@@ -91,6 +111,16 @@ class LammpsFlow:
             raise EngineRefused("a position or velocity of LAMMPS is no finite number")
         fields = arrays | {"pressure": arrays["q.pressure"]} | ({"energy": arrays["esph"]} if "esph" in arrays else {})
         return _snapshot(self.start, self.step, fields)
+
+
+def _body(body: Body, scene: Scene) -> Iterator[str]:
+    """Yield the commands of a body's force: fix addforce by atom-style variables, on the types that are fluid."""
+    yield f"group fluid type {' '.join(str(k) for k, t in enumerate(scene.types, 1) if t.phase == 'fluid')}"
+    if body.warm:
+        yield "compute warm all rheo/property/atom temperature"
+    for axis, formula in zip("xy", body.formulas, strict=True):
+        yield f'variable body_{axis} atom "{formula}"'
+    yield "fix body fluid addforce v_body_x v_body_y 0.0"
 
 
 def _snapshot(start: Start, step: int, fields: Mapping[str, Any]) -> Snapshot:

@@ -21,21 +21,21 @@ STRETCHING = 0.2  # time over which the drop is stretched, in units of the first
 SPEED = 1.0  # on the surface, at first
 
 
-def _disc(n: int) -> FloatArray:
+def disc(n: int) -> FloatArray:
     """Return the sites of a square lattice in a circle of n spacings across, around 0."""
     half = n // 2 + 1
     x_nc = rows(-half, half, 2 * half) - np.array([half, 0])
     return np.asarray(x_nc[(x_nc**2).sum(axis=1) < n**2 / 4])
 
 
-def _radius(x_nc: FloatArray) -> float:
+def radius_of(x_nc: FloatArray) -> float:
     """Return the radius of the circle that has the area of particles of volume 1."""
     return float(np.sqrt(len(x_nc) / np.pi))
 
 
 def _drop(n: int, options: Options) -> Start:
-    x_nc = _disc(n)
-    radius = _radius(x_nc)
+    x_nc = disc(n)
+    radius = radius_of(x_nc)
     rate, cs = SPEED / radius, SPEED / options.number("mach", 0.05)
     ellipse = stretched(radius, rate, 0.0)
     h = options.cut / 3
@@ -64,8 +64,8 @@ def _drop(n: int, options: Options) -> Start:
 
 def _drop_errors(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:
     """Return the error of displacements, of velocities, and of the second moments that give the semi-axes."""
-    x_nc, last = _disc(n), snapshots[-1]
-    radius = _radius(x_nc)
+    x_nc, last = disc(n), snapshots[-1]
+    radius = radius_of(x_nc)
     ellipse = stretched(radius, SPEED / radius, last.time)
     carried_nc = x_nc * np.array([ellipse.a, ellipse.b]) / radius
     exact_nc = ellipse.velocity(last.x_nc)

@@ -146,15 +146,21 @@ def _known(of: Callable[[int], PowerFluid], label: str) -> Known:
 
 
 def _of_channel(
-    name: str, title: str, about: str, of: Callable[[int], PowerFluid], extra: tuple[Known, ...] = ()
+    name: str,
+    title: str,
+    about: str,
+    of: Callable[[int], PowerFluid],
+    resolutions: tuple[int, ...] = (12, 16, 24),
+    extra: tuple[Known, ...] = (),
 ) -> Validation:
     known = _known(of, "closed form")
     panel = Panel("velocity", "y / gap", "u / unit", (known, *extra), _profile)
     flow = Flow(
         name,
-        about + " Option: wall (constant: walls have the viscosity of the fluid beside them; law: that of the fluid).",
+        about + " It begins with the closed form and runs until it has its own. Option: wall (constant: walls have the "
+        "viscosity of the fluid beside them; law: that of the fluid).",
         known.source,
-        (12, 16, 24),
+        resolutions,
         "2: kernel smoothing, and velocities of walls extrapolated linearly",
         partial(_start, of=of),
         misfits((panel,)),
@@ -186,6 +192,7 @@ BINGHAM = _of_channel(
     f"fluid of {STIFF:g} times the viscosity below the yield stress; its closed form is the one that errors are taken "
     "against, the rigid plug is drawn beside it.",
     bingham,
+    (8, 12, 16),
     (line("rigid plug", _Y, ideal_bingham(bingham(FINE), _Y * FINE) / (REYNOLDS / FINE), "Bingham's plug, rigid"),),
 )
 

@@ -107,11 +107,11 @@ DAM = Validation(
         f"{VISCOSITY:g} H sqrt(gH), artificial viscosity {ARTIFICIAL:g}, rho/damp {DAMPING:g} h c. The experiment has "
         "its zero of time where the front was first seen, and a wall that takes time to go: simulations run ahead.",
         FRONT.known[0].source,
-        (24, 32, 48),
+        (16, 24, 32),
         "none: an experiment has no error that falls with the spacing",
         partial(_start, tank=NARROW),
         misfits((FRONT,)),
-        quick=(16,),
+        quick=(12,),
     ),
     "Dam break: the front",
     (FRONT,),
@@ -163,7 +163,7 @@ IMPACT = Validation(
         f"spacings of the gauge, each the mean of {AVERAGED} readings in {AVERAGED * 0.05:.2g} sqrt(H/g). Sound waves "
         "of the impact go on in a weakly compressible fluid.",
         WALL.known[0].source,
-        (16, 22, 30),
+        (12, 16, 22),
         "none: an experiment has no error that falls with the spacing",
         partial(_start, tank=LONG),
         misfits((WALL,)),

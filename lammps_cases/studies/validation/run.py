@@ -91,7 +91,8 @@ def _tasks(of: Validation, quick: bool, workers: Workers) -> Iterator[Task]:
         yield Task(of, n, REFERENCE, by_reference)
         yield Task(of, n, LAMMPS, lammps)
     if not quick:
-        yield Task(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
+        if flow.start(resolutions[0], flow.options).body is None:  # whose formulas are in the first unit
+            yield Task(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
         for finding in of.findings:
             yield Task(of, resolutions[0], finding.id, partial(_with, finding))
 
@@ -127,7 +128,7 @@ def _key(task: Task, start: Start, about: dict[str, Any]) -> str:
     """Hash all that a run depends on: sources, start, side, and LAMMPS' account of itself."""
     a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
     arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
-    problem = start.case.scene.model_dump_json(), start.steps, start.timestep
+    problem = start.case.scene.model_dump_json(), start.steps, start.timestep, start.body.formulas if start.body else ()
     of_flow = inspect.getmodule(getattr(task.of.flow.start, "func", task.of.flow.start))
     return prediction_keys.fingerprint(_sources(of_flow), problem, task.side, SPACING, lammps, arrays)
 

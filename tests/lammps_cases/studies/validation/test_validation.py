@@ -6,13 +6,26 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from lammps_cases.engine import session
 from lammps_cases.engine.session import EngineRefused
 from lammps_cases.studies.flows.converge import by_reference
-from lammps_cases.studies.validation import VALIDATIONS, cavity, channel, page, record, run
+from lammps_cases.studies.flows.flow import Start
+from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
+from lammps_cases.studies.validation import (
+    VALIDATIONS,
+    cavity,
+    channel,
+    convection,
+    page,
+    record,
+    run,
+    surfaces,
+)
 from lammps_cases.studies.validation.model import DATA, Known, Validation, table
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Validated
 from tests.support.flow_faults import Plant, of_gravity, of_types
@@ -178,3 +191,61 @@ def test_every_flow_has_what_its_page_needs() -> None:
         assert of.panels
         assert all(panel.known for panel in of.panels)
         assert all(finding.model_variant and finding.model_variant.stages for finding in of.findings)
+
+
+# --- drops and squares
+
+
+def test_the_first_pressure_of_the_square_solves_its_equation() -> None:
+    """Its middle is that of a twisted bar (Timoshenko): 0.0737 of a side squared, twice; the edges have none."""
+    middle, step = surfaces.patch_pressure(np.zeros((1, 2)), 1.0, 200)[0], 0.05
+    assert middle == pytest.approx(-2 * 0.07367, abs=2e-5)
+    around = step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    # Of fourth order in the step, where the fourth derivatives are about 10.
+    assert (surfaces.patch_pressure(around, 1.0, 200).sum() - 4 * middle) / step**2 == pytest.approx(2, abs=0.02)
+    edge = np.array([[0.5, 0.1], [-0.2, 0.5]])
+    assert np.abs(surfaces.patch_pressure(edge, 1.0)).max() < 1e-12
+
+
+def test_the_ellipse_keeps_its_energy() -> None:
+    """Kinetic and potential: (A^2 + B^2)(a^2 + b^2)."""
+    times = np.linspace(0.01, 9, 9001)
+    a = surfaces._ellipse(times)
+    rate = np.gradient(np.log(a), times, edge_order=2)[2:-2]
+    energy = (rate**2 + 1) * (a**2 + 1 / a**2)[2:-2]
+    assert energy == pytest.approx(
+        2 * (surfaces.STRETCH**2 + 1), rel=1e-5
+    )  # differences of second order, steps of 1e-3
+
+
+@pytest.mark.lammps
+@pytest.mark.parametrize("of", [surfaces.DROP, convection.CONVECTION], ids=lambda of: of.name)
+def test_a_body_pulls_on_both_sides_alike(of: Validation) -> None:
+    """What it adds to the forces of the set-up is what its formula says, on fluid alone, but for rounding."""
+    start, lmp = of.flow.start(10, of.flow.options), session.open_lammps()
+    body, atoms = start.body, start.atoms
+    assert body
+
+    def of_lammps(begin: Start) -> Any:
+        LammpsFlow(begin, lmp)
+        order = np.argsort(lmp.numpy.extract_atom("id"))
+        return np.array(lmp.numpy.extract_atom("f"))[order][:, :2]
+
+    def of_reference(begin: Start) -> Any:
+        return ReferenceFlow(begin).simulation.fields["f"]
+
+    T_n = None if atoms.energy_n is None else np.where(atoms.type_n > 2, 1 / convection.HEAVY, 1.0) * atoms.energy_n
+    exact_nc = np.where((atoms.type_n == 1)[:, None], body.force(atoms.mass_n, atoms.x_nc[:, :2], T_n), 0.0)
+    for forces in (of_lammps, of_reference):
+        with_nc, without_nc = forces(start), forces(replace(start, body=None))
+        rounding = 4 * np.finfo(float).eps * (np.abs(with_nc) + np.abs(without_nc) + np.abs(exact_nc)).max()
+        assert np.abs(with_nc - without_nc - exact_nc).max() <= rounding
+    assert np.abs(exact_nc).max() > 0
+
+
+@pytest.mark.lammps
+def test_no_fix_of_lammps_has_a_surface_tension() -> None:
+    assert "RHEO has no surface tension" in surfaces.NO_TENSION
+    styles = session.open_lammps().available_styles("fix")
+    assert "rheo/viscosity" in styles
+    assert not [style for style in styles if "tension" in style]

@@ -82,7 +82,7 @@ def run(deck: Deck, engine: Engine) -> Ending:
         process = subprocess.Popen(
             [program(engine), "-in", DECK, "-log", "none"],
             cwd=folder,
-            env=_environment(engine),
+            env=environment(engine),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -97,7 +97,8 @@ def run(deck: Deck, engine: Engine) -> Ending:
     return Ending(process.returncode, printed)
 
 
-def _environment(engine: Engine) -> dict[str, str]:
+def environment(engine: Engine) -> dict[str, str]:
+    """Return the environment in which the program of an engine finds its MPI."""
     environment = dict(os.environ)
     try:
         library = mpi.file_of_mpich("libmpi.so.12", library_folder(engine).parent)

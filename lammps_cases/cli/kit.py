@@ -57,6 +57,9 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
     """
     from eos_ref import InputError
     from lammps_cases.ci.kits.files import KITS, in_repository, in_shards, kit, write
+    from lammps_cases.engine import installations
+    from lammps_cases.engine.session import EngineMissing
+    from lammps_cases.upstream.examples import example_files
     from lammps_cases.upstream.files import kit_files
 
     if name is None:
@@ -78,6 +81,11 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
             if out is None and not as_json:
                 raise InputError("--out", "must be given: the kit has a hundred files", where="kit unittest")
             files += kit_files()
+            try:
+                files += example_files(installations.resolve("env"))
+            except EngineMissing as error:
+                files += example_files(None)
+                notes.append(f"the decks come without logs: {error}")
         if "OWNER/" in repository:
             notes.append(f"replace {repository} by your repository (--repository)")
     written = write(files, out) if out else []

@@ -33,7 +33,7 @@ def kit_files(predictor: Predictor | None = None, chosen: Sequence[ForceTest] | 
         contents[test.data_name] = test.data
         contents[f"{test.name}.yaml"] = yaml_text(test, expected(test, predictor))
     if any(name.startswith("fix-") for name in contents):
-        contents[COEFFICIENTS] = "pair_style       rheo ${cut}\npair_coeff       * *\n"
+        contents[COEFFICIENTS] = "pair_coeff       * *\n"
     return [KitFile(f"{TESTS}/{name}", content, executable=False) for name, content in contents.items()]
 
 
@@ -68,7 +68,8 @@ def yaml_text(test: ForceTest, numbers: Expected) -> str:
     else:
         lines += [f"input_coeffs: {COEFFICIENTS}", f"natoms: {len(test.atoms)}"]
     for key, values in numbers.values.items():
-        lines += [f"{key}: ! |2", *_rows(values)]
+        count = f"{len(values)} " if key == "global_vector" else ""
+        lines += [f"{key}: ! |2", *_rows(values, count)]
     return "\n".join(lines) + "\n...\n"
 
 
@@ -76,7 +77,11 @@ def _block(key: str, lines: Sequence[str]) -> list[str]:
     return [f"{key}: ! |", *(f"  {line}" for line in lines)] if lines else [f'{key}: ! ""']
 
 
-def _rows(values: FloatArray) -> list[str]:
-    """Return a vector on one line, or those of all atoms, each behind its id."""
+def _rows(values: FloatArray, count: str) -> list[str]:
+    """Return a vector on one line, behind its size if that is given, or those of all atoms, each behind its id."""
     rows = [" ".join(f"{value:23.16e}" for value in row) for row in np.atleast_2d(values)]
-    return [f"  {row}" for row in rows] if values.ndim == 1 else [f"  {n:3d} {row}" for n, row in enumerate(rows, 1)]
+    return (
+        [f"  {count}{row}" for row in rows]
+        if values.ndim == 1
+        else [f"  {n:3d} {row}" for n, row in enumerate(rows, 1)]
+    )

@@ -8,6 +8,7 @@ after eight steps. Source: manual, Developer_unittest, and what the programs pri
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -23,6 +24,7 @@ from lammps_cases.setup.plan import plan
 
 SCENES = Path(__file__).with_name("scenes")
 TEMPLATE, COEFFICIENTS = "in.rheo", "coeffs.rheo"
+MODES = ("sumsq", "min", "max")  # of a column over all particles; sums of conserved fields are rounding alone
 Program = Literal["test_pair_style", "test_fix_timestep"]
 PREFIX: dict[Program, str] = {"test_pair_style": "atomic-pair-rheo_", "test_fix_timestep": "fix-timestep-rheo_"}
 # What the template leaves to a test, and its value unless the test gives another one.
@@ -89,18 +91,43 @@ class ForceTest:
 
     @property
     def post_commands(self) -> tuple[str, ...]:
-        """Return the commands after the pair style: what a restart file does not keep, the time step, the fixes."""
+        """Return the commands before a run: what a restart file does not keep, the time step, the fixes."""
         neighbours = [line for line in self.job.setup if line.startswith(("comm_modify", "neighbor"))]
-        given = ("mass ", "set ", "pair_")  # these are in the data file, or have keys of their own
-        left_out = given if self.program == "test_pair_style" else (*given, "timestep")
-        return (*neighbours, *(line for line in self.job.commands if not line.startswith(left_out)))
+        left_out = ["mass ", "set "]  # these are in the data file
+        if self.program == "test_pair_style":  # which has keys of its own for the pair style
+            lines = [line for line in self.job.commands if not line.startswith((*left_out, "pair_"))]
+            return (*neighbours, *lines)
+        lines = [line for line in self.job.commands if not line.startswith((*left_out, "timestep"))]
+        return (*neighbours, *(line.replace(f"fix {self.tested} ", "fix test ") for line in lines), *self.reductions)
+
+    @property
+    def tested(self) -> str:
+        """Return the id, elsewhere, of the fix that is tested: the first word of the case's label."""
+        return self.case.name.partition(".")[2].partition("-")[0]
+
+    @property
+    def columns(self) -> int:
+        """Return how many columns of compute rheo/property/atom are compared."""
+        return sum(math.prod(shape) for shape in self.job.outputs.values())
+
+    @property
+    def reductions(self) -> tuple[str, ...]:
+        """Return the commands by which a fix, the one tested, has a global vector of the columns of the compute."""
+        if not self.columns:
+            return ()
+        columns = " ".join(f"c_q[{k}]" for k in range(1, self.columns + 1)) if self.columns > 1 else "c_q"
+        reduced = (f"compute {mode} all reduce {mode} {columns}" for mode in MODES)
+        values = " ".join(f"c_{mode}[*]" for mode in MODES) if self.columns > 1 else " ".join(f"c_{m}" for m in MODES)
+        return (*reduced, f"fix test all ave/time 1 1 1 {values}")
 
     @property
     def prerequisites(self) -> tuple[str, ...]:
         """Return the styles that it needs, each with its kind."""
         (style,) = (line.split()[1] for line in self.job.setup if line.startswith("atom_style"))
         fixes = [line.split()[3] for line in self.post_commands if line.startswith("fix ")]
-        return (f"atom {style}", "pair rheo", *(f"fix {name}" for name in fixes))
+        computes = [line.split()[3] for line in self.post_commands if line.startswith("compute ")]
+        kinds = {"fix": fixes, "compute": computes}
+        return (f"atom {style}", "pair rheo", *dict.fromkeys(f"{kind} {n}" for kind, of in kinds.items() for n in of))
 
     @property
     def data(self) -> str:
@@ -139,13 +166,19 @@ def shipped() -> tuple[ForceTest, ...]:
 
 def of_case(case: Case) -> ForceTest:
     """Return the test of a case; its random numbers are those of its dimension, so that tests share particles."""
-    scene = case.scene.model_copy(update={"manual": MANUALS[-1]})
-    seeded = replace(case, name=f"rheo {scene.dimension}d", scene=scene)
+    case = with_manual(case)
+    scene = case.scene
+    seeded = replace(case, name=f"rheo {scene.dimension}d")
     atoms = build(seeded, scene.eos(case.where))
     # Virials are read without computes of their own, which the test programs do not have.
-    plain = scene.model_copy(update={"compare": ("f",), "evolve": scene.evolve})
+    plain = scene.model_copy(update={"compare": tuple(name for name in scene.compare if name != "virial")})
     job = commands.job(plain, atoms, plan(plain))
-    return ForceTest(replace(case, scene=scene), atoms, job, "")
+    return ForceTest(case, atoms, job, "")
+
+
+def with_manual(case: Case) -> Case:
+    """Return a case by the newest manual, which is that of LAMMPS' tree."""
+    return replace(case, scene=case.scene.model_copy(update={"manual": MANUALS[-1]}))
 
 
 def _named(test: ForceTest, names: dict[str, str]) -> ForceTest:

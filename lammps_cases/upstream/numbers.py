@@ -9,7 +9,7 @@ factor of their stage, rounded up to two digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from decimal import ROUND_UP, Decimal
 from typing import Any
@@ -20,11 +20,13 @@ from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem, Stop
+from lammps_cases.comparison.trajectory import Prediction, Problem, Stop
 from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.fields import FIELDS
 from lammps_cases.upstream.form import ForceTest, Program
 from lammps_cases.verdict.model_cases import TEXT_DIGITS, problem_of
 
+COLUMNS = "columns"  # those of compute rheo/property/atom, reduced over all particles, as one field
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # the order of the components of a virial
 
 
@@ -60,9 +62,9 @@ def _pair(name: str, check: str, forces: int = 1, stress: int = 1, **more: Any) 
 
 
 def _fix(name: str, read_back: bool = True) -> Stage:
-    keys = {"x": "run_pos", "v": "run_vel"}
+    keys = {"x": "run_pos", "v": "run_vel", COLUMNS: "global_vector"}
     checks = {field: f"{key} ({name}, verlet)" for field, key in keys.items()}
-    return Stage(name, checks, keys, {"x": 1, "v": 1}, after=8, read_back=read_back)
+    return Stage(name, checks, keys, dict.fromkeys(keys, 1), after=8, read_back=read_back)
 
 
 STAGES: dict[Program, tuple[Stage, ...]] = {
@@ -89,7 +91,7 @@ def problem(test: ForceTest, stage: Stage, fields: tuple[str, ...] = ()) -> Prob
     if stage.digits or (stage.read_back and stops):
         place = stops[-1].step if stops else 0
         stops = [*stops[:-1], Stop(place, ~none, read_back=True, digits=stage.digits)]
-    return replace(whole, fields=fields or tuple(stage.keys), stops=tuple(stops))
+    return replace(whole, fields=fields or test.scene.compare, stops=tuple(stops))
 
 
 def shown(test: ForceTest, field: str, values: FloatArray) -> FloatArray:
@@ -144,12 +146,44 @@ def _predicted(test: ForceTest, predictor: Predictor) -> Iterator[tuple[Stage, s
     """Yield what the reference predicts for every stage and field, with its bound."""
     for stage in STAGES[test.program]:
         found = predictor.predict(problem(test, stage), seed=seed(f"{test.case.name}/moved runs"))
-        for field in stage.keys:
+        for field in compared(test):
+            if field == COLUMNS:
+                yield stage, field, *_reduced(test, found)
+                continue
             value, bound = (np.asarray(of[0][field]) for of in (found.fields, found.bounds))
             bound = shown(test, field, np.broadcast_to(bound, value.shape))
             value = shown(test, field, value)
+            if field == "x" and not np.all((value >= test.atoms.low_c) & (value < test.atoms.high_c)):
+                raise InputError("test", "must keep its particles in the box, as LAMMPS wraps positions", test.name)
             # The product with the volume rounds once here and once more, with the factor of units, in LAMMPS.
             yield stage, field, value, bound + (3 * EPS * np.abs(value) if field == "virial" else 0.0)
+
+
+def compared(test: ForceTest) -> tuple[str, ...]:
+    """Return the fields that are compared, the columns of the compute together."""
+    arrays = tuple(name for name in test.scene.compare if not FIELDS[name].column)
+    return (*arrays, COLUMNS) if test.columns else arrays
+
+
+def reduced(table_nk: FloatArray) -> FloatArray:
+    """Return the sum of squares, the minimum and the maximum of each column."""
+    return np.concatenate([(table_nk**2).sum(axis=0), table_nk.min(axis=0), table_nk.max(axis=0)])
+
+
+def table(test: ForceTest, fields: Mapping[str, Any]) -> FloatArray:
+    """Return the columns of the compute, in their order, of fields by name."""
+    columns = [np.asarray(fields[name], float).reshape(len(test.atoms), -1) for name in test.job.outputs]
+    return np.concatenate(columns, axis=1)
+
+
+def _reduced(test: ForceTest, found: Prediction) -> tuple[FloatArray, FloatArray]:
+    """Return the reduced columns with their bounds: a sum rounds once for every term, in any order."""
+    fields = found.fields[0]
+    of_fields = {name: np.broadcast_to(found.bounds[0][name], np.shape(fields[name])) for name in test.job.outputs}
+    table_nk, bound_nk = table(test, fields), table(test, of_fields)
+    of_squares = (bound_nk * (2 * np.abs(table_nk) + bound_nk)).sum(axis=0)
+    of_sum = of_squares + 2 * (len(table_nk) + 1) * EPS * (table_nk**2).sum(axis=0)
+    return reduced(table_nk), np.concatenate([of_sum, bound_nk.max(axis=0), bound_nk.max(axis=0)])
 
 
 def relative(expected: FloatArray, bound: FloatArray) -> FloatArray:

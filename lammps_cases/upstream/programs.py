@@ -24,13 +24,14 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.files import write_atomically
 from lammps_cases.upstream.files import kit_files, write_folder
 from lammps_cases.upstream.form import ForceTest, shipped
-from lammps_cases.upstream.numbers import STAGES, expected
+from lammps_cases.upstream.numbers import COLUMNS, STAGES, expected
 from lammps_cases.upstream.replay import TIME_LIMIT, Commands, explained, failing, replay
 
 INCLUDE = ("src", "third_party", "src/STUBS")  # of a tree; the stubs stand for MPI
 PAGE = Path("docs/upstream.md")
 MEASURED = Path(__file__).with_name("measured.json")
 MARKS = "<!-- measured -->", "<!-- end -->"
+FAILURE = re.compile(r"^\S+/(\w+)\.cpp:(\d+): Failure$", re.M)  # source and line
 TRACE = re.compile(r"EXPECT_\w+: (.+)$", re.M)  # the check that a failure belongs to
 By = dict[str, tuple[str, ...]]  # findings, by check that fails
 
@@ -72,8 +73,15 @@ def _compile(*arguments: str) -> None:
         raise InputError("test program", f"must compile: {error}", where=arguments[-1])
 
 
-def failed_checks(program: Path, file: Path) -> set[str]:
-    """Run a test program on a file, beside which the others lie; return the checks that fail.
+def untraced(tree: Path) -> dict[int, str]:
+    """Return the checks that failures do not name, by their lines in the source of test_fix_timestep, in its order."""
+    lines = (tree / "unittest" / "force-styles" / "test_fix_timestep.cpp").read_text(encoding="utf-8").splitlines()
+    at = [n for n, line in enumerate(lines, 1) if "EXPECT_FP_LE_WITH_EPS(test_config.global_vector[i]," in line]
+    return dict(zip(at, (stage.checks[COLUMNS] for stage in STAGES["test_fix_timestep"]), strict=False))
+
+
+def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[str]:
+    """Run a test program on a file, beside which the others lie; return the checks that fail, by lines if need be.
 
     Raises
     ------
@@ -90,9 +98,13 @@ def failed_checks(program: Path, file: Path) -> set[str]:
         timeout=TIME_LIMIT,
         check=False,
     )
-    failed, failures = set(TRACE.findall(done.stdout)), done.stdout.count(": Failure\n")
+    _, *failures = FAILURE.split(done.stdout)
+    failed = set[str]()
+    for line, told in zip(failures[1::3], failures[2::3], strict=True):
+        trace = TRACE.search(told)
+        failed.add(trace[1] if trace else lines.get(int(line), ""))
     ended = done.returncode in (0, 1) and "[  PASSED  ]" in done.stdout and bool(done.returncode) == bool(failed)
-    if not ended or failures != len(TRACE.findall(done.stdout)):
+    if not ended or "" in failed:
         last = (done.stderr or done.stdout).strip().splitlines()[-1:]
         raise InputError("test program", f"must end with what passed and failed: {' '.join(last)}", where=str(file))
     return failed
@@ -137,7 +149,7 @@ def measure(tree: Path) -> Measured:
             raise InputError("engine", f"must start: {who.message}", where=str(tree))
         found = replayed(shipped(), folder, workers, who["distribution"])
         for test in shipped():
-            failed = failed_checks(folder / test.program, folder / f"{test.name}.yaml")
+            failed = failed_checks(folder / test.program, folder / f"{test.name}.yaml", untraced(tree))
             if failed != set(found[test.name]):
                 other = sorted(failed ^ set(found[test.name]))
                 raise InputError("test program", "must fail where LAMMPS' Python module does", other, test.name)
@@ -176,8 +188,11 @@ def _pattern(names: list[str], every: list[str]) -> str:
     """Return how many tests a group has, and the shortest words for them: what only their names hold, or the names."""
     words = {name: set(name.split("_")[1:]) for name in every}
     own = set().union(*(words[name] for name in names))
-    shortest = ", ".join(f"`{name.partition('_')[2]}`" for name in names)
-    for word in sorted(own):
+    tails = [name.partition("_")[2] for name in names]
+    in_both = {tail[:-3] for tail in tails if {tail[:-3] + "_2d", tail[:-3] + "_3d"} <= set(tails)}
+    short = dict.fromkeys(f"`{tail[:-3]}_*`" if tail[:-3] in in_both else f"`{tail}`" for tail in tails)
+    shortest = ", ".join(short)
+    for word in sorted(own) if len(names) > 1 else ():
         others = [words[name] for name in every if word in words[name] and name not in names]
         unlike = sorted(set().union(*others) - own)
         if all(word in words[name] for name in names) and all(other & set(unlike) for other in others):

@@ -15,12 +15,24 @@ from typing import Any
 import numpy as np
 
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine import session
 from lammps_cases.engine.session import Array, Compute
 from lammps_cases.findings.neighbour_lists import Listed
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.upstream.form import TEMPLATE, ForceTest, Program
-from lammps_cases.upstream.numbers import STAGES, Expected, Stage, error, problem, shown
+from lammps_cases.upstream.form import COEFFICIENTS, TEMPLATE, ForceTest, Program
+from lammps_cases.upstream.numbers import (
+    COLUMNS,
+    STAGES,
+    Expected,
+    Stage,
+    compared,
+    error,
+    problem,
+    reduced,
+    shown,
+    table,
+)
 from lammps_cases.verdict import particle_model
 
 TIME_LIMIT = 60.0  # seconds of a test; they take a tenth of one
@@ -36,11 +48,12 @@ class Commands:
     before: tuple[str, ...]
     pair: str
     after: tuple[str, ...]
+    outputs: dict[str, tuple[int, ...]]
 
     @classmethod
     def of(cls, test: ForceTest) -> Commands:
         """Return those of a test."""
-        return cls(test.program, test.pre_commands, test.pair, test.post_commands)
+        return cls(test.program, test.pre_commands, test.pair, test.post_commands, dict(test.job.outputs))
 
 
 def replay(site: str | None, given: Commands, folder: str) -> Looks:
@@ -51,7 +64,7 @@ def replay(site: str | None, given: Commands, folder: str) -> Looks:
     EngineRefused
     """
     with session.translated():
-        return _pair(site, given, Path(folder)) if given.program == "test_pair_style" else {}
+        return {"test_pair_style": _pair, "test_fix_timestep": _fix}[given.program](site, given, Path(folder))
 
 
 @contextmanager
@@ -88,6 +101,33 @@ def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
     return seen
 
 
+def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
+    seen: Looks = {}
+    half = "run 4 post no start 0 stop 8"
+    with _opened(site) as lmp:
+        _each(lmp, f"variable input_dir index {folder}", *given.before)
+        lmp.file(str(folder / TEMPLATE))
+        lmp.file(str(folder / COEFFICIENTS))
+        _each(lmp, *given.after, "timestep 0.25", "run 0 post no", "thermo 2", half)
+        _each(lmp, f"write_restart {folder}/test.restart", half)
+        seen["normal run"] = _seen(lmp, given)
+    for stage, rmass in (("restart", False), ("rmass", True)):
+        with _opened(site) as lmp:
+            lmp.command(f"read_restart {folder}/test.restart")
+            if rmass:
+                mass_t = lmp.numpy.extract_atom("mass")[1 : lmp.extract_global("ntypes") + 1].tolist()
+                lmp.command("fix rmass all property/atom rmass ghost yes")
+                _each(lmp, *(f"set type {t} mass {mass:g}" for t, mass in enumerate(mass_t, 1)))
+            _each(lmp, *given.after, "timestep 0.25", "thermo 2", half)
+            seen[stage] = _seen(lmp, given)
+    return seen
+
+
+def _seen(lmp: Any, given: Commands) -> dict[str, Any]:
+    """Return positions, velocities, and the columns of the compute, if there is one."""
+    return session.read(lmp, given.outputs, ("x", "v"))
+
+
 def _each(lmp: Any, *commands: str) -> None:
     for command in commands:
         lmp.command(command)
@@ -108,8 +148,8 @@ def _looked(lmp: Any, *commands: str, run: int = 0, defined: bool = False) -> di
 def failing(test: ForceTest, numbers: Expected, seen: Looks) -> Iterator[tuple[Stage, str]]:
     """Yield the stages and fields whose errors, as the program measures them, are more than it allows."""
     for stage in STAGES[test.program]:
-        for field, key in stage.keys.items():
-            obtained = shown(test, field, _field(test, field, seen[stage.name]))
+        for field, key in ((field, stage.keys[field]) for field in compared(test)):
+            obtained = _obtained(test, field, seen[stage.name])
             allowed = numbers.epsilon * stage.factors[field]
             if not (error(obtained, numbers.values[key]) <= allowed).all():
                 yield stage, field
@@ -119,14 +159,28 @@ def explained(
     test: ForceTest, stage: Stage, field: str, look: dict[str, Any], engine: str, predictor: Predictor
 ) -> tuple[str, ...]:
     """Return the findings that together reproduce a field at a stage on every atom; none: nothing known does."""
-    of = problem(test, stage, (field,))
+    fields = tuple(test.job.outputs) if field == COLUMNS else (field,)
+    of = problem(test, stage, fields)
+    snapshot = {name: _field(test, name, look) for name in fields} | _lists(stage, of, look)
+    reason = particle_model.reason(of, test.case.name, look["id"], [snapshot], engine, predictor)
+    return tuple(entry.id for entry in reason.explained) if reason else ()
+
+
+def _lists(stage: Stage, of: Problem, look: dict[str, Any]) -> dict[str, Any]:
+    """Return LAMMPS' list of neighbours for every evaluation of particles that do not move; of others there is none."""
+    if "list" not in look:
+        return {}
     evaluations = stage.after + len(of.stops) + 1
     # With nofdotr LAMMPS sums the virials of its pairs, as it does with newton off.
     newton = look["list"]["newton"] & (stage.name != "nofdotr")
-    lists = (Listed.read(look["id"], **look["list"] | {"newton": newton}),) * evaluations
-    snapshot = {field: _field(test, field, look), "lists": lists}
-    reason = particle_model.reason(of, test.case.name, look["id"], [snapshot], engine, predictor)
-    return tuple(entry.id for entry in reason.explained) if reason else ()
+    return {"lists": (Listed.read(look["id"], **look["list"] | {"newton": newton}),) * evaluations}
+
+
+def _obtained(test: ForceTest, field: str, look: dict[str, Any]) -> Array:
+    """Return a field as the YAML file has it."""
+    if field == COLUMNS:
+        return reduced(table(test, {name: _field(test, name, look) for name in test.job.outputs}))
+    return shown(test, field, _field(test, field, look))
 
 
 def _field(test: ForceTest, field: str, look: dict[str, Any]) -> Array:

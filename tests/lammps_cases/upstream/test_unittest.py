@@ -19,10 +19,11 @@ from hypothesis import strategies as st
 
 from eos_ref import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.model.quantities import needed_to_step
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.workers import Workers
 from lammps_cases.setup import reference_side
-from lammps_cases.upstream import programs
+from lammps_cases.upstream import files, programs
 from lammps_cases.upstream.files import TESTS, kit_files, write_folder, yaml_text
 from lammps_cases.upstream.form import shipped, template
 from lammps_cases.upstream.numbers import STAGES, Expected, error, expected, relative
@@ -32,7 +33,9 @@ from tests.support.outcome import Outcome
 Run = Callable[..., Outcome]
 ROOT = Path(__file__).parents[3]
 ALL = {test.name.partition("_")[2]: test for test in shipped()}
-FEW = ("quintic_unit_2d", "linear_own_2d")  # one that fails for its virials alone, and one for its forces
+# One that fails for its virials alone, one for its forces, one for its motion, one that passes, one for a column alone.
+FEW = ("quintic_unit_2d", "linear_own_2d", "rheo", "rheo_fall", "property_heat")
+PAIR = FEW[:2]
 TREE = os.environ.get("EOS_REF_TREE", "")
 
 
@@ -63,20 +66,61 @@ def columns(text: str) -> Any:
 
 
 def test_every_law_kernel_and_option_has_tests_in_2d_and_3d_with_and_without_unit_volumes() -> None:
-    of = {tuple(name.rsplit("_", 2)) for name in ALL}
+    pair = [test for test in shipped() if "pair." in test.case.name]
+    of = {tuple(test.name.partition("_")[2].rsplit("_", 2)) for test in pair}
     options = {option for option, _, _ in of}
     assert of == {(option, volume, d) for option in options for volume in ("own", "unit") for d in ("2d", "3d")}
-    kernels = {test.scene.rheo.kernel for test in shipped()}
-    laws = {law.style for test in shipped() for law in test.scene.pressure}
+    kernels = {test.scene.rheo.kernel for test in pair}
+    laws = {law.style for test in pair for law in test.scene.pressure}
     assert kernels == {"quintic", "RK0", "RK1", "RK2"}
     assert laws == {"linear", "cubic", "tait/water", "tait/general", "ideal/gas", "background"}
-    for test in shipped():
+    for test in pair:
         volume_n = test.atoms.mass_n / test.atoms.rho_n
         assert np.all(volume_n == 1) if "_unit_" in test.name else np.all(volume_n != 1)
         assert set(test.atoms.type_n) == {1, 2} and not np.any(test.atoms.mass_n == 1)
 
 
-@pytest.mark.parametrize("name", FEW)
+def test_every_fix_is_tested_by_its_name() -> None:
+    fixes = {line for test in shipped() for line in test.post_commands if line.startswith("fix test ")}
+    styles = {line.split()[3] for line in fixes}
+    assert styles == {"rheo", "rheo/pressure", "rheo/viscosity", "rheo/thermal", "ave/time"}
+    for test in shipped():
+        tested = [line for line in test.post_commands if line.startswith("fix test ")]
+        assert len(tested) == (test.program == "test_fix_timestep"), test.name
+        assert "timestep" not in " ".join(test.post_commands) or test.program == "test_pair_style"
+
+
+@pytest.mark.parametrize("name", ["rheo", "rheo_3d", "property_heat"])
+def test_the_yaml_of_a_fix_holds_the_references_numbers(name: str, predictor: Predictor) -> None:
+    """After eight steps in two runs, from a simulation made here; the columns of the compute reduced by hand."""
+    test = ALL[name]
+    found = yaml.safe_load(yaml_text(test, expected(test, predictor)))
+    fields = (*test.scene.compare, *needed_to_step(reference_side.model(test.scene, test.atoms, "")))
+    sim = reference_side.simulation(test.scene, test.atoms, fields, evaluator=ArrayEvaluator)
+    sim.setup()
+    for _ in range(2):
+        sim.begin_again(np.zeros(len(test.atoms), dtype=bool))
+        sim.run(4, 0.25)
+    d = test.scene.dimension
+    for key, field in (("run_pos", "x"), ("run_vel", "v")):
+        np.testing.assert_array_equal(columns(found[key])[:, 1 : d + 1], sim.output(field))
+    if name == "property_heat":
+        size, *values = columns(found["global_vector"])[0]
+        of = [np.asarray(sim.output(field), float) for field in test.scene.compare[2:]]
+        by_hand = [*(sum(v * v for v in f) for f in of), *map(min, of), *map(max, of)]
+        assert size == len(values) == len(by_hand)
+        np.testing.assert_allclose(values, by_hand, rtol=1e-14)
+
+
+def test_a_particle_that_leaves_the_box_is_refused() -> None:
+    """LAMMPS wraps it, or not, when it builds its lists. All move to the right by 0.06 and more."""
+    test = ALL["rheo_fall"]
+    atoms = replace(test.atoms, high_c=test.atoms.x_nc.max(axis=0) + np.array([0.05, 1.0, 1.0]))
+    with pytest.raises(InputError, match="keep its particles in the box"):
+        expected(replace(test, atoms=atoms), Predictor())
+
+
+@pytest.mark.parametrize("name", PAIR)
 def test_the_yaml_holds_the_references_numbers(folder: Path, name: str) -> None:
     """To the last bit: those of a simulation made here."""
     test = ALL[name]
@@ -125,7 +169,7 @@ def test_epsilon_is_the_largest_ratio_of_a_bound_to_its_number(name: str, predic
     """It is attained, but for the rounding to two digits, and the comment names the number that does."""
     numbers = expected(ALL[name], predictor)
     component, key, value, bound, factor = re.match(
-        r"component (\d) of (\w+)(?: of atom \d+)? \(.*\) is (\S+) within ([\d.e-]+)(?:, compared with (\d) epsilon)?",
+        r"component (\d+) of (\w+)(?: of atom \d+)? \(.*\) is (\S+) within ([\d.e-]+)(?:, compared with (\d) epsilon)?",
         numbers.why,
     ).groups()
     assert np.any(np.isclose(numbers.values[key][..., int(component) - 1], float(value), rtol=1e-3))
@@ -192,11 +236,16 @@ def test_the_page_shows_what_was_measured_of_every_test() -> None:
     assert programs.MEASURED.read_text() == programs.text(result)
 
 
-def test_the_kit_is_written_as_lammps_tree_has_it(tmp_path: Path, eos_ref_command: Run) -> None:
+def test_the_kit_is_written_as_lammps_tree_has_it(
+    tmp_path: Path, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = [ALL[name] for name in FEW]
+    monkeypatch.setattr(files, "shipped", lambda: few)  # all of them are written for the page
     done = eos_ref_command("kit", "unittest", "--repository", "me/eos-ref", "--out", tmp_path)
     assert done.code == 0, done.err
     names = {path.name for path in (tmp_path / TESTS).iterdir()}
-    assert {f"{test.name}.yaml" for test in shipped()} | {test.data_name for test in shipped()} | {"in.rheo"} == names
+    shared = {"in.rheo", "coeffs.rheo", *(test.data_name for test in few)}
+    assert names == {f"{test.name}.yaml" for test in few} | shared
     assert "me/eos-ref" in (tmp_path / "unittest" / "force-styles" / "README.rheo.md").read_text()
 
 

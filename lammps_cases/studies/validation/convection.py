@@ -29,6 +29,11 @@ TIMES = (0.2, 0.225, 0.25)  # in units of side squared over diffusivity, from re
 ARTIFICIAL, DAMPING = 0.02, 0.1
 
 
+def _lift(mass_n: FloatArray, x_nc: FloatArray, T_n: FloatArray | None, lift: float) -> FloatArray:
+    """Return Boussinesq's buoyancy."""
+    return np.stack([0 * mass_n, lift * mass_n * (np.asarray(T_n) - MEAN)], axis=1)
+
+
 def _start(n: int, options: Options) -> Start:
     """Return fluid at rest, warm on the left; diffusivity 1."""
     layers, cs, speed = math.ceil(options.cut), 10 * FASTEST / n, FASTEST / n
@@ -42,7 +47,7 @@ def _start(n: int, options: Options) -> Start:
     lift = RAYLEIGH * PRANDTL / n**3
     body = Body(
         ("0.0", f"{lift!r}*mass*(c_warm-{MEAN!r})"),
-        lambda mass_n, x_nc, T_n: np.stack([0 * mass_n, lift * mass_n * (np.asarray(T_n) - MEAN)], axis=1),
+        partial(_lift, lift=lift),
         warm=True,
     )
     scene = {

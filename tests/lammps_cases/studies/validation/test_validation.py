@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -182,6 +183,15 @@ def test_lammps_that_fails_ends_with_three(
     ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
     assert ended.code == 3
     assert "LAMMPS Lost atoms" in ended.out
+
+
+@pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))
+def test_every_start_reaches_a_worker(of: Validation) -> None:
+    """In one piece: what is sent can be read again."""
+    start = of.flow.start(12, of.flow.options)
+    again = pickle.loads(pickle.dumps(start))
+    assert again.case == start.case
+    assert (again.atoms.x_nc == start.atoms.x_nc).all()
 
 
 def test_every_flow_has_what_its_page_needs() -> None:

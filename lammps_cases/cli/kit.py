@@ -82,7 +82,7 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
                 raise InputError("--out", "must be given: the kit has a hundred files", where="kit unittest")
             files += kit_files()
             try:
-                files += example_files(installations.resolve("env"))
+                files += example_files(installations.resolve("env"), out)
             except EngineMissing as error:
                 files += example_files(None)
                 notes.append(f"the decks come without logs: {error}")

@@ -18,6 +18,7 @@ from lammps_cases.bugs.deck import Check, Deck
 from lammps_cases.ci.kits.files import KitFile
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.session import EngineMissing
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import build, seed
 from lammps_cases.setup import commands
@@ -77,12 +78,19 @@ def _example(case: casefile.Case) -> Example:
     return Example(case.name.replace(".", "-"), Deck((*about, *lines), made.data))
 
 
-def example_files(engine: Engine | None) -> list[KitFile]:
-    """Return all decks with their data files and, if there is an engine, its logs."""
+def example_files(engine: Engine | None, out: Path | None = None) -> list[KitFile]:
+    """Return all decks with their data files and, if there is an engine, its logs but for those that are there.
+
+    Raises
+    ------
+    EngineMissing
+    """
     contents: dict[str, str] = {}
     for example in examples():
         contents |= example.files
-        contents |= dict([log_of(example, engine)]) if engine else {}
+        there = out is not None and any((out / FOLDER).glob(f"log.*.{example.name}.g++.1"))
+        if engine and not there:  # a log has times, which differ whenever it is written
+            contents |= dict([log_of(example, engine)])
     return [KitFile(f"{FOLDER}/{name}", content, executable=False) for name, content in contents.items()]
 
 
@@ -92,19 +100,23 @@ def log_of(example: Example, engine: Engine) -> tuple[str, str]:
     Raises
     ------
     EngineMissing
+        There is no program, or it does not run the deck.
     """
     with tempfile.TemporaryDirectory() as folder:
         for name, content in example.files.items():
             (Path(folder) / name).write_text(content, encoding="utf-8")
         arguments = ["-in", f"in.{example.name}", "-log", "log", "-screen", "none", "-nocite"]
-        subprocess.run(
-            [str(bare.program(engine)), *arguments],
-            cwd=folder,
-            env=bare.environment(engine),
-            capture_output=True,
-            timeout=bare.TIME_LIMIT,
-            check=True,
-        )
+        try:
+            subprocess.run(
+                [str(bare.program(engine)), *arguments],
+                cwd=folder,
+                env=bare.environment(engine),
+                capture_output=True,
+                timeout=bare.TIME_LIMIT,
+                check=True,
+            )
+        except subprocess.SubprocessError as error:
+            raise EngineMissing(f"LAMMPS does not run in.{example.name}: {error}") from None
         log = (Path(folder) / "log").read_text(encoding="utf-8")
     version = log.partition("(")[2].partition(")")[0].partition(" - ")[0].replace(" ", "")
     return f"log.{version}.{example.name}.g++.1", log

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from lammps_cases.bugs import bare
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.run import campaign
@@ -71,3 +72,12 @@ def test_without_lammps_the_decks_come_without_logs(
     names = {path.name for path in (tmp_path / FOLDER).iterdir()}
     assert names == {Path(file.path).name for file in example_files(None)}
     assert names == {f"{kind}.{name}" for name in SHOWN for kind in ("in", "data")}
+
+
+def test_a_lammps_that_does_not_run_a_deck_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = tmp_path / "lmp"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setattr(bare, "program", lambda engine: broken)
+    with pytest.raises(EngineMissing, match=r"LAMMPS does not run in\.rheo-fall: .*exit status 1"):
+        log_of(examples.examples()[0], installations.resolve("env"))

@@ -236,6 +236,7 @@ def test_the_page_shows_what_was_measured_of_every_test() -> None:
     assert programs.MEASURED.read_text() == programs.text(result)
 
 
+@pytest.mark.lammps
 def test_the_kit_is_written_as_lammps_tree_has_it(
     tmp_path: Path, eos_ref_command: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -247,6 +248,10 @@ def test_the_kit_is_written_as_lammps_tree_has_it(
     shared = {"in.rheo", "coeffs.rheo", *(test.data_name for test in few)}
     assert names == {f"{test.name}.yaml" for test in few} | shared
     assert "me/eos-ref" in (tmp_path / "unittest" / "force-styles" / "README.rheo.md").read_text()
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    again = eos_ref_command("kit", "unittest", "--repository", "me/eos-ref", "--out", tmp_path)
+    assert again.code == 0, again.err
+    assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
 
 def test_the_kit_is_not_printed(eos_ref_command: Run) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lammps_cases.claims.model import KINDS, Claim
 from lammps_cases.claims.trace import Trace
-from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, in_words, worst
+from lammps_cases.claims.verdicts import VERDICTS, ClaimVerdict, Evidence, Judged, counts, in_words, refuted_by, worst
 from lammps_cases.findings import LEDGER
 from lammps_cases.pages import frame
 from lammps_cases.probes import PREFIX
@@ -83,6 +83,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
             if entry.id in refuting
         ],
         number=len(rows),
+        grounds=refuted_by([column.judged for column in columns]),
         trace=trace,
     )
 

@@ -26,6 +26,8 @@ from lammps_cases.records.wording import INSIDE, counted, number, own_words
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested", "not claimed"]
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
 # Over several engines, of which some may have a manual that does not make the claim.
+Ground = Literal["cases", "decks", "page"]  # that refutes a claim: cases, small decks (probes), words of its page
+GROUNDS: tuple[Ground, ...] = get_args(Ground)
 _WORST: tuple[ClaimVerdict, ...] = ("does not hold", "not run", "holds", "cannot be tested", "not claimed")
 _PLURAL: Mapping[ClaimVerdict, str] = {"holds": "hold", "does not hold": "do not hold"}
 BROKEN = ("error", "crashed", "timeout")  # an engine that ends so, without a finding, says nothing of the manual
@@ -275,6 +277,17 @@ def counts(judged: Iterable[Judged]) -> dict[ClaimVerdict, int]:
     """Count the claims of each verdict."""
     found = Counter(one.verdict for one in judged)
     return {verdict: found[verdict] for verdict in VERDICTS if found[verdict]}
+
+
+def refuted_by(columns: Sequence[Sequence[Judged]]) -> dict[Ground, int]:
+    """Count the claims that do not hold on an engine, by what refutes them; the report of a run counts ``cases``."""
+    grounds: dict[str, set[Ground]] = {}
+    for judged in (one for of in columns for one in of if one.verdict == "does not hold"):
+        of_cases = any(evidence.case and not evidence.case.startswith(PREFIX) for evidence in judged.evidence)
+        ground: Ground = "page" if judged.claim.argument else "cases" if of_cases else "decks"
+        grounds.setdefault(judged.claim.id, set()).add(ground)
+    first = Counter(min(found, key=GROUNDS.index) for found in grounds.values())
+    return {ground: first[ground] for ground in GROUNDS}
 
 
 def of_all(columns: Sequence[Sequence[Judged]], broken: Sequence[str] = (), fail_on: FailOn = "new") -> Headline:

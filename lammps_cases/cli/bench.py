@@ -126,6 +126,7 @@ def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterat
         for jobs in (1, 2):
             yield bench.run_against_lammps(repeats, jobs)
         yield bench.help_against_python(repeats)
+        yield from bench.completion_against_python(repeats)
 
 
 def _memory(part: str) -> dict[str, float]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
@@ -73,21 +75,42 @@ def _files() -> Iterator[dict[str, Any]]:
 
 def case_names() -> list[str]:
     """Return the names of the shipped cases, and of their files."""
-    names = []
-    for file in _files():
-        axes = file.get("matrix", {}).values()
-        names += [file["name"], *(".".join((file["name"], *labels)) for labels in product(*axes) if labels)]
-    return names
+    return _kept()["cases"]
 
 
 def tag_names() -> set[str]:
     """Return the tags of the shipped cases."""
-    tags = set[str]()
+    return set(_kept()["tags"])
+
+
+def _kept() -> dict[str, list[str]]:
+    """Return names and tags; they are kept, as reading all files takes as long as all else that a shell waits for."""
+    import platformdirs  # not eos_ref.cache and records.files, which load numpy
+
+    at = [(str(path), path.stat().st_mtime_ns) for path in sorted((ROOT / "cases").rglob("*.yaml"))]
+    key, kept = json.dumps(at), Path(platformdirs.user_cache_dir("eos-ref")) / "completion.json"
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        document = json.loads(kept.read_text(encoding="utf-8"))
+        if document["key"] == key:
+            return {name: list(map(str, document[name])) for name in ("cases", "tags")}
+    found = _read()
+    with contextlib.suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        made = kept.with_name(f"{kept.name}.{os.getpid()}")
+        made.write_text(json.dumps({"key": key, **found}), encoding="utf-8")
+        made.replace(kept)
+    return found
+
+
+def _read() -> dict[str, list[str]]:
+    names, tags = list[str](), set[str]()
     for file in _files():
-        patches = (patch for axis in file.get("matrix", {}).values() for patch in axis.values())
+        axes = file.get("matrix", {}).values()
+        names += [file["name"], *(".".join((file["name"], *labels)) for labels in product(*axes) if labels)]
+        patches = (patch for axis in axes for patch in axis.values())
         for part in (file, *(patch for patch in patches if isinstance(patch, dict))):
             tags.update(part["tags"] if isinstance(part.get("tags"), list) else ())
-    return tags
+    return {"cases": names, "tags": sorted(tags)}
 
 
 def finding_names() -> list[str]:

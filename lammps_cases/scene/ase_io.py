@@ -69,6 +69,7 @@ def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
     if "mass" in arrays:  # a run of an earlier version has neither
         atoms.set_masses(arrays["mass"])
         atoms.set_velocities(arrays["v"])
+        atoms.set_array("velo", np.asarray(arrays["v"]))  # what OVITO takes for them in extended XYZ
     for name in sorted(arrays):
         values = np.asarray(arrays[name])
         if name not in ("box", "x", "v", "mass", "periodic", "step"):

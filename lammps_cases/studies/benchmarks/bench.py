@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import shlex
 import subprocess
@@ -151,12 +152,29 @@ def help_against_python(repeats: int) -> Ratio:
     return _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)
 
 
-def _processes(scene: str, peer: str, ours: list[str], code: str, repeats: int) -> Ratio:
+def completion_against_python(repeats: int) -> list[Ratio]:
+    """Time what a shell asks for on Tab (commands, cases, findings, tags) against an empty Python program."""
+    return [
+        _processes(f"completion of {words}", "empty Python program", [*EOS_REF], "pass", repeats, _asked(words))
+        for words in ("eos-ref r", "eos-ref run forces.", "eos-ref ledger f", "eos-ref run --tag q")
+    ]
+
+
+def _asked(words: str) -> dict[str, str]:
+    """Return what bash sets to ask for the last of some words."""
+    return {"_EOS_REF_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+
+
+def _processes(
+    scene: str, peer: str, ours: list[str], code: str, repeats: int, environment: dict[str, str] | None = None
+) -> Ratio:
     theirs = [sys.executable, "-c", code]
-    return against(scene, peer, partial(_process, ours), partial(_process, theirs), repeats, at_least=0)
+    call = partial(_process, ours, environment)
+    return against(scene, peer, call, partial(_process, theirs), repeats, at_least=0)
 
 
-def _process(command: list[str]) -> None:
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+def _process(command: list[str], environment: dict[str, str] | None = None) -> None:
+    environ = os.environ | (environment or {})
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environ)
     if done.returncode:
         raise RuntimeError(f"exit code {done.returncode} of {shlex.join(command)}:\n{done.stdout}{done.stderr}")

@@ -44,6 +44,9 @@ def test_run(eos_ref_command: Command, folder: Path) -> None:
     assert json.loads((folder / "claims.json").read_text()) == json.loads(done.out)
     page = (folder / "claims.html").read_text()
     assert 'href="env/report.html#case=compression.linear.2d"' in page
+    assert (
+        " ".join(page.split()).count("1 fall by cases, 1 by small decks alone, and 0 by the words of their page") == 1
+    )
     assert "http" not in page.replace("http-equiv", "")
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from eos_ref.syntax.manual import MANUALS, Manual, manual_of
 from lammps_cases.claims.model import Claim, claims
-from lammps_cases.claims.verdicts import Judged, Names, counts, judge, summary, worst
+from lammps_cases.claims.verdicts import Judged, Names, counts, judge, refuted_by, summary, worst
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, RunRecord, StepRecord
 from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, all_good, field, good, wrong
 
@@ -158,6 +158,9 @@ def test_summary_of_a_run() -> None:
     # every claim of cases alone was run, but for the one with the case that is red on purpose
     assert whole.not_run - whole.probes == 1
     assert whole.holds + whole.not_run + whole.untestable + len(whole.refuted) == len(BY_CASES)
+    made = judge(IN_FORCE, cases | {"density.one.2d": wrong("density.one.2d", ("rho",))}, manual=manual_of(NEW))
+    grounds = refuted_by([made, judge(IN_FORCE, GOOD, manual=manual_of(NEW))])
+    assert grounds["cases"] == len(whole.refuted) and grounds["page"] == sum(claim.falls for claim in IN_FORCE)
     assert summary(run_of({"in.deck": CaseRecord(case="in.deck", verdict="pass")})) is None
 
 

@@ -7,7 +7,9 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import platformdirs
 import pytest
 
 from lammps_cases.cli import completion
@@ -62,6 +64,32 @@ def test_nothing_heavy_is_imported(call: str) -> None:
     code = f"import sys\nfrom lammps_cases.cli import completion, main\n{call}\nprint(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert HEAVY.isdisjoint(done.stderr.split())
+
+
+def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "root" / "cases"
+    folder.mkdir(parents=True)
+    (folder / "one.yaml").write_text("name: one\ntags: [small]\nmatrix: {}\n")
+    monkeypatch.setattr(completion, "ROOT", folder.parent)
+    monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path))
+    reads: list[int] = []
+    files = completion._files
+
+    def counted() -> Any:
+        reads.append(1)
+        return files()
+
+    monkeypatch.setattr(completion, "_files", counted)
+    for _ in range(2):
+        assert (completion.case_names()[0], completion.tag_names()) == ("one", {"small"})
+    assert len(reads) == 1
+    (folder / "two.yaml").write_text("name: two\n")
+    assert "two" in completion.case_names() and len(reads) == 2
+    (tmp_path / "completion.json").write_text('{"key": 5')
+    assert "two" in completion.case_names() and len(reads) == 3
+    (tmp_path / "completion.json").unlink()
+    (tmp_path / "completion.json").mkdir()
+    assert "two" in completion.case_names() and len(reads) == 4
 
 
 @pytest.mark.parametrize("shell", completion.STARTS)

@@ -104,6 +104,9 @@ def test_atoms_of_an_audit(tmp_path: Path) -> None:
     back = read_back(atoms, tmp_path / "x.extxyz")
     assert back.cell.array[1, 0] == atoms.cell.array[1, 0] != 0
     assert back.pbc.all() and back.get_velocities().any()
+    assert np.allclose(
+        back.arrays["velo"], back.get_velocities(), rtol=1e-7, atol=1e-8
+    )  # by the digits that ASE writes
     assert {"pressure_lammps", "f_reference", "grad_v_bound"} <= set(back.arrays)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.studies.benchmarks import bench_model, bench_peers, speed_history
+from lammps_cases.studies.benchmarks import bench, bench_model, bench_peers, speed_history
 from lammps_cases.studies.benchmarks.bench import Ratio, against, laws_against_copy
 from lammps_cases.studies.benchmarks.measure import ConfidenceInterval
 from tests.support.outcome import Outcome
@@ -151,3 +152,18 @@ def test_taylor_green_runs_on_one_and_two_ranks(monkeypatch: pytest.MonkeyPatch)
 def test_a_python_without_pysph_is_refused(python: str) -> None:
     with pytest.raises(InputError, match="Python of PySPH"):
         bench_peers._pysph(python)
+
+
+def test_completion_asks_what_a_shell_asks() -> None:
+    """Whole processes of it print candidates, and a request that fails is told."""
+    bench._process([*bench.EOS_REF], bench._asked("eos-ref r"))
+    done = subprocess.run(
+        [*bench.EOS_REF],
+        check=True,
+        env=os.environ | bench._asked("eos-ref ledger force-p"),
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout.split() == ["plain,force-per-volume"]
+    with pytest.raises(RuntimeError, match="exit code"):
+        bench._process([*bench.EOS_REF, "no-such-command"])

@@ -22,7 +22,7 @@ from lammps_cases.audit.setups import SetupWatch
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
 from lammps_cases.engine import containment
-from lammps_cases.engine.session import EngineMissing, EngineRefused, describe, load, open_lammps
+from lammps_cases.engine.session import EngineLacks, EngineMissing, EngineRefused, describe, load, open_lammps
 from lammps_cases.engine.workers import memory_share
 from lammps_cases.records.run_record import Seconds
 
@@ -91,20 +91,23 @@ def audit(task: Task, connection: Connection) -> DeckEnd:
     connection.send(EngineIdentity(who))
     watch = (SetupWatch if task.setups else DeckWatch)(lmp, options, connection.send, who["distribution"])
     follower = Follower(lmp, watch, lambda where, text: connection.send(CommandPlace(where, text)), options.trust)
-    refused = ""
+    refused = lacks = ""
     try:
         if options.suffix is not None:
             follower.start(f"suffix {options.suffix}")
         follower.deck(Path(task.deck))
     except EngineRefused as error:
         refused = str(error)
+    except EngineLacks as error:
+        lacks = str(error)
     if isinstance(watch, SetupWatch):
         connection.send(watch.setups())
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()
     warnings, margins = questions.lines(), questions.stability
-    mistaken = (HYPHEN,) if questions.mistaken else ()
+    mistaken, (series, solution) = (HYPHEN,) if questions.mistaken else (), watch.series()
     return DeckEnd(
-        watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead, watch.share(), mistaken
-    )
+        watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,
+        watch.share(), series, solution, mistaken, lacks,
+    )  # fmt: skip

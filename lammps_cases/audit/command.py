@@ -33,6 +33,7 @@ def audit(
     timeout: float = TIMEOUT,
     trust: bool = False,
     suffix: str | None = None,
+    budgets: bool = False,
     engine: str = "env",
     fail_on: FailOn = "new",
     out: str | Path | None = None,
@@ -46,7 +47,7 @@ def audit(
     dump, restart : path, optional
         What the deck has written: checked without running the deck; see `lammps_cases.audit.finished` and
         `lammps_cases.audit.restart`.
-    every, steps, timeout, trust, suffix :
+    every, steps, timeout, trust, suffix, budgets :
         See `lammps_cases.audit.options.AuditOptions`.
     fields : str or sequence of str
         What to check, by LAMMPS' names; all: whatever can be.
@@ -62,7 +63,9 @@ def audit(
     """
     chosen, deck = installations.resolve(engine), Path(deck)
     names = (fields,) if isinstance(fields, str) else tuple(fields)
-    options = AuditOptions(every, steps, timeout, trust or trusted(), chosen.site, fields=names, suffix=suffix)
+    options = AuditOptions(
+        every, steps, timeout, trust or trusted(), chosen.site, fields=names, suffix=suffix, budgets=budgets
+    )
     files = {name: Path(file) for name, file in (("dump", dump), ("restart", restart)) if file is not None}
     words = [word for name, file in files.items() for word in (f"--{name}", str(file))]
     command = shlex.join(["eos-ref", "audit", str(deck), *words, *options.words()])

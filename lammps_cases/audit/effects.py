@@ -16,7 +16,7 @@ from eos_ref.model.quantities import needed_to_step
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.comparison.trajectory import Problem
-from lammps_cases.findings import LEDGER, Finding, applicable
+from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.run_record import EffectRecord
 
 MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
@@ -24,10 +24,19 @@ MULTIPLE = 0.01  # part of the largest value by which a field may differ from a 
 
 def touching(sample: ParticleSample, engine: str) -> list[Finding]:
     """Return the findings of an engine that can make a difference to a sample, by one evaluation of it."""
-    problem = Problem(sample.model, sample.box, sample.state, 0.0, needed_to_step(sample.model), (0,))
-    listed = {entry.id for entry in LEDGER if entry.listed(engine)}
     # One that is fitted to LAMMPS' own numbers says nothing before there are any.
-    return [e for e in applicable(problem) if e.id in listed and e.model_variant and not e.model_variant.fit]
+    known = _listed(sample, engine, needed_to_step(sample.model))
+    return [entry for entry in known if entry.model_variant and not entry.model_variant.fit]
+
+
+def of_pressure(sample: ParticleSample, engine: str) -> list[str]:
+    """Return the findings of an engine that can change what LAMMPS prints as the pressure of the system."""
+    return [entry.id for entry in _listed(sample, engine, ("press",), lists=True)]
+
+
+def _listed(sample: ParticleSample, engine: str, fields: tuple[str, ...], lists: bool = False) -> list[Finding]:
+    problem = Problem(sample.model, sample.box, sample.state, 0.0, fields, (0,))
+    return [entry for entry in applicable(problem, lists) if entry.listed(engine)]
 
 
 def effects(sample: ParticleSample, engine: str, run: int, step: int) -> list[EffectRecord]:

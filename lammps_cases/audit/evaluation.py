@@ -102,12 +102,12 @@ class SampleEvaluation:
         with np.errstate(all="ignore"):
             results = self.simulation.evaluate() if fields else {}
             if "f" in results:
-                results["f"] = self._acted_on(results["f"])
+                results["f"] = self.acted_on(results["f"], sample.actions)
 
-    def _acted_on(self, force_nc: Any) -> Any:
+    def acted_on(self, force_nc: Any, actions: Sequence[tuple[Action, BoolArray]]) -> Any:
         """Return the forces after the fixes that change them: by group, where those of a `Model` act by type."""
         d = self.sample.model.dimension
-        for action, acts_n in self.sample.actions:
+        for action, acts_n in actions:
             rows = acts_n[:, None]
             vector_c = np.array([v or 0.0 for v in action.vector[:d]])
             if action.style == "gravity":

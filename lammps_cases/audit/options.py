@@ -15,12 +15,15 @@ from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.engine.containment import Means
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import (
+    BudgetRecord,
+    ClosedRecord,
     EffectRecord,
     FieldRecord,
     LawRecord,
     OutlookRecord,
     RunRecord,
     Seconds,
+    SeriesRecord,
     Verdict,
 )
 
@@ -58,6 +61,9 @@ class AuditOptions:
         Run in this folder and leave it, with what the deck wrote; by default a temporary one.
     suffix : str, optional
         Style suffix that LAMMPS is started with, as by its own switch -sf.
+    budgets : bool
+        Also record conserved quantities, and run the reference on from the first sample with one thing changed at a
+        time.
 
     Raises
     ------
@@ -74,6 +80,7 @@ class AuditOptions:
     keep: Path | None = None
     fields: tuple[str, ...] = DEFAULT
     suffix: str | None = None
+    budgets: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.every < 2**31:
@@ -90,6 +97,7 @@ class AuditOptions:
         words += [] if self.steps is None else ["--steps", str(self.steps)]
         words += [] if self.fields == DEFAULT else ["--fields", ",".join(self.fields)]
         words += [] if self.suffix is None else ["-sf", self.suffix]
+        words += ["--budgets"] if self.budgets else []
         words += ["--trust"] if self.trust else []
         return words + ([] if self.engine is None else ["--engine", f"path:{self.engine}"])
 
@@ -233,7 +241,8 @@ class SampleRow(NamedTuple):
 class SampleRows:
     """One sample: every field and atom type (0: all types) at one step, and the number of steps done.
 
-    ``effects``: what known findings do to the particles as they are, in some of the samples.
+    ``effects``: what known findings do to the particles as they are, in some of the samples; ``budgets``: one, if asked
+    for.
     """
 
     step: int
@@ -241,6 +250,7 @@ class SampleRows:
     done: int
     rows: dict[tuple[str, int], SampleRow]
     effects: tuple[EffectRecord, ...] = ()
+    budgets: tuple[BudgetRecord, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -289,4 +299,7 @@ class DeckEnd:
     outlook: OutlookRecord | None = None
     effects: list[EffectRecord] = field(default_factory=list)
     share: PairShare | None = None
+    series: list[SeriesRecord] = field(default_factory=list)
+    closed: ClosedRecord | None = None
     mistaken: tuple[str, ...] = ()  # findings by which LAMMPS takes commands of the deck for something else
+    lacks: str = ""  # what this LAMMPS was built without, and the deck needs

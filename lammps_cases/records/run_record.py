@@ -218,6 +218,58 @@ class OutlookRecord(_Record):
     steps: int = Field(description="steps that the reference was given")
 
 
+class BudgetPart(_Record):
+    """What a part of the model adds to momentum and energy per unit of time, summed over all particles."""
+
+    name: str
+    force: list[float] = Field([], description="sum of the forces; empty: none")
+    power: float = Field(0.0, description="rate of the kinetic energy")
+    storage: float = Field(0.0, description="rate of the energy of compression, the sum of m P/rho^2 drho/dt")
+    heat: float = Field(0.0, description="rate of the heat")
+
+
+class BudgetRecord(_Record):
+    """Conserved quantities of an audited deck in one sample."""
+
+    run: int
+    step: int
+    mass: float
+    volume: float = Field(description="sum of m/rho")
+    momentum: list[float]
+    kinetic: float = Field(description="kinetic energy")
+    size: float = Field(description="sum of the absolute components of the forces of pairs")
+    residual: dict[str, float] = Field(description="sums that are 0 where the formulas conserve a quantity, by name")
+    bound: dict[str, float] = Field(description="what rounding makes of them at most")
+    parts: list[BudgetPart]
+    pairs: BudgetPart = Field(description="all that pairs do")
+    press: float | None = Field(None, description="pressure of the system, at the set-up of a run")
+    press_findings: list[str] = Field([], description="that can change the pressure that LAMMPS prints")
+    findings: list[BudgetPart] = Field([], description="all that pairs do with a finding, by its id")
+
+
+class SeriesRecord(_Record):
+    """A run of the reference from the first sample of an audited deck, with one thing changed."""
+
+    name: str
+    findings: list[str] = []
+    steps: list[int] = Field(description="of the deck, at which the others are taken")
+    kinetic: list[float]
+    momentum: list[list[float]]
+    seconds: float = 0.0
+    ended: str = Field("", description="why it broke off, if it did")
+
+
+class ClosedRecord(_Record):
+    """A closed solution of the flow that an audited deck sets up."""
+
+    flow: str
+    quantity: str
+    about: str
+    steps: list[int]
+    values: list[float] = Field(description="of the quantity at these steps")
+    decays: bool = Field(False, description="whether rates are compared, not values")
+
+
 class CaseRecord(_Record):
     """One case: what was compared and how it ended."""
 
@@ -258,6 +310,9 @@ class CaseRecord(_Record):
     stability: list[str] = Field([], description="how far an audited deck lies from where it would fail")
     effects: list[EffectRecord] = Field([], description="what known findings do to an audited deck")
     outlook: OutlookRecord | None = Field(None, description="why an audited run broke off")
+    budgets: list[BudgetRecord] = Field([], description="conserved quantities of an audited deck, sample by sample")
+    series: list[SeriesRecord] = Field([], description="runs of the reference from an audited deck's first sample")
+    closed: ClosedRecord | None = Field(None, description="what a closed solution says of an audited deck")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
 

@@ -313,7 +313,7 @@ def effects(case: CaseRecord) -> dict[str, str]:
 def effect(of: EffectRecord) -> str:
     """Say what a finding does to a field of an audited deck."""
     where = f"{of.particles} of {counted(of.of, 'particle')}, step {of.step}"
-    if of.factor is not None:
+    if of.factor is not None and number(of.factor) != "1":
         return f"{of.field} is {number(of.factor)} times what it should be ({where})"
     if of.relative is None:
         return f"{of.field} is wrong where it should be 0 ({where})"

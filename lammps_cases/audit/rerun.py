@@ -1,0 +1,177 @@
+"""The reference run from the first sample of a deck, as the deck has it and with one thing changed at a time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from eos_ref.compiled.evaluator import CompiledEvaluator
+from eos_ref.errors import InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Box, Force, Model, State
+from eos_ref.model.quantities import needed_to_step
+from lammps_cases.audit.outlook import RUNAWAY, Good, boxed, fastest, model_with_forces
+from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.findings import Finding
+from lammps_cases.findings.variants import combined
+from lammps_cases.records.run_record import SeriesRecord
+
+AS_IT_IS, HALF_STEP, FINER, SILENT = "as it is", "half the time step", "half the spacing", "no artificial viscosity"
+SLOW = 200_000  # steps times particles of a run with a finding, which no compiled code takes; above, it is shortened
+LARGE = 40_000_000  # steps times particles of any other
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A fluid to be run: as the deck has it but for what ``name`` says."""
+
+    name: str
+    model: Model
+    state: State
+    finer: int = 1  # steps for one of the deck
+    findings: tuple[Finding, ...] = ()
+
+
+def reruns(good: Good, steps: int, every: int, entries: Sequence[Finding]) -> list[SeriesRecord]:
+    """Run the reference on from a sample, as it is and with each thing changed.
+
+    Parameters
+    ----------
+    good : Good
+        The first sample of a run.
+    steps, every : int
+        Steps to take, and between two looks.
+    entries : sequence of Finding
+        Each is put into the reference, alone.
+
+    Returns
+    -------
+    list of SeriesRecord
+        Empty if forces act on other groups than types.
+    """
+    model = model_with_forces(good.sample)
+    if model is None:
+        return []
+    sample = boxed(good.sample)
+    series = [_series(of, sample.box, good, steps, every) for of in _changes(model, sample.box, sample.state, entries)]
+    return [of for of in series if len(of.steps) > 1 or of.ended]
+
+
+def _changes(model: Model, box: Box, state: State, entries: Sequence[Finding]) -> Iterator[Changed]:
+    pair, fix = model.pair, model.fix
+    yield Changed(AS_IT_IS, model, state)
+    if pair.artificial_viscosity:
+        yield Changed(SILENT, replace(model, pair=replace(pair, artificial_viscosity=0.0)), state)
+    if pair.rho_damp:
+        yield Changed("no density diffusion", replace(model, pair=replace(pair, rho_damp=0.0)), state)
+    if fix.shift:
+        yield Changed("no shifting", replace(model, fix=replace(fix, shift=None)), state)
+    yield Changed(HALF_STEP, model, state, finer=2)
+    half = finer(model, box, state)
+    yield half
+    if pair.artificial_viscosity:  # which is proportional to the spacing
+        silent = replace(half.model, pair=replace(half.model.pair, artificial_viscosity=0.0))
+        yield replace(half, name=f"{FINER}, {SILENT}", model=silent)
+    for entry in entries:
+        yield Changed(entry.id, model, state, findings=(entry,))
+
+
+def finer(model: Model, box: Box, state: State) -> Changed:
+    """Return a fluid with every particle in parts, two along each axis, and lengths of the method halved.
+
+    The parts lie around the particle, a quarter of its size away, and those of fluid have the velocities that its
+    gradient gives there. Decks choose the coefficient of density diffusion by the cutoff: it is halved with that.
+    """
+    d = model.dimension
+    parts = 2**d
+    mass_n = np.array(model.mass_t)[state.type_n - 1] if state.mass_n is None else state.mass_n
+    offset_kc = np.array(list(product((-0.25, 0.25), repeat=d)))
+    offset_nkc = ((mass_n / state.rho_n) ** (1 / d))[:, None, None] * offset_kc
+    evaluated = Simulation(model, box, state, ("grad/v",))
+    evaluated.setup()
+    gradient_ncc = np.where(state.solid_n[:, None, None], 0.0, evaluated.output("grad/v"))
+    v_nkc = state.v_nc[:, None, :] + np.einsum("nab,nkb->nka", gradient_ncc, offset_nkc)
+
+    def split(array: Any, share: int = 1) -> Any:
+        if array is None:
+            return None
+        return np.repeat(array if share == 1 else array / share, parts, axis=0)
+
+    x_nc = (state.x_nc[:, None, :] + offset_nkc).reshape(-1, d)
+    divided = State(
+        x_nc - box.shift(box.images(x_nc)), v_nkc.reshape(-1, d),
+        split(state.rho_n), split(state.type_n), split(state.solid_n),
+        split(state.energy_n, parts), split(state.mass_n, parts),
+    )  # fmt: skip
+    half = replace(
+        model,
+        mass_t=tuple(m / parts for m in model.mass_t),
+        fix=replace(model.fix, cut=model.fix.cut / 2),
+        pair=replace(model.pair, cut=model.pair.cut / 2, rho_damp=model.pair.rho_damp / 2),
+        forces=tuple(_shared(force, parts) for force in model.forces),
+    )
+    return Changed(FINER, half, divided, finer=2)
+
+
+def _shared(force: Force, parts: int) -> Force:
+    """Return a force on particles as it is on their parts: that of addforce is each particle's own."""
+    if force.style != "addforce":
+        return force
+    return replace(force, vector=tuple(None if v is None else v / parts for v in force.vector))
+
+
+def _series(of: Changed, box: Box, good: Good, steps: int, every: int) -> SeriesRecord:
+    """Run one fluid, with looks at the steps of the deck."""
+    begin, dt = time.perf_counter(), good.timestep / of.finer
+    count = _affordable(len(of.state.x_nc), steps * of.finer, bool(of.findings)) // of.finer
+    count = steps if count == steps else count - count % every  # a look that the others have, too
+    record = SeriesRecord(name=of.name, findings=[e.id for e in of.findings], steps=[], kinetic=[], momentum=[])
+    try:
+        run = _simulation(of, box, dt, count * of.finer)
+        run.setup()
+        limit, done = RUNAWAY * fastest(of.model, of.state), 0
+        _look(record, run, 0)
+        for step in looks(count, every)[1:]:
+            run.run((step - done) * of.finer, dt)
+            done = step
+            if not np.abs(run.state.v_nc).max(initial=0.0) <= limit:
+                record.ended = f"ran away before step {step}"
+                break
+            _look(record, run, step)
+    except InputError as error:
+        record.ended = str(error)
+    record.seconds = time.perf_counter() - begin
+    return record
+
+
+def looks(steps: int, every: int) -> list[int]:
+    """Return the steps at which a run is looked at."""
+    return [*range(0, steps, every), steps]
+
+
+def _affordable(particles: int, steps: int, slow: bool) -> int:
+    """Return the steps, or fewer of a run that would take longer than a user waits."""
+    return min(steps, (SLOW if slow else LARGE) // max(particles, 1))
+
+
+def _simulation(of: Changed, box: Box, dt: float, steps: int) -> Simulation:
+    fields = needed_to_step(of.model)
+    variants = [entry.model_variant for entry in of.findings if entry.model_variant]
+    if not variants:
+        return Simulation(of.model, box, of.state, fields, CompiledEvaluator)
+    problem = Problem(of.model, box, of.state, dt, fields, (0, steps))
+    stages, stepping = combined(variants, problem, {}) or (ArrayEvaluator, Simulation)
+    return stepping(of.model, box, of.state, fields, stages)
+
+
+def _look(record: SeriesRecord, run: Simulation, step: int) -> None:
+    mass_n, v_nc = run.mass_n, run.state.v_nc
+    record.steps.append(step)
+    record.kinetic.append(0.5 * float((mass_n[:, None] * v_nc**2).sum()))
+    record.momentum.append([float(of) for of in (mass_n[:, None] * v_nc).sum(axis=0)])

@@ -1,0 +1,167 @@
+"""Conserved quantities of a sample, and runs of the reference with one thing changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from eos_ref.model.parameters import Box
+from eos_ref.numbers.rounded import error, value
+from lammps_cases.audit import rerun
+from lammps_cases.audit.budget import Rates, budget
+from lammps_cases.audit.closed import closed, deviation
+from lammps_cases.audit.deck import Action
+from lammps_cases.audit.evaluation import ParticleSample
+from lammps_cases.audit.outlook import Good
+from lammps_cases.findings import LEDGER
+from lammps_cases.findings.forces import ForcePerVolume
+from lammps_cases.records.run_record import ClosedRecord, SeriesRecord
+from lammps_cases.run.campaign import prepare
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+
+FORCES, SHIFT, THERMAL = "forces.all.quintic.2d", "shift.all.2d", "thermal.arithmetic.2d"
+
+
+@cache
+def sample_of(name: str) -> ParticleSample:
+    (case,) = (case for case in casefile.load() if case.name == name)
+    problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
+    mass_n = np.array(problem.model.mass_t)[problem.state.type_n - 1]
+    return ParticleSample(replace(problem.model, forces=()), problem.box, problem.state, mass_n)
+
+
+def still(sample: ParticleSample) -> np.ndarray:
+    return np.zeros(sample.state.x_nc.shape)
+
+
+def quintic(sample: ParticleSample) -> ParticleSample:
+    """The same particles, all fluid, with opposite forces of pairs."""
+    fix = replace(sample.model.fix, kernel="quintic", interface_reconstruct=False, rho_sum=False, shift=None)
+    state = replace(sample.state, solid_n=np.zeros(len(sample.mass_n), bool))
+    return replace(sample, model=replace(sample.model, fix=fix), state=state)
+
+
+@pytest.mark.parametrize("name", [FORCES, SHIFT])
+def test_pressure_gives_what_compression_takes(name: str) -> None:
+    sample = quintic(sample_of(name))
+    found = budget(sample, still(sample), 1, 0, 0.0, [entry for entry in LEDGER if entry.id == "force-per-volume"])
+    assert {"momentum", "energy of pressure"} <= set(found.residual)
+    for quantity, residual in found.residual.items():
+        assert abs(residual) <= found.bound[quantity], quantity
+    parts = {part.name: part for part in found.parts}
+    assert abs(parts["pressure"].power) > found.bound["energy of pressure"], "nothing of note is kept"
+    assert parts["viscosity"].power < 0
+    (wrong,) = found.findings
+    assert max(abs(f) for f in wrong.force) > found.bound["momentum"]
+
+
+def test_a_force_without_the_volume_keeps_neither() -> None:
+    sample = quintic(sample_of(FORCES))
+    wrong = Rates(sample, ForcePerVolume)
+    residuals = wrong.residuals(wrong)
+    assert all(abs(value(of)[0]) > error(of)[0] for of in residuals.values())
+
+
+def test_parts_add_up_to_the_whole() -> None:
+    sample = sample_of(FORCES)
+    gravity = Action("gravity", "all", (0.1, -0.2, 0.0))
+    sample = replace(sample, actions=[(gravity, np.ones(len(sample.mass_n), bool))])
+    found = budget(sample, still(sample), 1, 0, 0.0)
+    d = sample.model.dimension
+    forces = np.array(
+        [part.force for part in found.parts if part.force and part.name not in ("shifting", "other fixes")]
+    )
+    # Sums of the parts and of the whole, each rounded on its own; the parts cancel where the whole is taken from them.
+    np.testing.assert_allclose(forces.sum(axis=0), found.pairs.force, atol=4 * found.bound["momentum"], rtol=0)
+    (others,) = [part for part in found.parts if part.name == "other fixes"]
+    np.testing.assert_allclose(others.force, sample.mass_n.sum() * np.array(gravity.vector[:d]), rtol=1e-9, atol=0)
+
+
+def test_velocities_are_completed_by_half_a_step() -> None:
+    sample = sample_of(FORCES)
+    force_nc = np.ones(sample.state.x_nc.shape)
+    at_rest = replace(sample, state=replace(sample.state, v_nc=still(sample)))
+    found = budget(at_rest, force_nc, 1, 5, 0.25)
+    assert found.momentum == [0.25 * len(sample.mass_n)] * sample.model.dimension
+    assert found.press is None, "LAMMPS' velocities and forces are not of one moment"
+    assert budget(sample, force_nc, 1, 0, 0.0).press is not None
+
+
+# --- runs with one thing changed
+
+
+@pytest.mark.parametrize("name", [FORCES, "forces.all.quintic.3d", THERMAL])
+def test_finer_particles_are_the_same_fluid(name: str) -> None:
+    sample = sample_of(name)
+    state, d = sample.state, sample.model.dimension
+    fine = rerun.finer(sample.model, sample.box, state)
+    mass_n = np.array(fine.model.mass_t)[fine.state.type_n - 1]
+    assert len(fine.state.x_nc) == 2**d * len(state.x_nc) and fine.model.fix.cut == sample.model.fix.cut / 2
+    assert mass_n.sum() == pytest.approx(sample.mass_n.sum(), rel=1e-12, abs=0)
+    before, after = (sample.mass_n[:, None] * state.v_nc), mass_n[:, None] * fine.state.v_nc
+    np.testing.assert_allclose(after.sum(axis=0), before.sum(axis=0), atol=1e-12 * np.abs(before).sum(), rtol=0)
+    low_c, high_c = np.array(sample.box.low_c), np.array(sample.box.high_c)
+    inside = (fine.state.x_nc >= low_c) & (fine.state.x_nc <= high_c)
+    assert inside[:, np.array(sample.box.periodic)].all()
+    if state.energy_n is not None:
+        assert fine.state.energy_n.sum() == pytest.approx(state.energy_n.sum(), rel=1e-12, abs=0)
+
+
+def test_runs_that_run_away_say_so() -> None:
+    sample = sample_of(FORCES)
+    series = rerun.reruns(Good(sample, 50.0, 1, 0), 40, 10, ())
+    assert series[0].name == rerun.AS_IT_IS and all(of.ended for of in series)
+
+
+# --- closed solutions
+
+
+def vortices(**changes: object) -> Good:
+    n, edge = 12, 12.0
+    x_nc = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2) + 0.25
+    k = 2 * np.pi / edge
+    v_nc = 0.1 * np.stack(
+        [-np.cos(k * x_nc[:, 0]) * np.sin(k * x_nc[:, 1]), np.sin(k * x_nc[:, 0]) * np.cos(k * x_nc[:, 1])], axis=1
+    )
+    base = sample_of(FORCES)
+    count = len(x_nc)
+    one = replace(
+        base.model, mass_t=base.model.mass_t[:1], viscosity=base.model.viscosity[:1], thermal=None,
+        fix=replace(base.model.fix, rho0=None, cs=None),
+        eos=type(base.model.eos)(base.model.eos.laws[:1]),
+    )  # fmt: skip
+    state = replace(
+        base.state, x_nc=x_nc, v_nc=v_nc, rho_n=np.ones(count), type_n=np.ones(count, base.state.type_n.dtype),
+        solid_n=np.zeros(count, bool), energy_n=None, mass_n=None,
+    )  # fmt: skip
+    box = Box((0.0, 0.0), (edge, edge), (True, True))
+    return Good(ParticleSample(one, box, replace(state, **changes), np.full(count, 2.0)), 0.5, 1, 0)
+
+
+def test_vortices_are_recognised_by_their_velocities() -> None:
+    good = vortices()
+    found = closed(good, [0, 10])
+    assert found is not None and found.decays
+    eta, rho0 = good.sample.model.viscosity[0].eta, good.sample.model.eos.laws[0].rho0
+    assert np.log(found.values[0] / found.values[1]) == pytest.approx(
+        4 * eta / rho0 * (2 * np.pi / 12) ** 2 * 5.0, rel=1e-12, abs=0
+    )
+    moved = good.sample.state.v_nc * 1.0
+    moved[3, 0] += 1e-9
+    assert closed(vortices(v_nc=moved), [0, 10]) is None, "something else flows here"
+    assert closed(vortices(v_nc=0 * moved), [0, 10]) is None
+
+
+def test_a_deviation_is_taken_at_a_common_step() -> None:
+    decay = ClosedRecord(
+        flow="", quantity="kinetic energy", about="", steps=[0, 4, 8], values=[1, 0.5, 0.25], decays=True
+    )
+    run = SeriesRecord(name="", steps=[0, 4], kinetic=[2.0, 0.5], momentum=[[0.0], [0.0]])
+    assert deviation(decay, run) == pytest.approx(1.0, rel=1e-12, abs=0), "twice the rate"
+    assert deviation(decay, run, 8) is None
+    value = decay.model_copy(update={"decays": False, "quantity": "momentum along x"})
+    assert deviation(value, run.model_copy(update={"momentum": [[0.0], [0.6]]})) == pytest.approx(0.2, rel=1e-12, abs=0)

@@ -281,6 +281,9 @@ def _table(rows: Sequence[str], section: str, *widths: int) -> Array:
         if len(row) != width or width not in widths:
             words = " or ".join(map(str, sorted(set(widths))))
             raise InputError(section, f"must hold {words} columns on every line", " ".join(row)[:60])
+    for line in rows:
+        if not line.isascii():
+            raise InputError(section, "must be ASCII but for comments", line[:60])
     return np.array(cells, dtype=bytes).reshape(len(cells), width)
 
 

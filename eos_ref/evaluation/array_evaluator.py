@@ -105,14 +105,27 @@ class ArrayEvaluator(Evaluator):
         factor, definite_n = cholesky(m)
         used_n = self.corrects(definite_n)
         self.corrected_n = used_n.answer & ~used_n.open if isinstance(used_n, Decision) else used_n
+        self.correction = used_n, [solve_unit(factor, 1 + a) for a in range(self.model.dimension)]
+        self.corrected_gradients(h)
+
+    def corrected_gradients(self, h: list[Array]) -> None:
+        """Set the gradients by the correction of every particle, for bases of pairs, functions of shape (p,)."""
+        used_n, coefficients = self.correction
         used_p = used_n[self.i]
         self.g = []
-        for a in range(self.model.dimension):
-            c = solve_unit(factor, 1 + a)
+        for a, c in enumerate(coefficients):
             product = h[0] * c[0][self.i]
             for h_b, c_b in zip(h[1:], c[1:], strict=True):
                 product = product + h_b * c_b[self.i]
             self.g.append(where(used_p, -(self.w * product) / self.model.cut, self.gradw[a]))
+
+    def follow(self, x_nc: Array) -> None:
+        """Find the pairs of positions in a box that has changed; particles keep their corrections."""
+        kept = self.correction if self.model.corrects_gradients else None
+        self.move(x_nc)
+        if kept:
+            self.correction = kept
+            self.corrected_gradients(basis(self.model.order, [x_p / self.model.cut for x_p in self.x]))
 
     def corrects(self, definite_n: Any) -> Any:
         """Return which particles have gradients of the reproducing kernel, (n,), of the matrices that have a factor."""

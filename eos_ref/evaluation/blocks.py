@@ -15,7 +15,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.evaluator import PairInput
+from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.evaluation.pairs import Search
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, PairTerms, State
 from eos_ref.numbers.columns import Axes
@@ -116,6 +116,8 @@ class InBlocks(ArrayEvaluator):
             raise InputError("positions", "must be finite; the time step may be too long")
         self._list(ROWS)
         self._adopt(*FOUND)
+
+    follow = Evaluator.follow
 
     def _list(self, rows: int) -> None:
         self.blocks = listed(value(self.x_nc).astype(float), self.box, self.model.cut, rows)

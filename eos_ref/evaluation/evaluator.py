@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from eos_ref.eos import rounded_eos
 from eos_ref.eos.table import FloatArray
+from eos_ref.errors import InputError
 from eos_ref.model import interactions, per_atom
 from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms, State, Surface
 from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix
@@ -116,6 +117,16 @@ class Evaluator(ABC):
     def counted(self) -> Array:
         """Return the number of neighbours as it is output, (n,)."""
         return self.coordination_n
+
+    def follow(self, x_nc: Array) -> None:
+        """Find the pairs of positions in a box that has changed; particles keep their corrections.
+
+        Raises
+        ------
+        InputError
+            An evaluator that cannot.
+        """
+        raise InputError("deform", "goes with sums of all particles at once: take ArrayEvaluator", type(self).__name__)
 
     # --- sums over neighbours, left to the evaluators
 

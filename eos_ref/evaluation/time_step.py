@@ -22,7 +22,18 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, PairInput, is_class
 from eos_ref.model import per_atom, quantities
 from eos_ref.model.consistent import consistent_model, consistent_state
-from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, State, Surface, check_state, masses
+from eos_ref.model.parameters import (
+    BoolArray,
+    Box,
+    Deform,
+    Gradients,
+    IntArray,
+    Model,
+    State,
+    Surface,
+    check_state,
+    masses,
+)
 from eos_ref.model.units import UNITS, Units
 from eos_ref.numbers.columns import axes, dot, joined, matrix, summed
 from eos_ref.numbers.elementary import where
@@ -108,6 +119,8 @@ class Simulation:
         self.virial_ncc: Any = None  # of all particles
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
+        self.begun, self.run_steps = self.box, 0  # the box that the run began in, and the steps since
+        self.evaluated_in = self.box
         self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
 
     def conversion(self) -> Units:
@@ -119,7 +132,7 @@ class Simulation:
     def evaluate(self) -> dict[str, Any]:
         """Evaluate everything the plan names, for the state as it is (F of the documentation), and return `fields`."""
         s, e, plan = self.state, self.evaluator, self.plan
-        self.fields, self.evaluated = {}, replace(s)
+        self.fields, self.evaluated, self.evaluated_in = {}, replace(s), self.box
         self.gradient, self.pressure_force_nc = Gradients(), None
         if "pairs" in plan:
             e.move(s.x_nc)
@@ -215,6 +228,7 @@ class Simulation:
 
     def setup(self) -> None:
         """Evaluate before the first step, without a history of forces."""
+        self.begun, self.run_steps = self.box, 0
         self.evaluate()
 
     def remap(self, box: Box) -> None:
@@ -265,6 +279,8 @@ class Simulation:
         self.fresh = False
         fluid = ~s.solid_n
         s.v_nc = s.v_nc + 0.5 * dt * self.acceleration()
+        if model.deform:
+            self.evaluator.follow(s.x_nc)
         before = self.fields  # the last evaluation's; the next one makes a dictionary of its own
         if model.fix.interface_reconstruct:
             self.keep_forces()
@@ -285,6 +301,22 @@ class Simulation:
             self._continuity(0.5 * dt, self.fields["drho"], self.gradient)
         if model.thermal is not None:
             s.energy_n = s.energy_n + 0.5 * dt * self.fields["heatflow"]
+        if model.deform:
+            self.deform(model.deform, dt)
+
+    def deform(self, by: Deform, dt: float) -> None:
+        """Let the box grow at the end of a step, with the positions or without them; velocities and densities stay."""
+        self.run_steps += 1
+        box = self.grown(by, self.run_steps * dt)
+        if by.remap:
+            self.remap(box)
+        else:
+            self.box = box
+            self.evaluator.take(box)
+
+    def grown(self, by: Deform, time: float) -> Box:
+        """Return the box some time after the run began."""
+        return by.box(self.begun, time)
 
     def run(self, steps: int, dt: float) -> None:
         """Take steps of length dt.
@@ -305,7 +337,7 @@ class Simulation:
 
     def rounded(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """Return the last evaluation once more in `Rounded` arrays: every field with its rounding bound."""
-        x_nc = Rounded(self.evaluated.x_nc, self.box.rounding(self.model.cut))
+        x_nc = Rounded(self.evaluated.x_nc, self.evaluated_in.rounding(self.model.cut))
         return self._evaluated_in(Rounded, evaluator, x_nc)
 
     def precise(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
@@ -321,7 +353,7 @@ class Simulation:
         twin: Simulation = copy.copy(self)
         energy_n = None if s.energy_n is None else number(s.energy_n)
         twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
-        twin.evaluator = evaluator(self.model, self.box, s.type_n, s.solid_n)
+        twin.evaluator = evaluator(self.model, self.evaluated_in, s.type_n, s.solid_n)
         if s.mass_n is not None:
             twin.evaluator.weigh(s.mass_n)
         twin.other_nc = number(self.other_nc)

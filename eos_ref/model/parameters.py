@@ -221,6 +221,26 @@ class Force:
 
 
 @dataclass(frozen=True)
+class Deform:
+    """A box whose edges grow at engineering strain rates (fix deform, style erate), one per axis.
+
+    ``remap``: whether positions keep their fractions of the edges (remap x), or stay where they are (remap none).
+    """
+
+    rate_c: tuple[float, ...]
+    remap: bool = True
+
+    def box(self, first: Box, time: float) -> Box:
+        r"""Return the box some time after the run began in another one.
+
+        :math:`L(t)=L_0(1+\dot\varepsilon t)`, the middle of every edge staying where it is.
+        """
+        growth = np.array(self.rate_c) * (0.5 * time) * np.array(first.edge_c)
+        low_c, high_c = np.array(first.low_c) - growth, np.array(first.high_c) + growth
+        return replace(first, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()))
+
+
+@dataclass(frozen=True)
 class Model:
     """What the commands of a deck define.
 
@@ -236,6 +256,7 @@ class Model:
     viscosity : sequence of Viscosity, one per type
     thermal : sequence of Thermal or None
     forces : sequence of Force
+    deform : Deform or None
     units : {"lj", "si", "real", "metal", "cgs", "micro", "nano"}
         The system that all numbers are measured in.
 
@@ -253,6 +274,7 @@ class Model:
     viscosity: tuple[Viscosity, ...]
     thermal: tuple[Thermal, ...] | None = None
     forces: tuple[Force, ...] = ()
+    deform: Deform | None = None
     units: UnitStyle = "lj"
 
     def __post_init__(self) -> None:
@@ -282,6 +304,8 @@ class Model:
             type_range(types, len(self.mass_t), "exclude/type")
         for force in self.forces:
             self._check_force(force)
+        if self.deform:
+            self._check_deform(self.deform)
 
     def _check_count(self, what: str, values: Sized | None) -> None:
         n = len(self.mass_t)
@@ -314,6 +338,12 @@ class Model:
         for t in force.types or ():
             if not 1 <= t <= len(self.mass_t):
                 raise InputError(f"types of {force.style}", f"must lie within 1 to {len(self.mass_t)}", t)
+
+    def _check_deform(self, deform: Deform) -> None:
+        if len(deform.rate_c) != self.dimension:
+            raise InputError("deform", f"needs {self.dimension} rates", len(deform.rate_c))
+        if not all(map(math.isfinite, deform.rate_c)):
+            raise InputError("deform", "needs finite rates", deform.rate_c)
 
     @property
     def cut(self) -> float:

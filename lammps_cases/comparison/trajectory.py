@@ -9,7 +9,7 @@ add their spread (`lammps_cases.comparison.rounded_input`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, Box, Gradients, Model, PairTerms, State
+from eos_ref.model.parameters import BoolArray, Box, Deform, Gradients, Model, PairTerms, State
 from eos_ref.model.quantities import QUANTITIES, needed_to_step
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.comparison.rounded_input import moved_input
@@ -74,7 +74,19 @@ class Problem:
 
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""
-        return next((stop.box for stop in reversed(self.stops) if stop.box and stop.step <= step), self.box)
+        box, begun, dt = self.box, 0, self.timestep
+        for stop in self.stops:
+            if stop.step <= step:
+                box, begun = stop.box or self._grown(box, (stop.step - begun) * dt), stop.step
+                dt = stop.timestep or dt
+        return self._grown(box, (step - begun) * dt)
+
+    def box_before(self, step: int) -> Box:
+        """Return the box at a step, before a stop there."""
+        return replace(self, stops=tuple(stop for stop in self.stops if stop.step < step)).box_at(step)
+
+    def _grown(self, box: Box, time: float) -> Box:
+        return self.model.deform.box(box, time) if self.model.deform else box
 
 
 @dataclass(frozen=True)
@@ -129,7 +141,7 @@ def predict(
         Of the random signs of the moved runs.
     """
     fields, steps, last = problem.fields, problem.steps, problem.steps[-1]
-    count = len(problem.state.x_nc)
+    count = _in_blocks(problem)
     stages = in_blocks(evaluator, count) if evaluator else own_stages(problem)
     bounding = in_blocks(at_cutoff(evaluator or ArrayEvaluator), count)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
@@ -158,10 +170,15 @@ def evaluations(problem: Problem) -> int:
     return len(problem.state.x_nc) * (1 + problem.steps[-1]) * runs
 
 
+def _in_blocks(problem: Problem) -> int:
+    """Return how many particles may be evaluated in blocks: none if they follow a box that grows."""
+    return 0 if problem.model.deform else len(problem.state.x_nc)
+
+
 def own_stages(problem: Problem) -> type[Evaluator]:
-    """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright box."""
-    if problem.box.tilted or evaluations(problem) <= COMPILED_ABOVE:
-        return in_blocks(ArrayEvaluator, len(problem.state.x_nc))
+    """Return the reference's own evaluator: compiled from `COMPILED_ABOVE` evaluations on, in an upright, fixed box."""
+    if problem.box.tilted or problem.model.deform or evaluations(problem) <= COMPILED_ABOVE:
+        return in_blocks(ArrayEvaluator, _in_blocks(problem))
     from eos_ref.compiled.evaluator import CompiledEvaluator
 
     return CompiledEvaluator
@@ -255,6 +272,13 @@ class Shaken(Simulation):
         super().remap(box)
         reach_c = np.abs(box.low_c) + np.array(box.edge_c)
         self.state.x_nc = self.state.x_nc + self._signs(self.state.x_nc) * 6 * EPS * reach_c
+
+    def grown(self, by: Deform, time: float) -> Box:
+        """Return the box with its corners moved by all roundings on the way to them, 6 on a side."""
+        box = super().grown(by, time)
+        moved = 6 * EPS * np.maximum(np.abs(box.low_c), np.abs(box.high_c))
+        low_c, high_c = (np.array(end_c) + self._signs(moved) * moved for end_c in (box.low_c, box.high_c))
+        return replace(box, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()))
 
     def shake(self, relative: float = 0.0) -> None:
         """Move the state by one unit of the last place and by a fraction of every value, with random signs."""

@@ -6,13 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from eos_ref.model.parameters import Gradients
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.parameters import Box, Deform, Gradients, IntArray
 from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
+from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, Listed, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
 
@@ -64,6 +68,96 @@ def may_have_images(problem: Problem) -> bool:
     return any(problem.box.periodic)
 
 
+class ImagesLeftBehind(FollowingLists):
+    """The first half of a step in a box that grows meets images where the last forces had them.
+
+    So it does with what a process has of the particles of another one; particles of its own are where they are.
+
+    Attributes
+    ----------
+    seen : positions and box of the last forces
+    behind : rows and distances of pairs between the two, while there are any
+    """
+
+    seen: tuple[FloatArray, Box]
+    behind: tuple[IntArray, IntArray, FloatArray] | None = None
+
+    def move(self, x_nc: Array) -> None:
+        """Remember where the forces had the particles."""
+        if self.behind is None:
+            self.seen = value(x_nc).astype(float), self.box
+        super().move(x_nc)
+
+    def follow(self, x_nc: Array) -> None:
+        """Find the pairs of particles that have moved with the box and of images that have not."""
+        if self.lists:
+            self.behind = self._behind(value(x_nc).astype(float))
+        super().follow(x_nc)
+        self.behind = None
+
+    def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the directed pairs closer than a cutoff."""
+        if self.behind is None:
+            return super().pairs(x_nc, cut)
+        i, j, apart_pc = self.behind
+        near = (apart_pc**2).sum(axis=1) < cut**2
+        return i[near], j[near], (x_nc[i] - x_nc[j] - apart_pc)[near]
+
+    def _behind(self, x_nc: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return who meets whom, and how far apart: of a pair with an image its first particle has moved."""
+        listed, before_sc, moved_sc = self._moved(x_nc)
+        one, other = listed.pair_ps.T
+        apart_pc = before_sc[one] - before_sc[other] + moved_sc[one] - moved_sc[other] * listed.own_s[other, None]
+        both = listed.newton[0] | listed.own_s[other]  # else the other particle lists the pair itself
+        i, j = listed.row_s[one], listed.row_s[other]
+        return np.append(i, j[both]), np.append(j, i[both]), np.append(apart_pc, -apart_pc[both], axis=0)
+
+    def _moved(self, x_nc: FloatArray) -> tuple[Listed, FloatArray, FloatArray]:
+        """Return the list in use, where the last forces had its slots, and by what their particles have moved."""
+        listed, (seen_nc, box) = self.lists[self.at], self.seen
+        found_sc, row_s = listed.x_sc[:, : x_nc.shape[1]], listed.row_s
+        before_sc, now_sc = (
+            places_nc[row_s] + around.shift(around.periods(found_sc - places_nc[row_s]))
+            for places_nc, around in ((seen_nc, box), (x_nc, self.box))
+        )
+        own = np.flatnonzero(listed.own_s)
+        own_n = own[np.argsort(row_s[own])]
+        return listed, before_sc, (now_sc - before_sc)[own_n][row_s]
+
+    def counted_late(self, x_nc: FloatArray) -> IntArray:
+        """Return the numbers of neighbours after the box has grown: particles have moved, all their images have not."""
+        listed, before_sc, moved_sc = self._moved(x_nc)
+        count_n = np.zeros(self.n, int)
+        for i, j in (listed.pair_ps.T, listed.pair_ps.T[::-1]):
+            inner = listed.own_s[i] & listed.own_s[j]
+            apart_pc = before_sc[i] - before_sc[j] + moved_sc[i] - moved_sc[j] * inner[:, None]
+            near = ((apart_pc**2).sum(axis=1) < self.model.cut**2) & (listed.newton[0] | listed.own_s[i])
+            count_n += np.bincount(listed.row_s[i[near]], minlength=self.n)
+        return count_n
+
+
+class CountingLate(CountingSteps):
+    """Steps after which coordination numbers are those of particles that have moved and of images that have not.
+
+    Unless the evaluation has counted: for a reproducing kernel, or to detect surfaces.
+    """
+
+    evaluator: ImagesLeftBehind
+
+    def deform(self, by: Deform, dt: float) -> None:
+        """Count once more."""
+        super().deform(by, dt)
+        late = self.model.order < 0 and self.model.fix.surface_detection is None
+        if late and self.evaluator.lists and "coordination" in self.fields:
+            self.fields["coordination"] = self.evaluator.counted_late(self.state.x_nc)
+
+
+def grows(problem: Problem) -> bool:
+    """Return whether the box grows or shrinks while particles move."""
+    deform = problem.model.deform
+    return deform is not None and any(deform.rate_c) and problem.steps[-1] > 0
+
+
 BOUNDARY_PAIRS_TWICE = Finding(
     id="boundary-pairs-twice",
     number=29,
@@ -84,4 +178,27 @@ BOUNDARY_PAIRS_TWICE = Finding(
     model_variant=Variant(may_have_images, BoundaryPairsTwice, CountingSteps, lists_of_neighbours, lists=True),
 )
 
-ENTRIES = (BOUNDARY_PAIRS_TWICE,)
+IMAGES_LEFT_BEHIND = Finding(
+    id="images-left-behind",
+    number=65,
+    title="While fix deform changes the box, half of each step meets images where the step before had them",
+    severity="medium",
+    effect="Densities and velocities at the boundaries of a box that changes its size depend on where it is cut",
+    documented="fix deform: the box changes at the end of a step, and with remap x the positions of the atoms with it; "
+    "fix rheo: the first half of the next step takes gradients at the positions that it begins with.",
+    observed="Atoms begin the step where the box has taken them, but their periodic images, and what other processes "
+    "have of them, are still those of the step before, in its box. Gradients of the first half of the step, and with "
+    "them densities, shifts and densities of walls, take distances from the one to the other. So do coordination "
+    "numbers in the output, if neither a reproducing kernel nor surface/detection has counted before. Without remap, "
+    "images are left behind by what the edges grow.",
+    argument="Two particles of volume 1 at distance 1 (2D, cutoff 3) part at a speed of 2 in a box of length 8 that "
+    "grows by 5 % a step of 0.05. After two steps their density is 0.9592 in the middle of the box, and 0.9568 if the "
+    "boundary lies between them: where the box is cut must not matter. The middle agrees with the reference to "
+    "rounding. The error of a step shrinks with the square of its length.",
+    workaround="Keep what an edge grows in a step small against the smoothing length, or change the box between runs "
+    "by change_box.",
+    scene="two particles with a periodic boundary between them, fix deform x erate, two steps",
+    model_variant=Variant(grows, ImagesLeftBehind, CountingLate, lists_of_neighbours, lists=True),
+)
+
+ENTRIES = (BOUNDARY_PAIRS_TWICE, IMAGES_LEFT_BEHIND)

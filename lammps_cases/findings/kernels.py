@@ -53,9 +53,9 @@ class StaleGradient(FollowingLists):
         self.computed_n = super().corrects(definite_n)
         return self.computed_n
 
-    def correct(self, rho_n: Array) -> None:
+    def corrected_gradients(self, h: list[Array]) -> None:
         """Remember the gradients of all pairs."""
-        super().correct(rho_n)
+        super().corrected_gradients(h)
         self.own = self.g
 
     def gradients(self, *fields: Any, **options: Any) -> Gradients:

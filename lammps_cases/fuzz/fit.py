@@ -56,7 +56,11 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
 def _with_time_step(evolve: Content, step: float) -> Content:
     """Return time steps of a length, half of it from stops on that change it."""
     stops = [stop | ({"timestep": rounded(step / 2)} if "timestep" in stop else {}) for stop in evolve.get("stops", ())]
-    return evolve | {"timestep": step} | ({"stops": stops} if stops else {})
+    made = evolve | {"timestep": step} | ({"stops": stops} if stops else {})
+    if shares := evolve.get("deform"):  # until here, of what the edges grow by in all steps
+        time = step * evolve["steps"]
+        made["deform"] = {key: rounded(of / time) if key in "xyz" else of for key, of in shares.items()}
+    return made
 
 
 def _problem(scene: Scene, atoms: Atoms) -> tuple[Model, State]:
@@ -135,7 +139,7 @@ def _without_old_lists(content: Content, travel: float) -> Content:
     spacing = content["positions"].get("spacing", 1.0)
     engine, twin = content.get("engine", {}), content.get("twin", {})
     skin = min(engine.get("skin", DEFAULT_SKIN), twin.get("skin", np.inf))
-    if 2 * travel <= skin * spacing:
+    if 2 * travel <= skin * spacing and "deform" not in content.get("evolve", {}):
         return content
 
     def safe(settings: Content) -> Content:

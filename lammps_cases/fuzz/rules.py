@@ -219,7 +219,7 @@ HANDLED: Mapping[str, frozenset[str]] = {
     ),
     "pressure": frozenset(["types", "style", "A3", "gamma", "P_b"]),
     "forces": frozenset(["style", "vector", "types"]),
-    "evolve": frozenset(["steps", "timestep", "compare_at", "stops", "every"]),
+    "evolve": frozenset(["steps", "timestep", "compare_at", "stops", "every", "deform"]),
     "engine": frozenset(
         ["newton", "skin", "every", "delay", "check", "ranks", "time_limit", "processors", "communication", "balance"]
     ),

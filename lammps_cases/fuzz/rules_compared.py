@@ -14,7 +14,7 @@ from lammps_cases.fuzz.rules_particles import LEFT_OUT, leaning
 from lammps_cases.fuzz.scope import Content, Scope
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.runs import Boundary
-from lammps_cases.scene.stops import FOR_EACH_ATOM, LOSES_MASSES, ROUTES
+from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, ROUTES
 
 SECONDS = 30.0  # that LAMMPS may take: a scene of some tens of particles and steps takes milliseconds
 TO_BE_SET = 1.0  # time step, which follows from the scene when it is complete; see `lammps_cases.fuzz.fit`
@@ -26,28 +26,43 @@ def evolve(scope: Scope, chance: Chance) -> Any:
         return LEFT_OUT
     steps = chance.weighted({1: 0.3, 2: 0.2, 3: 0.15, 6: 0.2, 12: 0.15})
     content: Content = {"steps": steps, "timestep": TO_BE_SET}
+    if scope.whole and "tilt" not in scope.content["positions"] and chance.at("grows").coin(0.12):
+        content["deform"] = _deform(scope, chance.at("deform"))
     if scope.stops:
-        content["stops"] = _stops(scope, chance.at("stops"), steps)
-        if chance.coin(0.3):
+        content["stops"] = _stops(scope, chance.at("stops"), steps, "deform" in content)
+        if chance.coin(0.3) and "deform" not in content:
             return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
-    elif scope.whole and chance.coin(0.1):
+    elif scope.whole and "deform" not in content and chance.coin(0.1):
         return content | {"every": chance.whole(1, steps), "compare_at": [steps]}
     if chance.coin(0.4):
         content["compare_at"] = [*chance.some(range(steps), 0.4), steps]
     return content
 
 
-def _stops(scope: Scope, chance: Chance, steps: int) -> list[Content]:
+def _deform(scope: Scope, chance: Chance) -> Content:
+    """Return by what share the edges of a box grow in all steps, from which rates follow with the time step.
+
+    Where positions stay, faces that are not periodic move outwards alone.
+    """
+    periodic = scope.content["positions"].get("periodic") or [True] * scope.d
+    remap = chance.coin(0.6)
+    shares = [chance.between(-0.08 if remap or around else 0.0, 0.08) for around in periodic]
+    content: Content = {axis: share for axis, share in zip("xyz", shares, strict=False) if chance.coin(0.7)}
+    return content | ({"remap": remap} if not remap or chance.coin() else {})
+
+
+def _stops(scope: Scope, chance: Chance, steps: int, grows: bool) -> list[Content]:
     """Return one or two steps at which the state goes somewhere and comes back."""
     at = sorted({chance.whole(0, steps) for _ in range(chance.whole(1, 2))})
-    return [_stop(scope, chance.at(k), step) for k, step in enumerate(at)]
+    return [_stop(scope, chance.at(k), step, grows) for k, step in enumerate(at)]
 
 
-def _stop(scope: Scope, chance: Chance, at: int) -> Content:
+def _stop(scope: Scope, chance: Chance, at: int, grows: bool) -> Content:
     stop: Content = {"at": at}
     walls = scope.content["rheo"].get("interface_reconstruct", False)
     if chance.coin(0.9):
-        stop["by"] = chance.choice([route for route in ROUTES if route not in _refused(scope)])
+        refused = _refused(scope) | (set(AS_TEXT) if grows else set())
+        stop["by"] = chance.choice([route for route in ROUTES if route not in refused])
     if chance.coin(0.2):
         stop["timestep"] = TO_BE_SET
     if chance.coin(0.25):
@@ -61,7 +76,7 @@ def _stop(scope: Scope, chance: Chance, at: int) -> Content:
         stop["displace"] = {axis: rounded(value) for axis, value in moved.items()}
         if chance.coin():
             stop["displace"]["types"] = str(chance.whole(1, scope.count))
-    if chance.coin(0.2) and "tilt" not in scope.content["positions"]:
+    if chance.coin(0.2) and "tilt" not in scope.content["positions"] and not grows:
         stop["stretch"] = {axis: chance.between(0.9, 1.1) for axis in "xyz"[: scope.d] if chance.coin()}
     return stop
 
@@ -129,8 +144,9 @@ def engine(scope: Scope, chance: Chance) -> Content:
 
 
 def boundary(scope: Scope, chance: Chance) -> str:
-    """Return a style of faces; none that shrinks where the volume of the box shows, fixed ones if it is stretched."""
-    if any("stretch" in stop for stop in scope.content.get("evolve", {}).get("stops", ())):
+    """Return a style of faces; none that shrinks where the volume of the box shows, fixed ones if it changes."""
+    evolves = scope.content.get("evolve", {})
+    if "deform" in evolves or any("stretch" in stop for stop in evolves.get("stops", ())):
         return "f"
     volume = {"virial", "press"}.intersection(scope.content.get("compare", ()))
     styles: tuple[str, ...] = get_args(Boundary)
@@ -151,15 +167,18 @@ def twin(scope: Scope, chance: Chance) -> Any:
         "skin": lambda: rounded(own.get("skin", 0.3) * chance.number(1.3, 3.0)),
         "rebuild": lambda: _rebuild(chance),
     }
-    kinds |= {} if "tilt" in positions else {"translate": lambda: _along_periodic(scope, chance)}
+    grows = "deform" in evolves
+    kinds |= {} if "tilt" in positions or grows else {"translate": lambda: _along_periodic(scope, chance)}
     kinds |= {"rescale": lambda: _scale(scope, chance)} if _can_be_rescaled(scope) else {}
     if _can_be_rescaled(scope):
         possible = [name for name in UNITS if UNITS[name].consistent or not scope.planar]
         kinds["units"] = lambda: chance.choice([name for name in possible if name != content.get("units", "lj")])
-    if not shifts and "press" not in content.get("compare", ()):
+    if not shifts and not grows and "press" not in content.get("compare", ()):
         kinds["boost"] = lambda: chance.vector(scope.d, 3 * scope.speed)
     kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 and "every" not in evolves else {}
-    if any(edges := [can * chance.at("tilt").whole(1, 2) for can in leaning(positions.get("periodic"), scope.d)]):
+    if not grows and any(
+        edges := [can * chance.at("tilt").whole(1, 2) for can in leaning(positions.get("periodic"), scope.d)]
+    ):
         kinds["tilt"] = lambda: edges
     kinds |= {"ranks": lambda: 2} if own.get("ranks", 1) == 1 else {}
     kind = chance.choice([*kinds, "rebuild", *["units"] * 3 * ("units" in kinds)])

@@ -58,6 +58,13 @@ def _crossed(at: Evaluated) -> Any:
     return at.sim.box.images(at.sim.state.x_nc).any(axis=1) & (at.step > 0)
 
 
+def _deformed(at: Evaluated, remap: bool | None = None) -> Any:
+    """Return the particles, all or none, of a box that has grown: with positions, without them, or either."""
+    deform = at.sim.model.deform
+    grown = deform is not None and any(deform.rate_c) and remap in (None, deform.remap)
+    return np.full(at.evaluator.n, grown and at.step > 0)
+
+
 def _force(name: str, sentence: str, which: Any, *faults: str) -> Rule:
     return Rule(name, sentence, which, needs=("f",), faults=faults)
 
@@ -157,5 +164,25 @@ RULES = (
         "Positions keep their fractions of a box that changes.",
         lambda at: np.full(at.evaluator.n, at.sim.box != at.box),
         "formula.stretched-alone",
+    ),
+    _step(
+        "step-deformed",
+        "Edges of the box grow at their rates, of what they were when the run began, about their middles.",
+        _deformed,
+        "formula.deform-from-corner",
+        "formula.deform-compound",
+    ),
+    _step(
+        "step-remapped",
+        "Positions grow with the box before the next step begins.",
+        lambda at: _deformed(at, remap=True),
+        "formula.deform-alone",
+        "formula.deform-late",
+    ),
+    _step(
+        "step-not-remapped",
+        "Positions stay where they are in a box that grows.",
+        lambda at: _deformed(at, remap=False),
+        "formula.deform-with-positions",
     ),
 )

@@ -54,9 +54,11 @@ class Atoms:
     def __len__(self) -> int:
         return len(self.id_n)
 
-    def stretched(self, high_c: Sequence[float]) -> Atoms:
-        """Return the particles where they are, in a box with another upper corner."""
-        return replace(self, high_c=np.array(high_c))
+    def within(self, box: Box) -> Atoms:
+        """Return the particles where they are, in a box with other corners along some axes."""
+        d = len(box.low_c)
+        low_c, high_c = np.array([*box.low_c, *self.low_c[d:]]), np.array([*box.high_c, *self.high_c[d:]])
+        return replace(self, low_c=low_c, high_c=high_c)
 
     def box(self, dimension: int = 3) -> Box:
         """Return the box along some axes."""
@@ -356,8 +358,8 @@ def _check_tilt_of_file(case: Case, tilt: tuple[float, ...]) -> None:
     """Check what a scene that gives its box itself is checked for when it is read."""
     twin, evolve = case.scene.twin, case.scene.evolve
     translated = twin is not None and twin.translate is not None
-    if translated or any(stop.stretch for stop in (evolve.stops if evolve else ())):
-        raise InputError("tilt", "of a file's box goes with neither translate nor stretch", list(tilt), case.where)
+    if translated or (evolve and (evolve.deform or any(stop.stretch for stop in evolve.stops))):
+        raise InputError("tilt", "of a file's box goes with no translate, stretch or deform", list(tilt), case.where)
 
 
 def kernel_cut(scene: Scene, spacing: float) -> float:

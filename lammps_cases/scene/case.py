@@ -20,8 +20,8 @@ from lammps_cases.scene.manual import ExampleSettings
 from lammps_cases.scene.materials import AtomType, LawSettings, PowerLaw
 from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Positions, Values, Velocity, check_tilt
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
-from lammps_cases.scene.settings import Evolve, ForceSettings, PairSettings, RheoSettings
-from lammps_cases.scene.stops import FOR_EACH_ATOM, LOSES_MASSES, Stretch
+from lammps_cases.scene.settings import DeformSettings, Evolve, ForceSettings, PairSettings, RheoSettings
+from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, Stretch
 from lammps_cases.scene.values import SceneModel
 from lammps_cases.scene.violations import Violation
 
@@ -97,6 +97,8 @@ class Scene(SceneModel):
         self._check_vectors()
         self._check_compare()
         self._check_stops()
+        if self.evolve and self.evolve.deform:
+            self._check_deform(self.evolve.deform)
         if self.twin:
             self._check_twin(self.twin)
         if self.example:
@@ -207,10 +209,27 @@ class Scene(SceneModel):
     def _check_stretch(self, stretch: Stretch) -> None:
         if stretch.z != 1 and self.dimension == 2:
             raise ValueError(f"stretch.z must be 1 in 2D, found {stretch.z!r}")
+        self._check_faces("stretch")
+
+    def _check_faces(self, key: str) -> None:
+        """Check that a box can change its size."""
         if getattr(self.positions, "tilt", None):
-            raise ValueError("stretch needs a box without tilt")
+            raise ValueError(f"{key} needs a box without tilt")
         if self.engine.boundary != "f":  # LAMMPS sets such faces itself
-            raise ValueError(f"stretch needs faces that are periodic or fixed, found boundary {self.engine.boundary}")
+            raise ValueError(f"{key} needs faces that are periodic or fixed, found boundary {self.engine.boundary}")
+
+    def _check_deform(self, deform: DeformSettings) -> None:
+        assert self.evolve is not None
+        if not self.whole_model or self.expect:
+            raise ValueError("deform compares fields of the whole model: it needs more in compare than pressure")
+        if deform.z and self.dimension == 2:
+            raise ValueError(f"deform.z must be 0 in 2D, found {deform.z!r}")
+        self._check_faces("deform")
+        for stop in self.evolve.stops:
+            if stop.stretch or stop.by in AS_TEXT:
+                raise ValueError(f"deform goes with neither stretch nor a stop by data, found one at {stop.at}")
+        if self.twin and self.twin.kind in ("translate", "boost", "tilt"):
+            raise ValueError(f"deform: a box that grows about its middle is another one under twin.{self.twin.kind}")
 
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):

@@ -98,6 +98,20 @@ class ForceSettings(SceneModel):
         return self
 
 
+class DeformSettings(SceneModel):
+    """A box that grows while particles move (fix deform 1, styles erate): engineering strain rates of its edges."""
+
+    x: Finite = 0.0
+    y: Finite = 0.0
+    z: Finite = 0.0
+    remap: bool = Field(True, strict=True, description="positions grow with the box (remap x), or not (remap none)")
+
+    @property
+    def rates(self) -> tuple[float, float, float]:
+        """Return the rates by axis."""
+        return self.x, self.y, self.z
+
+
 class Evolve(SceneModel):
     """Time steps that LAMMPS takes."""
 
@@ -112,6 +126,7 @@ class Evolve(SceneModel):
     every: int | None = Field(
         None, ge=1, strict=True, description="run N every M: a set-up every M steps; the last step alone is compared"
     )
+    deform: DeformSettings | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Evolve:
@@ -124,6 +139,8 @@ class Evolve(SceneModel):
         at = [stop.at for stop in self.stops]
         if at != sorted(set(at)) or (at and at[-1] > self.steps):
             raise ValueError(f"stops must increase and lie within 0 to steps ({self.steps}), found {at}")
+        if self.deform and self.every:
+            raise ValueError(f"deform goes without every, whose runs all begin in a box of their own: {self.every}")
         if self.every is not None and self.snapshots != (self.steps,):
             raise ValueError(
                 f"every: such runs are read at the last step alone ({self.steps}), found {list(self.snapshots)}"

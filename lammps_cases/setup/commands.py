@@ -14,7 +14,7 @@ from lammps_cases.engine.session import Compute, Job, RunCommand
 from lammps_cases.scene import ForceSettings, PowerLaw, Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut
 from lammps_cases.scene.fields import FIELDS, Field
-from lammps_cases.scene.settings import ShiftSettings, SurfaceDetectionSettings
+from lammps_cases.scene.settings import Evolve, ShiftSettings, SurfaceDetectionSettings
 from lammps_cases.scene.stops import Stop
 from lammps_cases.scene.violations import broken
 from lammps_cases.setup.plan import Plan
@@ -92,12 +92,26 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
     for step in sorted({*read, *stops}):
         # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
         again = "" if done is None or every else "pre no "
-        yield RunCommand(f"run {step - (done or 0)} {again}post no{every}", step in read and step not in stops)
+        ends = _ends(evolve, done or 0)
+        yield RunCommand(f"run {step - (done or 0)} {again}post no{ends}{every}", step in read and step not in stops)
         if step in stops:
             yield between(stops[step])
             if not every or step == scene.snapshots[-1]:  # else the next run's own set-up is the only one
-                yield RunCommand("run 0 post no", step in read)
+                yield RunCommand(f"run 0 post no{_ends(evolve, step)}", step in read)
         done = step
+
+
+def _ends(evolve: Evolve | None, step: int) -> str:
+    """Return the words by which the pieces of a run know its beginning and end: fix deform goes from one to the other.
+
+    Of the run that has, or begins with, a step; a run that has no step moves nothing.
+    """
+    if not (evolve and evolve.deform):
+        return ""
+    begin = max((stop.at for stop in evolve.stops if stop.at <= step), default=0)
+    end = min((stop.at for stop in evolve.stops if stop.at > step), default=evolve.steps)
+    (start,) = evolve.counted((begin,))
+    return f" start {start} stop {start + end - begin}"
 
 
 def _interlude(stop: Stop, scene: Scene, atoms: Atoms, plan: Plan) -> Interlude:
@@ -314,3 +328,6 @@ def _fixes(scene: Scene, cut: float, plan: Plan) -> Iterable[str]:
         yield from _forces(scene)
     if plan.needs("fix enforce2d"):
         yield "fix flat all enforce2d"
+    if scene.evolve and (deform := scene.evolve.deform):
+        rates = [f"{axis} erate {rate!r}" for axis, rate in zip("xyz", deform.rates, strict=True)]
+        yield f"fix deform all deform 1 {' '.join(rates[: scene.dimension])} remap {'x' if deform.remap else 'none'}"

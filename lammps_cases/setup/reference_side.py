@@ -15,7 +15,7 @@ from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
-from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
+from eos_ref.model.parameters import Box, Deform, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 from eos_ref.syntax.manual import weighs_distance
 from eos_ref.syntax.ranges import type_range
@@ -57,6 +57,7 @@ def with_cut(scene: Scene, cut: float, where: str = "") -> Model:
                 Force(f.style, f.vector, None if f.types is None else tuple(type_range(f.types, len(scene.types))))
                 for f in scene.forces
             ),
+            deform=_deform(scene),
             units=scene.units,
         )
     except InputError as error:
@@ -78,6 +79,11 @@ def _fix(scene: Scene, cut: float) -> FixRheo:
         rho0=scene.rho0,
         cs=scene.cs,
     )
+
+
+def _deform(scene: Scene) -> Deform | None:
+    given = scene.evolve and scene.evolve.deform
+    return Deform(given.rates[: scene.dimension], given.remap) if given else None
 
 
 def _viscosity(atom_type: AtomType) -> Viscosity:
@@ -166,7 +172,7 @@ def simulation(
     fields : iterable of str
         What is wanted of an evaluation, by LAMMPS' names; none: what time steps need.
     evaluator : class, optional
-        The compiled one by default, but in a tilted box.
+        The compiled one by default, but in a box that is tilted or grows.
     stepping : class
         `Simulation`, or one that adds to it.
 
@@ -176,7 +182,7 @@ def simulation(
         See `model` and `state`.
     """
     around = box(scene, atoms)
-    if evaluator is None and around.tilted:
+    if evaluator is None and (around.tilted or _deform(scene)):
         evaluator = ArrayEvaluator
     if evaluator is None:
         from eos_ref.compiled.evaluator import CompiledEvaluator

@@ -31,6 +31,7 @@ from lammps_cases.scene import (
 )
 from lammps_cases.scene.atoms import Atoms, IntArray, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.settings import DeformSettings, Evolve
 
 Fields = dict[str, Any]
 UNIT = 2.0**-53  # largest relative error of one rounding
@@ -320,8 +321,8 @@ def rescaled(scene: Scene, scale: Scale, cut: float) -> Scene:
         "forces": tuple(_rescaled_force(force, scale) for force in scene.forces),
     }
     if scene.evolve:
-        timestep = scene.evolve.timestep * scale.of("time")
-        update["evolve"] = scene.evolve.model_copy(update={"timestep": timestep})
+        evolve = {"timestep": scene.evolve.timestep * scale.of("time"), "deform": _rescaled_deform(scene.evolve, scale)}
+        update["evolve"] = scene.evolve.model_copy(update=evolve)
     return scene.model_copy(update=update)
 
 
@@ -364,6 +365,13 @@ def _rescaled_rheo(rheo: RheoSettings, manual: Manual, scale: Scale, cut: float)
         scaled = (keep, cmin, wmin * support)
         update["shift"] = rheo.shifting.model_copy(update={"scale_cross_type": scaled})
     return rheo.model_copy(update=update)
+
+
+def _rescaled_deform(evolve: Evolve, scale: Scale) -> DeformSettings | None:
+    if evolve.deform is None:
+        return None
+    rates = zip("xyz", evolve.deform.rates, strict=True)
+    return evolve.deform.model_copy(update={axis: rate / scale.of("time") for axis, rate in rates})
 
 
 def _rescaled_force(force: ForceSettings, scale: Scale) -> ForceSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,13 +47,10 @@ def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -
     )
 
 
-def _corners(scene: Scene, atoms: Atoms) -> dict[int, list[float]]:
-    return upper_corners(scene.evolve.stops if scene.evolve else (), atoms.low_c.tolist(), atoms.high_c.tolist())
-
-
 def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
     """Return where a scene's runs end and others begin, as the reference takes them."""
-    evolve, corners = scene.evolve, _corners(scene, atoms)
+    evolve = scene.evolve
+    corners = upper_corners(evolve.stops if evolve else (), atoms.low_c.tolist(), atoms.high_c.tolist())
     return tuple(
         Stop(
             stop.at,
@@ -61,7 +59,7 @@ def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
             reference_side.displacement(stop, scene, atoms),
             stop.by in FROM_FILE,
             TEXT_DIGITS if stop.by in AS_TEXT else None,
-            atoms.stretched(corners[stop.at]).box(scene.dimension) if stop.stretch else None,
+            replace(atoms, high_c=np.array(corners[stop.at])).box(scene.dimension) if stop.stretch else None,
             stop.by == "minimize",
         )
         for stop in (evolve.beginnings if evolve else ())
@@ -95,9 +93,10 @@ def judge_model(
 ) -> Arrays:
     """Judge the fields of the whole model, and the input that LAMMPS has not changed since."""
     scene = case.scene
+    problem = problem_of(scene, atoms, case.where, scene.snapshots)
     inputs = _inputs(case, atoms, answer)
     judged = particle_model.judge(
-        problem_of(scene, atoms, case.where, scene.snapshots),
+        problem,
         case.name,
         atoms.id_n,
         read_snapshots(scene, answer),
@@ -113,8 +112,7 @@ def judge_model(
     reason = Reason(judged.first, judged.beyond, judged.entries) if judged.first else None
     if reason := _with_news(reason, first_input_outside(inputs, atoms.id_n)):
         record.blame, record.beyond = reason.first, reason.beyond
-    *_, last_c = (atoms.high_c, *_corners(scene, atoms).values())
-    return field_arrays(atoms.stretched(last_c), answer.arrays, comparisons)
+    return field_arrays(atoms.within(problem.box_at(scene.snapshots[-1])), answer.arrays, comparisons)
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:
@@ -132,7 +130,8 @@ def _inputs(case: Case, atoms: Atoms, answer: Answer) -> list[tuple[int, Compari
     through_text = any(stop.step == 0 and stop.digits for stop in _stops(scene, atoms))
     unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
     held = compare_inputs(case, atoms, answer.snapshots[0], unchanged)
-    return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS)]
+    problem = problem_of(scene, atoms, case.where, scene.snapshots)
+    return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS, problem)]
 
 
 def _with_news(reason: Reason | None, news: Blame | None) -> Reason | None:

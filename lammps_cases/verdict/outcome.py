@@ -13,6 +13,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.model.parameters import Box
 from lammps_cases.comparison.compare import Comparison, compare_field
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import explain_outcome
@@ -29,7 +30,7 @@ from lammps_cases.records.run_record import (
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms, kernel_cut, seed
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, upper_corners
+from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
 from lammps_cases.verdict.model_fields import blame_of
 
 Arrays = dict[str, Any]
@@ -115,7 +116,9 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
     ]
 
 
-def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> list[tuple[int, Comparison]]:
+def compare_carried(
+    case: Case, atoms: Atoms, answer: Answer, digits: int, problem: Problem
+) -> list[tuple[int, Comparison]]:
     """Compare the state after every stop with that before it (stage `input`): bit for bit, or to a text's digits.
 
     Positions are those of any image: LAMMPS may move a particle into the box at a stop. Returned with the steps.
@@ -123,7 +126,6 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
     comparisons = []
     scene = case.scene
     stops = scene.evolve.stops if scene.evolve else ()
-    corners = upper_corners(stops, atoms.low_c.tolist(), atoms.high_c.tolist())
     for stop, carried in zip(stops, answer.carried, strict=True):
         text = stop.by in AS_TEXT
         half = 0.5 * 10.0 ** (1 - digits) if text else 0.0
@@ -136,8 +138,8 @@ def compare_carried(case: Case, atoms: Atoms, answer: Answer, digits: int) -> li
             if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone
                 before_n, after_n = before_n & 1, after_n & 1
             if name == "x":
-                *_, last_c = (atoms.high_c, *(corner_c for at, corner_c in corners.items() if at < stop.at))
-                places = atoms.stretched(last_c).box(), before_n, after_n, half, kernel_cut(scene, atoms.spacing)
+                box = atoms.within(problem.box_before(stop.at)).box()
+                places = box, before_n, after_n, half, kernel_cut(scene, atoms.spacing)
                 after_n, bound_n = _images(*places)
                 why += BY_IMAGES if bound_n.any() and not text else ""
             comparisons.append(

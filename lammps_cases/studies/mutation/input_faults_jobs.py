@@ -228,6 +228,15 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
     ("velocities-of-images", "stale", "velocities of periodic images not communicated", _without("comm_modify")),
     ("images-collect-twice", "neighbours", "pairs across boundaries counted twice in some sums", _newton_apart),
     ("set-up-again", "order of operations", "every run set up anew where it goes on", _first_run_again),
+    ("no-deform", "missing term", "fix deform left out", _without("fix deform")),
+    ("deform-alone", "missing term", "positions not changed with a box that grows", _replaced("remap x", "remap none")),
+    (
+        "deform-with-x",
+        "missing term",
+        "positions changed with a box that grows alone",
+        _replaced("remap none", "remap x"),
+    ),
+    ("deform-later", "stale", "the box growing in every second step", _replaced(" deform 1 ", " deform 2 ")),
     # --- between runs
     ("set-up-never-again", "stale", "runs continued where they should be set up anew", _never_again),
     ("nothing-between", "missing term", "nothing done between runs", _without_interludes),

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from eos_ref import InputError
+from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.table import EOS, EOSTable
-from eos_ref.model.parameters import Box, Force, Thermal, Viscosity
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.kernels.reproducing import basis
+from eos_ref.model.parameters import Box, Deform, Force, Thermal, Viscosity
 from eos_ref.numbers.rounded import error
 from eos_ref.syntax.fixes import Shift
 from tests.support.double_loop import DoubleLoop
@@ -212,6 +215,66 @@ def test_expansion_dilutes() -> None:
     expected = 1.25 * (1 - a * dt) * (1 - a / (1 + a * dt) * dt)
     assert (np.abs(simulation.state.rho_n - expected) <= 1.25 * dt * 4 * errors + 8 * EPS * 1.25).all()
     assert errors < 1e-9
+
+
+GROWS = Deform((0.7, -0.3))
+
+
+def test_a_box_grows_about_its_middle() -> None:
+    first = Box((-1.0, 2.0), (3.0, 4.0), (True, False))
+    grown = GROWS.box(first, 0.5)
+    np.testing.assert_allclose([grown.low_c, grown.high_c], [[-1.7, 2.15], [3.7, 3.85]], rtol=2 * EPS)
+    assert grown.periodic == first.periodic and GROWS.box(first, 0.0) == first
+
+
+@pytest.mark.parametrize("kernel", ["quintic", "RK1", "RK2"])
+@pytest.mark.parametrize("remap", [True, False])
+def test_steps_in_a_box_that_grows(kernel: str, remap: bool) -> None:
+    """A step is one in a fixed box, then the box grows by a share of what it was when the run began."""
+    built = scene(2, kernel=kernel).with_model(deform=replace(GROWS, remap=remap))
+    growing, fixed = built.simulate([]), built.with_model(deform=None).simulate([])
+    first = growing.box
+    for simulation in (growing, fixed):
+        simulation.run(1, DT)
+    assert growing.box == GROWS.box(first, DT)
+    fraction_nc = (fixed.state.x_nc - np.array(first.low_c)) / first.edge_c
+    moved_nc = np.array(growing.box.low_c) + fraction_nc * growing.box.edge_c
+    np.testing.assert_array_equal(growing.state.x_nc, moved_nc if remap else fixed.state.x_nc)
+    for name in ("v_nc", "rho_n"):
+        np.testing.assert_array_equal(getattr(growing.state, name), getattr(fixed.state, name))
+    growing.run(1, DT)
+    assert growing.box == GROWS.box(first, 2 * DT)
+    begun = growing.box
+    growing.begin_again(np.zeros(len(growing.state.x_nc), bool))
+    growing.run(1, DT)
+    assert growing.box == GROWS.box(begun, DT)
+
+
+@pytest.mark.parametrize("kernel", ["quintic", "RK1"])
+def test_half_step_gradients_are_those_of_the_box_that_has_grown(kernel: str) -> None:
+    """The first half of a step takes velocities by its own positions; the correction is that of the last forces."""
+    simulation = scene(2, kernel=kernel).with_model(deform=GROWS).simulate([])
+    simulation.run(1, DT)
+    evaluator = cast(ArrayEvaluator, simulation.evaluator)
+    kept = evaluator.correction if kernel == "RK1" else None
+    evaluator.follow(simulation.state.x_nc)
+    other = ArrayEvaluator(simulation.model, simulation.box, simulation.state.type_n, simulation.state.solid_n)
+    other.move(simulation.state.x_nc)
+    if kept:
+        assert evaluator.correction is kept
+        other.correction = kept
+        other.corrected_gradients(basis(1, [x_p / simulation.model.cut for x_p in other.x]))
+    for one, same in zip(evaluator.g, other.g, strict=True):
+        np.testing.assert_array_equal(one, same)
+
+
+def test_what_a_box_that_grows_cannot_be() -> None:
+    built = scene(2)
+    for rates, rule in (((0.1,), "needs 2 rates, found 1"), ((0.1, np.inf), "needs finite rates")):
+        with pytest.raises(InputError, match=rule):
+            built.with_model(deform=Deform(rates))
+    with pytest.raises(InputError, match="sums of all particles at once: take ArrayEvaluator"):
+        built.with_model(deform=GROWS).simulate([], evaluator=CompiledEvaluator).run(1, DT)
 
 
 def test_shift_moves_with_the_gradients() -> None:

@@ -10,7 +10,7 @@ import pytest
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box
+from eos_ref.model.parameters import Box, Deform
 from lammps_cases.comparison.trajectory import Problem, Stop, predict, visit, wanted
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -88,6 +88,19 @@ def test_particles_go_with_a_box_that_changes() -> None:
     sim.remap(wider)
     other = Simulation(of.model, wider, sim.state, wanted(of), ArrayEvaluator)
     assert np.array_equal(sim.evaluate()["f"], other.evaluate()["f"])
+
+
+def test_a_box_that_grows_is_known_at_every_step_and_before_stops() -> None:
+    of = problem("stretched.fluid.once")
+    grows = Deform((0.5, -0.2))
+    stops = (stop(of, 2, timestep=of.timestep / 2), stop(of, 3))
+    growing = replace(of, model=replace(of.model, deform=grows), stops=stops, steps=(0, 1, 2, 3, 4))
+    sim = begun(growing)
+    for step in visit(sim, growing.steps, growing.timestep, growing.stops):
+        assert sim.box == growing.box_at(step)
+    assert growing.box_before(2) == grows.box(of.box, 2 * of.timestep) == growing.box_at(2)
+    wider = grows.box(of.box, 1.0)
+    assert replace(growing, stops=(stop(of, 2, box=wider),)).box_before(2) == growing.box_before(2) != wider
 
 
 def test_bounds_of_a_box_that_changes_hold_the_way_to_fractions_and_back() -> None:

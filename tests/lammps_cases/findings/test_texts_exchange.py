@@ -11,7 +11,7 @@ from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
 
 pytestmark = pytest.mark.lammps
 
-TWICE = "boundary-pairs-twice"
+TWICE, BEHIND = "boundary-pairs-twice", "images-left-behind"
 APART = {"newton": False, "newton_bond": True}  # newton off on
 
 
@@ -73,3 +73,75 @@ def test_what_counts_twice_and_what_once(lammps: Engine) -> None:
     assert all(agree(snapshot[field], variant, field) for field in (*twice, *once))
     assert not any(agree(snapshot[field], right, field) for field in twice)
     assert all(agree(snapshot[field], right, field) for field in once)
+
+
+def parting(first: float, **evolve: Any) -> Told:
+    """Two particles at distance 1 that part in a box of 8 that grows, by 5 % a step."""
+    grows = {"steps": 2, "timestep": 0.05, "deform": {"x": 1.0}} | evolve
+    velocities = [[-1.0, 0.0], [1.0, 0.0]]
+    return two(first, v=velocities, compare=["coordination", "rho"], forces=[HELD], evolve=grows)
+
+
+HELD = {"style": "setforce", "vector": [0.0, 0.0]}
+
+
+def test_images_left_behind(lammps: Engine) -> None:
+    numbers = said(
+        BEHIND,
+        "argument",
+        r"at distance # \(#D, cutoff #\) part at a speed of # in a box of length # that grows by # % a step of #\. "
+        r"After two steps their density is # in the middle of the box, and # if",
+    )
+    assert [float(number) for number in numbers[:7]] == [1, 2, 3, 2, 8, 5, 0.05]
+    for first, number in ((3.5, numbers[7]), (7.5, numbers[8])):
+        scene = parting(first)
+        found = lammps.fields(scene, every_step=True)
+        assert all(map(number.is_rounded, found[2]["rho"]))
+        assert all(map(numbers[7].is_rounded, scene.predicted().fields[2]["rho"]))
+        assert agree(found[2]["rho"], scene.predicted(), "rho", 2) == (first == 3.5), "the middle agrees"
+        assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
+
+
+def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Engine) -> None:
+    assert ENTRIES[BEHIND].observed.endswith("Without remap, images are left behind by what the edges grow.")
+    scene = parting(7.5, deform={"x": 1.0, "remap": False})
+    found = lammps.fields(scene, every_step=True)
+    assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
+    unmoved = parting(7.5, deform={})  # until the first half of the second step nothing has met an image elsewhere
+    half = lammps.fields(unmoved)[1]["rho"]
+    assert np.array_equal(found[1]["rho"], half) and not agree(found[2]["rho"], scene.predicted(), "rho", 2)
+
+
+def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engine) -> None:
+    assert ENTRIES[BEHIND].argument.endswith("The error of a step shrinks with the square of its length.")
+
+    def error(dt: float) -> float:
+        scene = parting(7.5, timestep=dt)
+        return float(np.abs(lammps.fields(scene)[2]["rho"] - scene.predicted().fields[2]["rho"]).max())
+
+    assert error(0.0005) / error(0.00025) == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("rheo", "late"),
+    [
+        ({}, True),
+        ({"kernel": "RK0"}, False),
+        ({"surface_detection": {"style": "divergence", "limit": 1, "splash": 0}}, False),
+    ],
+)
+def test_coordination_numbers_are_counted_late_unless_something_has_counted(
+    lammps: Engine, rheo: dict[str, Any], late: bool
+) -> None:
+    """Particles 3.2 apart across the boundary: one has moved towards the other's image, to 2.9; this one has not."""
+    scene = told(
+        [[7.0, 4.0], [2.2, 4.0]],
+        (8, 8),
+        rheo=rheo,
+        compare=["coordination"],
+        forces=[HELD],
+        evolve={"steps": 1, "timestep": 0.05, "deform": {"x": 2.0}},
+    )
+    found = lammps.fields(scene, every_step=True)
+    assert [list(at["coordination"]) for at in found] == [[0, 0], [1, 0] if late else [0, 0]]
+    assert agree(found[1]["coordination"], scene.predicted(BEHIND, snapshot=found[0]), "coordination", 1)

@@ -91,6 +91,13 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
             "stretch needs faces that are periodic or fixed, found boundary fs",
         ),
         ({"stops": [{"at": 1}]}, {"twin": {"skin": 0.7}}, "stops go with no twin"),
+        ({"deform": {"z": 0.5}}, {}, r"deform.z must be 0 in 2D, found 0.5"),
+        ({"deform": {}, "every": 2, "compare_at": [4]}, {}, "deform goes without every, .* of their own: 2"),
+        ({"deform": {}}, {"compare": ["pressure"]}, "deform compares fields of the whole model"),
+        ({"deform": {}}, {"engine": {"boundary": "fs"}}, "deform needs faces that are periodic or fixed"),
+        ({"deform": {}, "stops": [{"at": 1, "by": "data"}]}, {}, "neither stretch nor a stop by data, found one at 1"),
+        ({"deform": {}, "stops": [{"at": 2, "stretch": {}}]}, {}, "neither stretch nor a stop by data, found one at 2"),
+        ({"deform": {}}, {"twin": {"boost": [0.1, 0.0]}}, "is another one under twin.boost"),
     ],
 )
 def test_what_a_scene_may_not_say(

@@ -189,6 +189,17 @@ def test_runs_lead_from_one_comparison_to_the_next(case_file: Write) -> None:
     assert runs == (RunCommand("run 0 post no"), RunCommand("run 1 pre no post no"), RunCommand("run 3 pre no post no"))
 
 
+def test_pieces_of_a_run_know_its_ends_where_the_box_grows(case_file: Write) -> None:
+    """fix deform goes from the beginning of a run to its end, by LAMMPS' own count of steps."""
+    evolve = {"steps": 5, "timestep": 0.1, "deform": {"x": 0.3, "y": -0.2}, "stops": [{"at": 2, "count": 70}]}
+    given = job_of(case_file(compare=["f"], evolve=evolve))
+    assert "fix deform all deform 1 x erate 0.3 y erate -0.2 remap x" in given.commands
+    told = [run.command for run in given.runs if isinstance(run, RunCommand)]
+    before, after = "start 0 stop 2", "start 70 stop 73"
+    pieces = [("0", "", before), ("1", "pre no ", before), ("1", "pre no ", before), ("0", "", after)]
+    assert told == [f"run {n} {pre}post no {ends}" for n, pre, ends in (*pieces, ("3", "pre no ", after))]
+
+
 def test_every_step_is_read_where_the_first_one_is_searched(case_file: Write) -> None:
     given = job_of(case_file(**EVERYTHING), every_step=True, lists=True)
     assert given.runs == (RunCommand("run 0 post no"), *[RunCommand("run 1 pre no post no")] * 4)

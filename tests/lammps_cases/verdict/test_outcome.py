@@ -18,9 +18,11 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, Predictions
 from lammps_cases.run import campaign
+from lammps_cases.run.campaign import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.verdict.judgement import evaluate
+from lammps_cases.verdict.model_cases import problem_of
 from lammps_cases.verdict.outcome import blank_record, compare_carried, explain_ending, finish
 
 Write = Callable[..., Path]
@@ -120,11 +122,17 @@ STATE: dict[str, Any] = {
 HALF = 0.5e-15  # of a unit of the 16th digit, relative to a number of one
 
 
+def carried_over(ready: PreparedCase, *carried: Carried) -> list[Any]:
+    """Return the comparisons of states before and after stops, with their steps."""
+    of = problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots)
+    return compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=carried), 16, of)
+
+
 def compared(case_file: Write, *stops: dict[str, Any], after: dict[str, Any] | None = None) -> list[tuple[Any, ...]]:
     """Return field, verdict and bound of the state after stops, of which nothing but ``after`` has changed."""
     ready = prepared(case_file(compare=["f"], evolve={"steps": 3, "timestep": 0.001, "stops": list(stops)}))
     carried = tuple(Carried(STATE, STATE | (after or {})) for _ in stops)
-    fields = [c for _, c in compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=carried), 16)]
+    fields = [c for _, c in carried_over(ready, *carried)]
     assert {comparison.record.stage for comparison in fields} <= {"input"}
     return [(c.record.field, c.record.verdict, c.record.derivation, c.bound_n.max()) for c in fields]
 
@@ -206,9 +214,9 @@ def test_what_was_read_at_other_stops_is_not_compared(case_file: Write, stops: i
     evolve = {"steps": 3, "timestep": 0.001, "stops": [{"at": at} for at in range(stops)]}
     ready = prepared(case_file(compare=["f"], evolve=evolve))
     with pytest.raises(ValueError, match="zip"):
-        compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=(Carried(STATE, STATE),)), 16)
+        carried_over(ready, Carried(STATE, STATE))
 
 
 def test_a_case_without_runs_carries_nothing_over(case_file: Write) -> None:
     ready = prepared(case_file())
-    assert compare_carried(ready.case, ready.atoms, Answer({}, 0.0), 16) == []
+    assert carried_over(ready) == []

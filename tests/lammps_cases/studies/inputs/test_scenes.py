@@ -149,6 +149,7 @@ PYTHON_ONLY = (
     "must have the shape",
     "must be at least one",
     "needs {d} axes",
+    "InputError('deform'",  # a scene has a finite rate for every axis
     "'must be {rule}'",
     "InputError(what, f'must be {rule}'",
 )
@@ -262,7 +263,7 @@ def test_rules_of_scenes_are_covered() -> None:
         "own folder|twin|rescale|refused must|violate|compare|tolerance|method of|exactly one|at most|flags|per_type"
         "|InputError\\('name'|low must not exceed|log spacing|region|self_mass|cells needs|manual\\'s line"
         "|tilt must be other than 0"  # of a twin
-        "|stops|every:|displace.z|stretch"  # of runs in pieces
+        "|stops|every:|displace.z|stretch|deform|{key} needs"  # of runs in pieces, of boxes that change
         "|engine.boundary without s"  # of what is compared
         "|processors must|balance .style rcb"  # of LAMMPS' processes
         "|positions need|velocity.values|low and high|low < high|one value per particle|values goes with"  # one by one

@@ -1,0 +1,58 @@
+"""A box that grows while particles move: at rate 0 LAMMPS gives the same bits; faults in what it is told are seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.engine.session import Answer
+from lammps_cases.engine.workers import Workers
+from lammps_cases.records.run_record import EngineRecord
+from lammps_cases.run.campaign import prepare
+from lammps_cases.scene import casefile
+from lammps_cases.studies.mutation import catalogue, input_faults
+from lammps_cases.verdict.judgement import evaluate
+from tests.support.told import Told, engine
+
+pytestmark = pytest.mark.lammps
+ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
+
+
+@pytest.mark.parametrize("name", ["deformed.fluid.still", "deformed.walls.still"])
+def test_a_rate_of_0_changes_no_bit(name: str) -> None:
+    (case,) = casefile.select(casefile.load(), [name])
+    atoms = prepare(case).atoms
+
+    def found(deform: Any) -> list[dict[str, Any]]:
+        content = case.scene.model_dump(exclude_unset=True)
+        content["evolve"] |= {"deform": deform}
+        with engine() as lammps:
+            return lammps.fields(Told(case.scene.model_validate(content), atoms))
+
+    still, without, moving = found({"remap": False}), found(None), found({"x": 0.1, "remap": False})
+    for at, (one, other) in enumerate(zip(still, without, strict=True)):
+        assert all(np.array_equal(one[field], other[field]) for field in one), at
+    assert not np.array_equal(moving[-1]["f"], still[-1]["f"])
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("deformed.fluid.remap", "no-deform"),
+        ("deformed.fluid.remap", "deform-alone"),
+        ("deformed.fluid.alone", "deform-with-x"),
+        ("deformed.fluid.remap", "deform-later"),
+    ],
+)
+def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str) -> None:
+    (case,) = casefile.select(casefile.load(), [name])
+    ready = prepare(case)
+    jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready)
+    with Workers(None, 1) as workers:
+        answer = workers.outcome(workers.submit(jobs[0], 60.0))
+    assert isinstance(answer, Answer)
+    record, *_ = evaluate(case, ready.eos, ready.atoms, answer, ENGINE, Predictor())
+    assert record.verdict == "differs"

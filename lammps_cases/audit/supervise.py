@@ -139,7 +139,8 @@ def described(deck: Path, options: AuditOptions) -> tuple[Findings, DeckSetups]:
 
 def _check(deck: Path, options: AuditOptions) -> None:
     if not deck.is_file():
-        raise InputError("deck", "must be a readable file", where=str(deck))
+        rule = "must be a readable file" + ("" if deck.exists() else ", and there is none of this name")
+        raise InputError("deck", rule, where=str(deck))
     if not options.trust:
         check_script(deck)
 

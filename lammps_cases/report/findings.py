@@ -113,10 +113,15 @@ class Outcome:
 
     @property
     def next_command(self) -> str:
-        """What to type next: the worst case alone, a bug report of the worst finding, or the claims of the manual."""
-        wrong = [case.reproduce for case in self.unaccepted if not case.as_expected and case.reproduce]
+        """What to type next: the worst case alone, a bug report of the worst finding, or the claims of the manual.
+
+        Of a deck that a finding breaks off, that finding: its audit has just been run.
+        """
+        wrong = [case for case in self.unaccepted if not case.as_expected and case.reproduce]
         if wrong:
-            return wrong[0]
+            outlook = wrong[0].outlook
+            broken = outlook.findings if outlook is not None else []
+            return shlex.join(["eos-ref", "ledger", broken[0]]) if broken else wrong[0].reproduce
         return self.report_bug(self.seen[0].entry) if self.seen else self._command("claims")
 
     def report_bug(self, finding: Finding) -> str:

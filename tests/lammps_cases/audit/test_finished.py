@@ -366,7 +366,7 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
         (("in.deck", "--dump", "other.dump"), "must be those that a dump of the deck writes: id type x"),
         (("in.deck", "--dump", "noid.dump"), "must hold id"),
         (("in.deck", "--dump", "word.dump"), "must hold numbers"),
-        (("in.nothing", "--dump", "all.dump"), "deck: must be a readable file"),
+        (("in.nothing", "--dump", "all.dump"), "deck: must be a readable file, and there is none of this name"),
         (("in.deck", "--restart", "none"), "restart: must be a readable file"),
         (("in.deck", "--restart", "all.dump"), "restart: must be readable by LAMMPS"),
         (("in.short", "--restart", "kept.10"), "step: must be one of the deck's runs (steps 0 to 2)"),

@@ -10,7 +10,8 @@ import pytest
 from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.effects import compare, worst
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, EffectRecord
+from lammps_cases.records.run_record import CaseRecord, EffectRecord, EngineRecord, RunRecord
+from lammps_cases.report import findings
 
 COLUMN = (Path(__file__).parents[2] / "decks" / "in.column").read_text()
 # The same with particles of unit volume, where no known finding of this LAMMPS makes a difference to forces at rest.
@@ -80,6 +81,10 @@ def test_a_right_deck_that_a_finding_blows_up(tmp_path: Path) -> None:
     case = case_of(COLUMN, tmp_path)
     assert case.verdict == "refused" and case.outlook is not None
     assert (case.outlook.cause, case.outlook.findings) == ("findings", ["force-per-volume"])
+    run = RunRecord(engine=EngineRecord(), reference={}, cases=[case])
+    assert findings.outcome(run).next_command == "eos-ref ledger force-per-volume"
+    without = case.model_copy(update={"outlook": None})
+    assert findings.outcome(run.model_copy(update={"cases": [without]})).next_command == case.reproduce
     (f,) = [of for of in case.effects if of.field == "f"]
     assert f.factor == pytest.approx(100, rel=0.05, abs=0)
     assert case.message.startswith("unstable because of the known bug force-per-volume: the reference runs on")

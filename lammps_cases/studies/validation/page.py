@@ -77,5 +77,6 @@ def _change(theirs: float, ours: float, quantity: Quantity) -> str:
     """Say one number in place of another, and how far that is from it."""
     words = f"{brief(theirs)} in place of the reference's {brief(ours)}"
     if ours and math.isfinite(theirs / ours):
-        words += f", {100 * (theirs / ours - 1):+.2g} %"
+        change = 100 * (theirs / ours - 1)
+        words += f", {change:+.0f} %" if abs(change) >= 10 else f", {change:+.1g} %"
     return words if quantity.published is None else f"{words} (should be {brief(quantity.published)})"

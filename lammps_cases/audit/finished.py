@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from eos_ref.eos.bounds import EPS
 from eos_ref.errors import InputError
 from eos_ref.model.parameters import Box, Model
 from eos_ref.model.quantities import has, keyword_of
@@ -36,11 +37,14 @@ from lammps_cases.audit.supervise import case_name, described
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, Seconds
+from lammps_cases.records.wording import counted
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.lammps_files import SOLID, Snapshot, snapshots
 from lammps_cases.verdict.model_fields import derived
 
 NO_COLUMN = "no column of it in the dump (compute rheo/property/atom NAME, of vectors and tensors NAME/*)"
+NO_PARTICLE = "no particle can be compared"
+OPEN = "cannot be compared, by the digits, at the cutoff or a surface that rounding decides, or for want of a number"
 NO_FORCES = "no columns fx fy fz in the dump"
 NO_RATE = "no column of it in the dump (compute property/atom drho)"
 
@@ -96,6 +100,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
             raise InputError("columns", "must be the same in every snapshot", snapshot.step, dump.name)
         frame = _frame(snapshot, writing, dump.name)
         writing = writing[writing.index(frame.run) :]  # steps may be counted anew
+        _check(frame, dump.name)
         audit.take(frame)
     audit.end()
     case = findings.case(case_name(dump))
@@ -148,6 +153,31 @@ def _frame(snapshot: Snapshot, runs: Sequence[Run], where: str) -> Frame:
     return Frame(snapshot, (ended or within)[0], not ended)
 
 
+def _check(frame: Frame, where: str) -> None:
+    """Refuse a snapshot whose particles are none of the deck.
+
+    Raises
+    ------
+    InputError
+    """
+    id_n, type_n = (frame.snapshot.numbers(name, int) for name in ("id", "type"))
+    place, types = f"{where}, step {frame.snapshot.step}", frame.run.setup.ntypes
+    if len(np.unique(id_n)) != len(id_n):
+        raise InputError("id", "must differ from particle to particle", where=place)
+    wrong_n = type_n[(type_n < 1) | (type_n > types)]
+    if len(wrong_n):
+        raise InputError("type", f"must lie within 1 to {types}", int(wrong_n[0]), place)
+
+
+def _coarse(x_nc: Rounded, model: Model) -> str:
+    """Return why positions tell nothing of neighbours; or nothing."""
+    if not np.isfinite(x_nc.value).all():
+        return "positions are no numbers"
+    # Beyond the latter, the squares of distances are no longer told apart by the cutoff, whatever the digits.
+    known = 2 * np.sqrt(model.dimension) * x_nc.error.max(initial=0.0) + EPS * np.abs(x_nc.value).max(initial=0.0)
+    return "" if known < 0.5 * model.cut else "positions are not known to within the cutoff"
+
+
 def _writing(dump: DeckDump, runs: Sequence[Run]) -> list[Run]:
     """Return the runs that can have written a dump; write_dump shows what the run before it leaves."""
     if dump.step is not None:
@@ -193,8 +223,10 @@ class _Audit:
         )  # fmt: skip
         rows = {(name, 0): SampleRow.of(len(c.bound_n), c.record) for name, c in compared.items()}
         for name in names:
-            if name not in compared:
-                self.reasons.setdefault((name, "no particle can be compared"), []).append(snapshot.step)
+            left = len(id_n) - len(compared[name].bound_n) if name in compared else len(id_n)
+            if left:
+                reason = NO_PARTICLE if left == len(id_n) else f"{left} of {counted(len(id_n), 'particle')} {OPEN}"
+                self.reasons.setdefault((name, reason), []).append(snapshot.step)
         self.findings.take(SampleRows(snapshot.step, run.number, snapshot.step, rows))
         self.arrays = _arrays(sample, snapshot, id_n, compared)
 
@@ -217,6 +249,9 @@ class _Audit:
             return {"f": NO_FORCES, "drho": NO_RATE}.get(name, NO_COLUMN)
         given = held.keys() | ({"mass"} if run.setup.mass_t is not None else set())
         if reason := frames.lacking(name, model, given, frame.set_up, self.whole):
+            return reason
+        by_sums = fields.needs(name, "pairs", model) and not frames.by_columns(name, held)
+        if by_sums and (reason := _coarse(held["x"], model)):
             return reason
         if frames.by_columns(name, held) or (name != "rho" and not fields.needs(name, "pairs", model)):
             return ""

@@ -327,6 +327,30 @@ def test_renamed_columns_and_chosen_fields(written: Callable[[str], Path], monke
     assert "pressure" in verdicts(audited(folder / "renamed.dump"))
 
 
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    ("column", "value", "reason"),
+    [
+        ("x", "nan", "grad/v: positions are no numbers (steps 0)"),
+        ("x", "1e300", "grad/v: positions are not known to within the cutoff (steps 0)"),
+        ("vx", "nan", "particles cannot be compared, by the digits"),
+        ("rho", "inf", "pressure: 1 of 125 particles cannot be compared, by the digits"),
+    ],
+)
+def test_what_is_no_number_leaves_particles_out(
+    column: str, value: str, reason: str, written: Callable[[str], Path]
+) -> None:
+    folder = written("box")
+    lines = (folder / "all.dump").read_text().splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS")) + 1
+    words = lines[at].split()
+    words[headers("box").index(column)] = value
+    (folder / "changed.dump").write_text("\n".join([*lines[:at], " ".join(words), *lines[at + 1 :], ""]))
+    case = audited(folder / "changed.dump")
+    assert any(reason in line for line in case.not_checked), case.not_checked
+    assert {check.field for check in case.checks if check.step == 0} >= {"viscosity", "pressure"}
+
+
 # --- restart files
 
 
@@ -366,6 +390,8 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
         (("in.deck", "--dump", "other.dump"), "must be those that a dump of the deck writes: id type x"),
         (("in.deck", "--dump", "noid.dump"), "must hold id"),
         (("in.deck", "--dump", "word.dump"), "must hold numbers"),
+        (("in.deck", "--dump", "types.dump"), "type: must lie within 1 to 1, found 9 (types.dump, step 0)"),
+        (("in.deck", "--dump", "twice.dump"), "id: must differ from particle to particle (twice.dump, step 0)"),
         (("in.nothing", "--dump", "all.dump"), "deck: must be a readable file, and there is none of this name"),
         (("in.deck", "--restart", "none"), "restart: must be a readable file"),
         (("in.deck", "--restart", "all.dump"), "restart: must be readable by LAMMPS"),
@@ -385,6 +411,9 @@ def test_bad_input_is_one_line(
     (folder / "other.dump").write_text(whole.replace("c_rates", "c_other"))
     (folder / "noid.dump").write_text(whole.replace("ATOMS id", "ATOMS mol"))
     (folder / "word.dump").write_text(re.sub(r"(ITEM: ATOMS.*\n\d+ \d+) \S+", r"\1 much", whole))
+    row = re.compile(r"(?<=\n)1 1 ")
+    (folder / "types.dump").write_text(row.sub("1 9 ", whole))
+    (folder / "twice.dump").write_text(row.sub("2 1 ", whole))
     (folder / "in.short").write_text((folder / "in.deck").read_text().replace("run             10", "run 2"))
     monkeypatch.chdir(folder)
     code, _, complaint = eos_ref_command("audit", *arguments, "--out", "report")

@@ -94,8 +94,8 @@ ABOUT = (
 )
 
 
-def _flow(name: str, about: str, expected: str, options: Options) -> Flow:
-    return Flow(name, about, U.known[0].source, (16, 20, 28), expected, _start, misfits((U, V)), options, (12,))
+def _flow(name: str, about: str, expected: str, options: Options, quick: tuple[int, ...] = ()) -> Flow:
+    return Flow(name, about, U.known[0].source, (16, 20, 28), expected, _start, misfits((U, V)), options, quick)
 
 
 CAVITY = Validation(
@@ -111,6 +111,7 @@ STORED = Validation(
         f"{ABOUT} Without interface/reconstruct, so that walls have the velocity and the density that they are given.",
         "1: the velocity of the lid is met about half a spacing behind its face",
         Options(extra={"walls": "stored"}),
+        (12,),
     ),
     "Lid-driven cavity, walls as they are given",
     (U, V),

@@ -195,6 +195,21 @@ def test_every_start_reaches_a_worker(of: Validation) -> None:
     assert (again.atoms.x_nc == start.atoms.x_nc).all()
 
 
+def test_quick_leaves_out_flows_without_a_quick_form_unless_named(
+    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[list[str]] = []
+
+    def note(chosen: list[Validation], *_: object, **__: object) -> Validated:
+        asked.append([of.name for of in chosen])
+        return validated()
+
+    monkeypatch.setattr(run, "validate", note)
+    for names in ((), ("cavity",)):
+        assert eos_ref_command("validate", "--quick", *names, "--out", tmp_path).code == 0
+    assert asked == [[name for name in VALIDATIONS if name not in ("cavity", "convection")], ["cavity"]]
+
+
 def test_every_flow_has_what_its_page_needs() -> None:
     for name, of in VALIDATIONS.items():
         assert name == of.flow.name

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Model, State
+from eos_ref.model.parameters import Model, PairTerms, State
 from eos_ref.numbers.columns import joined
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
@@ -40,13 +42,21 @@ class Particle:
 
 @dataclass(frozen=True)
 class Pair:
-    """A pair: the other particle, the distance vector to it, the kernel and its gradient."""
+    """A pair: the other particle, the distance vector to it, the kernel and its gradient.
+
+    With what the pair adds to the particle's force (``pressure_force``: by pressure and artificial viscosity), rate of
+    density and heat flow, as far as the model has them and they were asked for.
+    """
 
     other: Particle
     x: tuple[float, ...]
     r: float
     w: float
     gradient: tuple[float, ...]
+    force: tuple[float, ...] = ()
+    pressure_force: tuple[float, ...] = ()
+    drho: float | None = None
+    heat: float | None = None
 
 
 @dataclass(frozen=True)
@@ -58,12 +68,34 @@ class Sum:
     count: int
 
 
-def terms(problem: Problem, step: int, atom: int) -> Sum:
-    """Return the pairs of a particle after a step, nearest first."""
+class _PairByPair(ArrayEvaluator):
+    """Stages whose sums over pairs are left as their terms."""
+
+    def total(self, term_p: Any) -> Any:
+        return term_p
+
+
+def added(sim: Simulation) -> PairTerms | None:
+    """Return what every pair added to the particle it is listed for, (p, ...), when forces were evaluated last.
+
+    None if they were not. At the end of a step velocities and densities are further on than they were then.
+    """
+    if sim.pressure_force_nc is None:
+        return None
+    last = sim.rounded()
+    stages: Any = copy.copy(last.evaluator)
+    stages.__class__ = type("PairByPair", (_PairByPair, type(stages)), {})
+    found: PairTerms = stages.pair_terms(last.pair_input(last.force_pressure())._replace(virial=False))
+    return found if sim.model.pair.rho_damp else replace(found, drho_n=None)
+
+
+def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces: bool = False) -> Sum:
+    """Return pairs of a particle after a step, nearest first; with ``forces`` what each of them adds."""
     sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
     for _ in visit(sim, (step,), problem.timestep, problem.stops):
         pass
     evaluator, state = sim.evaluator, sim.state
+    adds = added(sim) if forces else None
     assert isinstance(evaluator, ArrayEvaluator)
     evaluator.move(state.x_nc)  # a number that needs no pairs leaves them out
     evaluator.correct(state.rho_n)
@@ -85,7 +117,7 @@ def terms(problem: Problem, step: int, atom: int) -> Sum:
     x_pc, gradient_pc = _array(joined(evaluator.x)), _array(joined(evaluator.g))
     r_p, w_p = _array(evaluator.r), _array(evaluator.w)
     own = np.flatnonzero(evaluator.i == atom - 1)
-    nearest = own[np.argsort(r_p[own], kind="stable")][:MOST_PAIRS]
+    nearest = own[np.argsort(r_p[own], kind="stable")][:most]
     pairs = tuple(
         Pair(
             particle(int(evaluator.j[p])),
@@ -93,10 +125,19 @@ def terms(problem: Problem, step: int, atom: int) -> Sum:
             float(r_p[p]),
             float(w_p[p]),
             tuple(map(float, gradient_pc[p])),
+            *_added(adds, int(p)),
         )
         for p in nearest
     )
     return Sum(particle(atom - 1), pairs, len(own))
+
+
+def _added(adds: PairTerms | None, p: int) -> tuple[Any, ...]:
+    """Return what a pair adds, as the last fields of `Pair`."""
+    if adds is None:
+        return ()
+    vectors = [tuple(map(float, _array(of)[p])) for of in (adds.force_nc, adds.pressure_force_nc)]
+    return *vectors, *(None if of is None else float(_array(of)[p]) for of in (adds.drho_n, adds.heat_n))
 
 
 def _array(given: Array) -> FloatArray:

@@ -13,9 +13,13 @@ from lammps_cases.cli import completion, shared
 
 @click.command("explain")
 @click.argument("name", metavar="CASE|FINDING|FIELD|VERDICT", shell_complete=completion.findings_and_cases)
+@click.option(
+    "--atom", type=int, metavar="ID", help="Show the neighbours of a particle, and what each pair adds to it."
+)
+@click.option("--step", type=int, metavar="N", help="Of --atom: after N steps.  [default: the last that is compared]")
 @shared.paths_option
 @shared.json_option
-def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
+def explain_command(name: str, atom: int | None, step: int | None, paths: tuple[Path, ...], as_json: bool) -> int:
     """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
 
     What it is for, and the rules of the reference that it takes besides, are counted by running the reference on it.
@@ -23,14 +27,17 @@ def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
 
     \b
     Example:  eos-ref explain near-rho0.tait-water.2d
+              eos-ref explain forces.all.quintic.2d --atom 5 --step 1
               eos-ref explain surface/divr
     """
-    from eos_ref.errors import unknown
+    from eos_ref.errors import InputError, unknown
     from lammps_cases.findings import LEDGER
     from lammps_cases.records.wording import MEANINGS
     from lammps_cases.scene import casefile
     from lammps_cases.scene.fields import FIELDS
 
+    if step is not None and atom is None:
+        raise InputError("option --step", "is that of a particle: --atom ID --step N")
     cases = casefile.load(paths)
     if not casefile.names_like(name, cases):
         others = {**{entry.id: _finding for entry in LEDGER}, **dict.fromkeys(FIELDS, _field)}
@@ -39,6 +46,11 @@ def explain_command(name: str, paths: tuple[Path, ...], as_json: bool) -> int:
             files = dict.fromkeys(case.name.split(".")[0] for case in cases)
             raise unknown("case, finding, field or verdict", name, [*others, *files, *(case.name for case in cases)])
         others[name](name, as_json)
+        return 0
+    if atom is not None:
+        from lammps_cases.cli import explain_atom
+
+        explain_atom.say(casefile.select(cases, (name,)), atom, step, as_json)
         return 0
     explanations = [_explanation(case) for case in casefile.select(cases, (name,))]
     if as_json:

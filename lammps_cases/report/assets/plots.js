@@ -446,7 +446,7 @@ const Plots = (() => {
     Plotly.addTraces(plot, { type: spots[0][0].type ?? "scatter", ...places, mode: "markers", name: "pinned", hoverinfo: "skip", showlegend: false, marker });
   }
 
-  function pinned(data, at) {
+  function pinned(name, data, at) {
     const box = element("div", "atom scroll");
     const kind = data.phase ? (data.phase[at] ? ", solid" : ", fluid") : "";
     box.append(element("h4", "", `Atom ${data.id[at]}, type ${data.type[at]}${kind}, at ${data.x.map((column) => short(column[at], 5)).join(", ")}`));
@@ -458,6 +458,7 @@ const Plots = (() => {
       line(body, "td", [name, short(field.lammps[at]), short(field.reference[at]), ...[field.difference, field.bound, field.ratio].map((column) => rough(column[at]))]);
     }
     box.append(table);
+    if (!data.rho && !data.checks) box.append(element("p", "note", "its neighbours, and what each pair adds: "), element("code", "", `eos-ref explain ${name} --atom ${data.id[at]}`));
     return box;
   }
 
@@ -466,7 +467,7 @@ const Plots = (() => {
     panel.querySelector(".atom")?.remove();
     const found = at >= 0;
     panel.dataset.atom = found ? data.id[at] : "";
-    if (found) panel.prepend(pinned(data, at));
+    if (found) panel.prepend(pinned(article.dataset.case, data, at));
     for (const plot of panel.querySelectorAll(".plot")) ring(plot, at, theme(false));
     article.dispatchEvent(new CustomEvent("pinned"));
   }

@@ -1,0 +1,64 @@
+"""A particle's neighbours, and what each pair adds: the sums are the fields of the reference."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison.trajectory import visit, wanted
+from lammps_cases.run.campaign import prepare
+from lammps_cases.scene import casefile
+from lammps_cases.verdict.model_cases import problem_of
+from tests.support.outcome import Outcome
+
+ATOM = 5
+
+
+@pytest.mark.parametrize("name", ["forces.all.rk1.2d", "forces.all.quintic.3d", "thermal.arithmetic.2d"])
+def test_the_sums_are_the_fields(name: str, eos_ref_command: Callable[..., Outcome]) -> None:
+    (case,) = (case for case in casefile.load() if case.name == name)
+    problem = problem_of(case.scene, prepare(case).atoms, case.where, case.scene.snapshots)
+    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
+    last = case.scene.snapshots[-1]
+    for _ in visit(sim, (last,), problem.timestep, problem.stops):
+        pass
+    document = json.loads(eos_ref_command("explain", name, "--atom", str(ATOM), "--json").out)
+    assert last > 0 and document["step"] == last
+    assert document["count"] == len(document["pairs"]) == sim.fields["coordination"][ATOM - 1]
+    sums, twin = document["sum"], sim.rounded()
+    fields = {"force": "f", "drho": "drho", "heat": "heatflow"}
+    named = {name: field for name, field in fields.items() if name in sums}
+    assert set(named) == ({"force", "heat"} if problem.model.thermal else {"force", "drho"})
+    for name, field in named.items():
+        exact = twin.fields[field]
+        bound = np.asarray(exact.error)[ATOM - 1]  # of both sides, which add in other orders
+        assert np.all(np.abs(np.asarray(sums[name]) - exact.value[ATOM - 1]) <= bound), name
+
+
+def test_as_a_table(eos_ref_command: Callable[..., Outcome]) -> None:
+    out = eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5", "--step", "0").out
+    assert out.startswith("forces.all.quintic.2d, particle 5 after 0 steps") and "of pressure x" in out
+    assert out.rstrip().splitlines()[-1].split()[0] == "sum"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("forces.all.quintic.2d", "--atom", "0"), "atom: must be an id of the "),
+        (
+            ("forces.all.quintic.2d", "--atom", "5", "--step", "3"),
+            "step: must be one that is compared: 0, 1, 10, found 3",
+        ),
+        (("forces.all.quintic.2d", "--step", "1"), "option --step: is that of a particle"),
+        (("near-rho0.tait-water.2d", "--atom", "5"), "case: must have particles that interact"),
+        (("forces.all.quintic.*", "--atom", "5"), "case: must be one, of whose particles one is looked at, found 2"),
+    ],
+)
+def test_bad_input(words: tuple[str, ...], said: str, eos_ref_command: Callable[..., Outcome]) -> None:
+    code, _, err = eos_ref_command("explain", *words)
+    assert code == 2 and said in err, err

@@ -179,3 +179,8 @@ def test_the_document_has_what_was_measured() -> None:
     assert balance.percent(by_run[balance.LAMMPS]) == balance.percent(by_run["as it is"]) == balance.percent(log)
     adds = {row["run"]: row["adds"] for row in rows if row["deck"] == "taylor-green"}
     assert adds["no artificial viscosity"] > by_run["as it is"] > 0 > adds["no density diffusion"]
+    plates = {row["run"]: row["away"] for row in rows if row["deck"] == "poiseuille"}
+    bare = plates["no artificial viscosity"]
+    assert 0 < plates["as it is"] < bare / 2, "most of the error of the walls is hidden"
+    assert 0 < plates["half the spacing, no artificial viscosity"] < 0.6 * bare, "of first order"
+    assert bare - plates["as it is"] > plates["half the spacing, no artificial viscosity"] - plates["half the spacing"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -336,7 +337,7 @@ def test_a_bound_is_derived_in_words() -> None:
 def test_positions_are_compared_where_the_reference_has_them() -> None:
     """LAMMPS wraps those that leave a periodic box; along an open axis a period is a difference."""
     box = Box((0.0, 0.0), (4.0, 3.0), (True, False))
-    problem = Problem(None, box, None, 0.0, ("x", "v"), (0,))
+    problem = Problem(SimpleNamespace(deform=None), box, None, 0.0, ("x", "v"), (0,))
     theirs_nc = np.array([[0.5, 1.0], [3.5, 1.0], [1.0, 0.5]])
     ours_nc = np.array([[4.5, 1.0], [-4.5, 1.0], [1.0, 3.5]])
     for name, placed_nc in (("x", [[4.5, 1.0], [-4.5, 1.0], [1.0, 0.5]]), ("v", theirs_nc)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,8 @@ from tests.support import made_findings
 
 NAN, INF = float("nan"), float("inf")
 ID = np.array([3, 5, 8])
-PROBLEM = Problem(None, None, None, 0.0, ("f", "coordination"), (0, 2, 5))  # coordination comes first in a step
+FIXED = SimpleNamespace(deform=None)  # all that is asked of a model: whether its box grows
+PROBLEM = Problem(FIXED, None, None, 0.0, ("f", "coordination"), (0, 2, 5))  # coordination comes first in a step
 REFERENCE = 10.0
 Bounds = tuple[float, float, float]
 Effects = Mapping[str, tuple[int, str, float]]  # step, field and distance from the reference of a finding, or of some

@@ -102,6 +102,8 @@ def parts(case: CaseRecord) -> list[Part]:
         at = max((step for step in series.steps if step in exact.steps), default=0)
         reference = deviation(exact, right, at) if at else None
         away = None if own is None or reference is None or series is right or series.name == LAMMPS else reference - own
+        if away is not None and series.findings:  # which such a run has, and the reference as it is has not
+            away = -away
         found.append(Part(series.name, at, own, away, series.ended))
     return found
 

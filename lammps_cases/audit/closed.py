@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,6 +34,8 @@ def closed(good: Good, steps: Sequence[int]) -> ClosedRecord | None:
         return None
     times = [step * good.timestep for step in steps]
     nu = model.viscosity[0].eta / model.eos.laws[0].rho0
+    if not nu > 0:
+        return None
     return _vortices(good, model, nu, steps, times) or _channel(good, model, nu, steps, times)
 
 
@@ -46,11 +49,13 @@ def _vortices(good: Good, model: Model, nu: float, steps: Sequence[int], times: 
     if not size or not _are_vortices(state.v_nc, x_nc, k):
         return None
     kinetic = 0.5 * float((good.sample.mass_n[:, None] * state.v_nc**2).sum())
-    decay = [4 * nu * k**2 * t for t in times]
+    values = [kinetic * math.exp(-4 * nu * k**2 * t) for t in times]
+    if any(not 0 < after < before for before, after in pairwise(values)):
+        return None  # too little viscosity or too much for a rate
     return ClosedRecord(
         flow="vortices of Taylor and Green", quantity="kinetic energy",
         about=f"decays at the rate 4 nu k^2, k = {k:.6g}",
-        steps=list(steps), values=[kinetic * math.exp(-of) for of in decay], decays=True,
+        steps=list(steps), values=values, decays=True,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from eos_ref.model.parameters import Box
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.audit import rerun
+from lammps_cases.audit import balance, rerun
 from lammps_cases.audit.budget import Rates, budget
 from lammps_cases.audit.closed import closed, deviation
 from lammps_cases.audit.deck import Action
@@ -22,6 +22,7 @@ from lammps_cases.records.run_record import ClosedRecord, SeriesRecord
 from lammps_cases.run.campaign import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
+from tests.support import made_runs
 
 FORCES, SHIFT, THERMAL = "forces.all.quintic.2d", "shift.all.2d", "thermal.arithmetic.2d"
 
@@ -154,6 +155,35 @@ def test_vortices_are_recognised_by_their_velocities() -> None:
     moved[3, 0] += 1e-9
     assert closed(vortices(v_nc=moved), [0, 10]) is None, "something else flows here"
     assert closed(vortices(v_nc=0 * moved), [0, 10]) is None
+
+
+@pytest.mark.parametrize("eta", [0.0, 1e-30, 1e6])
+def test_a_viscosity_that_leaves_no_rate_has_no_closed_solution(eta: float) -> None:
+    good = vortices()
+    law = replace(good.sample.model.viscosity[0], eta=eta)
+    model = replace(good.sample.model, viscosity=(law,))
+    assert closed(replace(good, sample=replace(good.sample, model=model)), [0, 10]) is None
+
+
+def test_what_a_finding_adds_is_what_the_run_with_it_has_more() -> None:
+    exact = ClosedRecord(flow="", quantity="kinetic energy", about="", steps=[0, 1], values=[1, 0.5], decays=True)
+    looks = {"steps": [0, 1], "momentum": [[0.0], [0.0]]}
+    right = SeriesRecord(name=rerun.AS_IT_IS, kinetic=[1.0, 0.5], **looks)
+    faster = {"kinetic": [1.0, 0.25], **looks}
+    case = made_runs.case("a").model_copy(
+        update={
+            "closed": exact,
+            "budgets": [budget(sample_of(FORCES), still(sample_of(FORCES)), 1, step, 0.0) for step in (0, 1)],
+            "series": [
+                right,
+                SeriesRecord(name=rerun.SILENT, **faster),
+                SeriesRecord(name="b", findings=["b"], **faster),
+            ],
+        }
+    )
+    _, _, silent, wrong = balance.parts(case)
+    assert silent.contribution == pytest.approx(-1.0, rel=1e-12, abs=0), "without it the decay is faster"
+    assert wrong.contribution == pytest.approx(1.0, rel=1e-12, abs=0), "with it the decay is faster"
 
 
 def test_a_deviation_is_taken_at_a_common_step() -> None:

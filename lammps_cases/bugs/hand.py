@@ -61,11 +61,15 @@ class Pair:
 
 @dataclass(frozen=True)
 class Sum:
-    """The particle of a number, its nearest pairs, and how many there are."""
+    """The particle of a number, its nearest pairs, and how many there are.
+
+    ``force_with_fixes`` is the force after fixes that add to it or set it, of models that have them.
+    """
 
     particle: Particle
     pairs: tuple[Pair, ...]
     count: int
+    force_with_fixes: tuple[float, ...] = ()
 
 
 class _PairByPair(ArrayEvaluator):
@@ -129,7 +133,8 @@ def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces
         )
         for p in nearest
     )
-    return Sum(particle(atom - 1), pairs, len(own))
+    acted = tuple(map(float, _array(sim.fields["f"])[atom - 1])) if adds is not None and problem.model.forces else ()
+    return Sum(particle(atom - 1), pairs, len(own), acted)
 
 
 def _added(adds: PairTerms | None, p: int) -> tuple[Any, ...]:

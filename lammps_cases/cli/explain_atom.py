@@ -84,7 +84,8 @@ def _show(case: Case, given: Sum, step: int) -> None:
     sums, axes = added_up(given.pairs), "xyz"[: len(own.x)]
     names: dict[str, tuple[str, int | None]]
     names = {f"f_{axis}": ("force", k) for k, axis in enumerate(axes)} if "force" in sums else {}
-    names |= {f"of pressure {axis}": ("pressure_force", k) for k, axis in enumerate(axes)} if "force" in sums else {}
+    pressure = {f"of pressure {axis}": ("pressure_force", k) for k, axis in enumerate(axes)} if "force" in sums else {}
+    names |= pressure
     names |= {name: (name, None) for name in ("drho", "heat") if name in sums}
     rows = [
         [str(pair.other.id), str(pair.other.type), "solid" if pair.other.solid else "fluid"]
@@ -93,7 +94,12 @@ def _show(case: Case, given: Sum, step: int) -> None:
         for pair in given.pairs
     ]
     rows.append(["sum", "", "", "", "", *(number(_part(sums, *at), DIGITS) for at in names.values())])
-    shared.table(["particle", "type", "phase", "r", "W", *names], rows, drop=["type", "phase", "W"])
+    shared.table(
+        ["particle", "type", "phase", "r", "W", *names], rows, drop=["type", "phase", "W", *pressure, "r"]
+    )  # fmt: skip
+    if given.force_with_fixes:
+        force = ", ".join(number(of, DIGITS) for of in given.force_with_fixes)
+        shared.show(f"force with the fixes of the case that add to it or set it: {force}")
 
 
 def _part(of: dict[str, Any], name: str, axis: int | None) -> float | None:

@@ -46,6 +46,24 @@ def test_as_a_table(eos_ref_command: Callable[..., Outcome]) -> None:
     assert out.rstrip().splitlines()[-1].split()[0] == "sum"
 
 
+def test_fixes_that_change_the_force(eos_ref_command: Callable[..., Outcome]) -> None:
+    held = ("explain", "walls.stored.gravity", "--atom", "1")
+    document = json.loads(eos_ref_command(*held, "--json").out)
+    assert document["force_with_fixes"] == [0.0, 0.0] and any(document["sum"]["force"])
+    assert "that add to it or set it: 0, 0" in eos_ref_command(*held).out
+    pushed = json.loads(eos_ref_command("explain", "walls.stored.gravity", "--atom", "55", "--json").out)
+    assert pushed["force_with_fixes"][1] < pushed["sum"]["force"][1] and pushed["particle"]["mass"] > 0
+    assert "add to it or set it" not in eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
+
+
+def test_numbers_are_whole_on_a_narrow_terminal(
+    eos_ref_command: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    out = eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out and max(map(len, out.splitlines())) <= 60, out
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

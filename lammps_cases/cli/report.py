@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -21,19 +22,22 @@ def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool)
     Example:  eos-ref report reports/latest
               eos-ref report reports/latest --dashboard data/eos-ref/run.json
     """
+    from eos_ref import InputError
     from lammps_cases import history
     from lammps_cases.records.run_record import read_run
     from lammps_cases.report import write_report
 
+    if news and dashboard:
+        raise InputError("--dashboard", "cannot be combined with --news")
     record = read_run(run)
     if news:
         from lammps_cases.report import markdown
         from lammps_cases.report.findings import outcome
 
-        click.echo(markdown.news(outcome(record)), nl=False)
+        text = markdown.news(outcome(record))
+        click.echo(json.dumps({"news": text}) + "\n" if as_json else text, nl=False)
         return 0
     if dashboard:
-        from eos_ref import InputError
         from lammps_cases.records.files import write_atomically
         from lammps_cases.report.dashboard import document
         from lammps_cases.report.findings import outcome
@@ -42,7 +46,7 @@ def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool)
             write_atomically(dashboard, document(outcome(record)))
         except OSError as error:
             raise InputError("--dashboard", f"cannot be written: {error.strerror}", where=str(dashboard)) from None
-        click.echo(dashboard)
+        click.echo(json.dumps({"dashboard": str(dashboard)}) if as_json else dashboard)
         return 0
     write_report(record, run, history=history.past(record))
     return shared.finish(record, run, as_json)

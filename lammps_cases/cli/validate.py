@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from lammps_cases.cli.shared import engine_option, folder_option, json_option
+from lammps_cases.cli.shared import engine_option, folder_option, json_option, page_folder
 from lammps_cases.records.progress import Bar
 
 
@@ -41,6 +41,7 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool
             raise InputError("flow", f"must be one of {', '.join(VALIDATIONS)}{nearest(name, VALIDATIONS)}", name)
     short = [name for name, of in VALIDATIONS.items() if of.flow.quick or not quick]
     chosen = [VALIDATIONS[name] for name in dict.fromkeys(names or short)]
+    page_folder(out)
     if fresh:
         record.journal(out).forget()
     with Bar(quiet=as_json) as bar:

@@ -132,6 +132,19 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, eos_ref_command
     assert done.code == 2 and "--dashboard: cannot be written" in done.err
 
 
+@pytest.mark.parametrize("option", ["--news", "--dashboard"])
+def test_with_json_nothing_else_is_printed(tmp_path: Path, eos_ref_command: Run, option: str) -> None:
+    write_run(run(), tmp_path / "report")
+    words = [option, tmp_path / "run.json"] if option == "--dashboard" else [option]
+    done = eos_ref_command("report", tmp_path / "report", *words, "--json")
+    assert done.code == 0 and json.loads(done.out)
+
+
+def test_news_are_not_written_to_a_dashboard(tmp_path: Path, eos_ref_command: Run) -> None:
+    done = eos_ref_command("report", tmp_path, "--news", "--dashboard", tmp_path / "run.json")
+    assert done.code == 2 and "--dashboard: cannot be combined with --news" in done.err
+
+
 def test_the_nightly_job_of_the_page_is_a_workflow(tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs" / "upstream.md").read_text()
     (block,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)

@@ -158,6 +158,13 @@ def validated(*runs: FlowRecord) -> Validated:
     return Validated("", {"processor": "", "cores": 1}, {}, False, 1.0, runs)
 
 
+def test_the_report_of_a_run_is_not_written_over(eos_ref_command: Run, tmp_path: Path) -> None:
+    (tmp_path / "run.json").touch()
+    ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
+    assert ended.code == 2 and "output folder: must not be the report of a run" in ended.err
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
 def test_effects_are_said_in_the_quantities_of_a_user() -> None:
     of = validated(made(REFERENCE, 1.0), made(LAMMPS, 0.5), made(UNIT, 0.0, "Lost atoms"), made("force-per-volume", 2))
     assert list(page.effects(of, THICK)) == [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 from lammps_cases.records.outcome import NEW, SAME, ChangeKind, FieldOutcome
@@ -19,6 +20,14 @@ def closest(a: bool, b: bool) -> Closer:
 def judged(field: FieldOutcome) -> tuple[str, tuple[str, ...]]:
     """Reduce a verdict to what it says of LAMMPS: inside the bound, explained by some findings, or neither."""
     return ("inside", ()) if field.verdict in INSIDE else (field.verdict, field.explained_by)
+
+
+@cache
+def left_to_chance() -> frozenset[str]:
+    """Return the findings that leave values without a bound, as they depend on what memory held before."""
+    from lammps_cases.findings import LEDGER
+
+    return frozenset(entry.id for entry in LEDGER if entry.model_variant and entry.model_variant.undefined)
 
 
 @dataclass(frozen=True)
@@ -44,11 +53,17 @@ class Policy:
             return False
         return judged(one)[0] == judged(other)[0]
 
-    def faults(self, kind: ChangeKind) -> bool:
-        """Return whether a change of some kind counts."""
-        if kind in SAME:
+    def faults(self, change: SideChange) -> bool:
+        """Return whether a change counts.
+
+        Other bits within bounds do not where both sides show a finding by which LAMMPS leaves values to chance: they
+        depend on what the same process ran before.
+        """
+        if change.kind in SAME:
             return False
-        return self.bits if kind == "within bounds" else self.news or kind not in NEW
+        if change.kind == "within bounds":
+            return self.bits and not left_to_chance() & set(change.findings[0]) & set(change.findings[1])
+        return self.news or change.kind not in NEW
 
 
 @dataclass(frozen=True)

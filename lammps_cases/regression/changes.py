@@ -57,7 +57,7 @@ def compare(a: Side, b: Side, policy: Policy) -> Changes:
             changes += _fields(one, other, a, b, policy)
         else:
             changes.append(_without_numbers(one, other))
-    judged = tuple(replace(change, fault=policy.faults(change.kind)) for change in changes)
+    judged = tuple(replace(change, fault=policy.faults(change)) for change in changes)
     return Changes(a, b, judged, tuple(_notes(a, b, judged)))
 
 

@@ -42,6 +42,8 @@ def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool)
         from lammps_cases.report.dashboard import document
         from lammps_cases.report.findings import outcome
 
+        if _is_run(dashboard):
+            raise InputError("--dashboard", "must not be the record of a run", where=str(dashboard))
         try:
             write_atomically(dashboard, document(outcome(record)))
         except OSError as error:
@@ -50,3 +52,14 @@ def report_command(run: Path, news: bool, dashboard: Path | None, as_json: bool)
         return 0
     write_report(record, run, history=history.past(record))
     return shared.finish(record, run, as_json)
+
+
+def _is_run(file: Path) -> bool:
+    from eos_ref import InputError
+    from lammps_cases.records.run_record import read_run
+
+    try:
+        read_run(file.parent)
+    except InputError:
+        return False
+    return file.name == "run.json"

@@ -140,6 +140,14 @@ def test_with_json_nothing_else_is_printed(tmp_path: Path, eos_ref_command: Run,
     assert done.code == 0 and json.loads(done.out)
 
 
+def test_the_record_of_a_run_is_not_written_over(tmp_path: Path, eos_ref_command: Run) -> None:
+    write_run(run(), tmp_path / "report")
+    record = (tmp_path / "report" / "run.json").read_bytes()
+    done = eos_ref_command("report", tmp_path / "report", "--dashboard", tmp_path / "report" / "run.json")
+    assert done.code == 2 and "--dashboard: must not be the record of a run" in done.err
+    assert (tmp_path / "report" / "run.json").read_bytes() == record
+
+
 def test_news_are_not_written_to_a_dashboard(tmp_path: Path, eos_ref_command: Run) -> None:
     done = eos_ref_command("report", tmp_path, "--news", "--dashboard", tmp_path / "run.json")
     assert done.code == 2 and "--dashboard: cannot be combined with --news" in done.err

@@ -94,12 +94,15 @@ ABOUT = (
 )
 
 
-def _flow(name: str, about: str, expected: str, options: Options, quick: tuple[int, ...] = ()) -> Flow:
-    return Flow(name, about, U.known[0].source, (16, 20, 28), expected, _start, misfits((U, V)), options, quick)
+def _flow(
+    name: str, about: str, expected: str, options: Options, coarsest: int = 16, quick: tuple[int, ...] = ()
+) -> Flow:
+    known, resolutions = U.known[0].source, (coarsest, 20, 28)
+    return Flow(name, about, known, resolutions, expected, _start, misfits((U, V)), options, quick)
 
 
 CAVITY = Validation(
-    _flow("cavity", ABOUT, "1: noise of the shift at the scale of a spacing, corners of the lid", Options()),
+    _flow("cavity", ABOUT, "1: noise of the shift at the scale of a spacing, corners of the lid", Options(), 12),
     "Lid-driven cavity, reconstructed walls",
     (U, V),
     QUANTITIES,
@@ -111,7 +114,7 @@ STORED = Validation(
         f"{ABOUT} Without interface/reconstruct, so that walls have the velocity and the density that they are given.",
         "1: the velocity of the lid is met about half a spacing behind its face",
         Options(extra={"walls": "stored"}),
-        (12,),
+        quick=(12,),
     ),
     "Lid-driven cavity, walls as they are given",
     (U, V),

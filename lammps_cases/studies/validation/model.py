@@ -72,12 +72,19 @@ class Panel:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that a user reads off the flow; ``published`` is what it should be, None: nobody knows."""
+    """A number that a user reads off the flow.
+
+    Attributes
+    ----------
+    published : what it should be, None: nobody knows
+    absent : what is said where a run has no such number
+    """
 
     name: str
     read: Callable[[int, Options, Sequence[Snapshot]], float]
     published: float | None = None
     source: str = ""
+    absent: str = "no number"
 
 
 @dataclass(frozen=True)

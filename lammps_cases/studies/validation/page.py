@@ -57,13 +57,26 @@ def effects(validated: Validated, of: Validation) -> Iterator[str]:
             continue
         run = validated.of(of.name, side)[-1]
         if run.message:
-            yield f"{_who(side)} stopped at {run.n} particles: {run.message}"
+            yield f"{_who(side)} {stopped(validated, of.name, side)}"
             continue
         beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
         for quantity in of.quantities:
             if beside is not None and quantity.name in beside.quantities:
                 ours, theirs = beside.quantities[quantity.name], run.quantities[quantity.name]
                 yield f"{_who(side)}, {run.n}: {quantity.name} {_change(theirs, ours, quantity)}"
+
+
+def stopped(validated: Validated, flow: str, side: str) -> str:
+    """Say why a side has no numbers: of LAMMPS the findings with which the reference loses particles too."""
+    *_, last = runs = validated.of(flow, side)
+    run = next((run for run in runs if run.lost), last)
+    if not run.lost:
+        return f"stopped at {run.n} particles: {run.message}"
+    names = " and ".join(run.lost.findings)
+    how = "alone" if len(run.lost.findings) == 1 else "together"
+    too = f"so does the reference with {names} {how}, after step {run.lost.after}"
+    none = "the reference does not, with none of the findings tried"
+    return f"loses atoms after step {run.lost.step}, at {run.n} particles; {too if names else none}"
 
 
 def _who(side: str) -> str:
@@ -75,7 +88,8 @@ def _who(side: str) -> str:
 
 def _change(theirs: float, ours: float, quantity: Quantity) -> str:
     """Say one number in place of another, and how far that is from it."""
-    words = f"{brief(theirs)} in place of the reference's {brief(ours)}"
+    found = quantity.absent if math.isnan(theirs) else brief(theirs)
+    words = f"{found} in place of the reference's {brief(ours)}"
     if ours and math.isfinite(theirs / ours):
         change = 100 * (theirs / ours - 1)
         words += f", {change:+.0f} %" if abs(change) >= 10 else f", {change:+.1g} %"

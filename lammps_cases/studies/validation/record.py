@@ -20,6 +20,15 @@ REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of leng
 
 
 @dataclass(frozen=True)
+class Lost:
+    """LAMMPS lost particles: the last step with all of them; findings with which the reference has lost some, when."""
+
+    step: int
+    findings: tuple[str, ...] = ()
+    after: int | None = None
+
+
+@dataclass(frozen=True)
 class FlowRecord:
     """One flow at one resolution, as one side solved it.
 
@@ -27,6 +36,7 @@ class FlowRecord:
     ----------
     side : reference, LAMMPS, LAMMPS in another unit of length; or the id of the finding that the reference had
     message : of LAMMPS, if it failed; then there is nothing else
+    lost : why, if it lost particles; of the coarsest resolution alone
     """
 
     __pydantic_config__ = _INFINITE
@@ -41,6 +51,7 @@ class FlowRecord:
     curves: Mapping[str, Curve]
     errors: Mapping[str, float]
     quantities: Mapping[str, float]
+    lost: Lost | None = None
 
 
 @dataclass(frozen=True)
@@ -71,11 +82,6 @@ class Validated:
     def flows(self) -> list[str]:
         """Names of the flows, in their order."""
         return list(dict.fromkeys(run.flow for run in self.runs))
-
-    @property
-    def failed(self) -> list[FlowRecord]:
-        """Runs that LAMMPS did not finish, but for those in a unit of length that one of its findings depends on."""
-        return [run for run in self.runs if run.message and run.side == LAMMPS]
 
     def of(self, flow: str, side: str) -> list[FlowRecord]:
         """Return the runs of one side, from the coarsest on."""

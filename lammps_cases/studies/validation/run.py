@@ -25,7 +25,7 @@ from lammps_cases.setup.twins import Scale, rescaled, rescaled_atoms
 from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.flows.converge import FlowResult, by_reference, in_worker
 from lammps_cases.studies.flows.flow import Snapshot, Start
-from lammps_cases.studies.validation import page, record
+from lammps_cases.studies.validation import lost, page, record
 from lammps_cases.studies.validation.model import Validation
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, RunEntry, Validated
 
@@ -35,12 +35,13 @@ SPACING = 0.75  # between particles, in another unit of length
 
 @dataclass(frozen=True)
 class Task:
-    """A run to be done: a flow at a resolution, by one side."""
+    """A run to be done: a flow at a resolution, by one side; ``explained``: if LAMMPS loses atoms, it is said why."""
 
     of: Validation
     n: int
     side: str
     solve: Callable[[Start], FlowResult]
+    explained: bool = False
 
 
 def validate(
@@ -89,7 +90,7 @@ def _tasks(of: Validation, quick: bool, workers: Workers) -> Iterator[Task]:
     lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
     for n in resolutions:
         yield Task(of, n, REFERENCE, by_reference)
-        yield Task(of, n, LAMMPS, lammps)
+        yield Task(of, n, LAMMPS, lammps, n == resolutions[0])
     if not quick:
         if flow.start(resolutions[0], flow.options).body is None:  # whose formulas are in the first unit
             yield Task(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
@@ -137,7 +138,10 @@ def _key(task: Task, start: Start, about: dict[str, Any]) -> str:
 def _sources(of_flow: ModuleType) -> str:
     """Hash the code that decides what is run and what is read off it, with the reference and its libraries."""
     digest = hashlib.sha256(prediction_keys.context().encode())
-    package, own = Path(__file__).parents[2], [Path(str(of_flow.__file__)), Path(__file__).parent / "model.py"]
+    package, own = (
+        Path(__file__).parents[2],
+        [Path(str(of_flow.__file__)), *(Path(__file__).parent / f for f in ("model.py", "lost.py"))],
+    )
     rooms = [path for room in ("scene", "setup", "engine", "studies/flows") for path in (package / room).glob("*.py")]
     for path in (*sorted(rooms), *own):
         digest.update(path.read_bytes())
@@ -157,7 +161,10 @@ def _run(task: Task, start: Start) -> FlowRecord:
     result = _solved(task, start)
     about = (of.name, task.side, n, result.n, result.steps, result.seconds)
     if result.message:
-        return FlowRecord(*about, result.message, {}, {}, {})
+        explained = task.explained and "lost" in result.message.lower()
+        return FlowRecord(
+            *about, result.message, {}, {}, {}, lost.explain(start, task.solve, of.findings) if explained else None
+        )
     shots = result.snapshots
     return FlowRecord(
         *about,

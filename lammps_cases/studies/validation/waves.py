@@ -125,7 +125,13 @@ WAVE = Validation(
     (MODE,),
     (
         Quantity("rate of decay over 2 nu k^2", lambda *of: _oscillation(*of)[0], 1.0, "Lighthill"),
-        Quantity("frequency over that of linear theory", lambda *of: _oscillation(*of)[1], 1.0, "linear theory"),
+        Quantity(
+            "frequency over that of linear theory",
+            lambda *of: _oscillation(*of)[1],
+            1.0,
+            "linear theory",
+            "no oscillation to fit",
+        ),
     ),
     (FORCE_PER_VOLUME,),
 )

@@ -14,14 +14,17 @@ import pytest
 
 from lammps_cases.engine import session
 from lammps_cases.engine.session import EngineRefused
-from lammps_cases.studies.flows.converge import by_reference
-from lammps_cases.studies.flows.flow import Start
+from lammps_cases.findings.forces import FORCE_PER_VOLUME
+from lammps_cases.findings.variants import Variant
+from lammps_cases.studies.flows.converge import FlowResult, by_reference
+from lammps_cases.studies.flows.flow import Snapshot, Start
 from lammps_cases.studies.flows.stepping import LammpsFlow, ReferenceFlow
 from lammps_cases.studies.validation import (
     VALIDATIONS,
     cavity,
     channel,
     convection,
+    lost,
     page,
     record,
     run,
@@ -29,7 +32,7 @@ from lammps_cases.studies.validation import (
     surfaces,
 )
 from lammps_cases.studies.validation.model import DATA, Known, Validation, table
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Validated
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
 
@@ -175,22 +178,85 @@ def test_effects_are_said_in_the_quantities_of_a_user() -> None:
     ]
 
 
-def test_only_a_flow_as_it_is_that_lammps_did_not_finish_fails_the_command() -> None:
-    assert not validated(made(REFERENCE, 1.0), made(LAMMPS, 1.0), made(UNIT, 0.0, "Lost atoms")).failed
-    assert len(validated(made(LAMMPS, 0.0, "Lost atoms")).failed) == 1
+def test_a_number_that_is_not_there_is_said_in_words() -> None:
+    wave = VALIDATIONS["standing-wave"]
+    names = [quantity.name for quantity in wave.quantities]
+    sides = {REFERENCE: dict.fromkeys(names, 1.0), UNIT: {names[0]: 2.0, names[1]: np.nan}}
+    runs = [replace(made(side, 1.0), flow=wave.name, quantities=found) for side, found in sides.items()]
+    assert [words.split(names[1])[-1] for words in page.effects(validated(*runs), wave)][1] == (
+        " no oscillation to fit in place of the reference's 1 (should be 1)"
+    )
+
+
+# --- particles that LAMMPS loses
+
+
+def lost_at(step: int) -> Callable[[Start], FlowResult]:
+    return lambda start: FlowResult((), 0.0, len(start.atoms), max(s for s in start.steps if s <= step), "Lost atoms")
+
+
+@pytest.mark.parametrize(
+    ("losing", "told"),
+    [
+        ({("a",): 60, ("a", "b"): 40}, Lost(80, ("a",), 60)),
+        ({("a", "b"): 90}, Lost(80, ("a", "b"), 90)),
+        ({}, Lost(80)),
+        ({("a", "b"): 100}, Lost(80)),  # later than it is looked for
+    ],
+)
+def test_the_findings_that_lose_particles_are_tried_alone_then_together(
+    losing: dict[tuple[str, ...], int], told: Lost, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = THICK.flow.start(8, THICK.flow.options)
+
+    class Losing:
+        """Keeps all particles up to a step that depends on what it is made of."""
+
+        def __init__(self, begin: Start, stages: type) -> None:
+            self.step, self.until = 0, losing.get(tuple(base.__name__ for base in stages.__bases__), 10**6)
+
+        def advance(self, steps: int) -> None:
+            self.step += steps
+
+        def snapshot(self) -> bool:
+            return self.step > self.until
+
+    monkeypatch.setattr(lost, "ReferenceFlow", Losing)
+    monkeypatch.setattr(lost, "gone", lambda begin, shot: shot)
+    named = [
+        replace(FORCE_PER_VOLUME, id=name, model_variant=Variant(lambda problem: True, type(name, (), {})))
+        for name in "ab"
+    ]
+    assert lost.explain(start, lost_at(85), named) == told
+
+
+def test_particles_are_gone_beyond_an_end_of_the_box_or_nowhere() -> None:
+    start = THICK.flow.start(8, THICK.flow.options)
+    x_nc = start.atoms.x_nc[:, :2]
+    for axis, value, expected in ((1, 99.0, True), (0, 99.0, False), (0, np.nan, True), (1, 0.0, False)):
+        moved_nc = x_nc.copy()
+        moved_nc[3, axis] = value
+        zero_n = np.zeros(len(x_nc))
+        shot = Snapshot(0.0, moved_nc, np.zeros_like(x_nc), zero_n, None, zero_n, None)
+        assert lost.gone(start, shot) is expected
 
 
 @pytest.mark.lammps
-def test_lammps_that_fails_ends_with_three(
+def test_lost_atoms_are_told_and_are_no_failure(
     eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(*_: object, **__: object) -> Validated:
-        return validated(made(REFERENCE, 1.0), made(LAMMPS, 0.0, str(EngineRefused("Lost atoms"))))
+        of_lammps = replace(made(LAMMPS, 0.0, str(EngineRefused("Lost atoms"))), lost=Lost(80, ("a", "b"), 90))
+        return validated(made(REFERENCE, 1.0), of_lammps)
 
     monkeypatch.setattr(run, "validate", stopped)
     ended = eos_ref_command("validate", THICK.name, "--out", tmp_path)
-    assert ended.code == 3
-    assert "LAMMPS Lost atoms" in ended.out
+    assert ended.code == 0
+    words = (
+        "LAMMPS loses atoms after step 80, at 8 particles; so does the reference with a and b together, after step 90"
+    )
+    assert words in ended.out
+    assert list(page.effects(stopped(), THICK)) == [words]
 
 
 @pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))

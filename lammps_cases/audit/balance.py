@@ -80,8 +80,8 @@ def _change(of: BudgetRecord, finding: BudgetPart, quantity: str) -> float:
 
 
 def measured(case: CaseRecord) -> SeriesRecord:
-    """Return LAMMPS' own run as a series: its samples of the first run."""
-    own = [of for of in case.budgets if of.run == case.budgets[0].run]
+    """Return LAMMPS' own run as a series: its samples of the last run."""
+    own = [of for of in case.budgets if of.run == case.budgets[-1].run]
     return SeriesRecord(
         name=LAMMPS,
         steps=[of.step - own[0].step for of in own],

@@ -62,8 +62,8 @@ class AuditOptions:
     suffix : str, optional
         Style suffix that LAMMPS is started with, as by its own switch -sf.
     budgets : bool
-        Also record conserved quantities, and run the reference on from the first sample with one thing changed at a
-        time.
+        Also record conserved quantities, and run the reference from the last run's first sample, with one thing changed
+        at a time.
 
     Raises
     ------

@@ -106,7 +106,7 @@ class DeckWatch:
         self._last: tuple[PressureSample, dict[str, Comparison], bool] | None = None  # see `PressureSample.result`
         self._previous: int | None = None  # step of the last call
         self._good: Good | None = None  # the last sample that looks like a fluid, if the deck's forces are known
-        self._first: Good | None = None  # the first sample of all, if it looks so
+        self._first: Good | None = None  # the first sample of the last run, if it looks so
         self._harmful: set[str] = set()  # findings that change a field that steps need, in some sample
         self._judged = 0  # samples that looked so
         self._fluid = 0  # atoms in the run's samples, as long as all looked so
@@ -301,7 +301,8 @@ class DeckWatch:
             return ()
         if "f" in run.choice.fields:
             self._good = Good(now, float(self.lmp.extract_global("dt")), self.runs, step)
-            self._first = self._first or self._good
+            if self._first is None or self._first.run != self.runs:
+                self._first = self._good
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
         found = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
@@ -320,11 +321,11 @@ class DeckWatch:
         return (budget(now, force_nc, self.runs, step, half_step, entries, of_press),)
 
     def series(self) -> tuple[list[SeriesRecord], ClosedRecord | None]:
-        """Return runs of the reference from the first sample, if they are asked for and all forces are known.
+        """Return runs of the reference from the first sample of the last run, if asked for and all forces are known.
 
         With what a closed solution says of the same steps, where there is one.
         """
-        if not self.options.budgets or self._first is None or self._good is None or self._first.run != self._good.run:
+        if not self.options.budgets or self._first is None or self._good is None:
             return [], None
         steps = self._good.step - self._first.step
         entries = [entry for entry in touching(self._good.sample, self.engine) if entry.id in self._harmful]

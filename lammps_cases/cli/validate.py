@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def _show(validated: Any, out: Path) -> None:
             for side in (REFERENCE, LAMMPS):
                 last = validated.of(name, side)[-1]
                 order = validated.order(name, side, panel.name).order
-                error = f"{last.errors[panel.name]:8.2g}, order {order:5.2f}" if last.errors else ""
+                rate = f", order {order:5.2f}" if math.isfinite(order) else ""
+                error = f"{last.errors[panel.name]:8.2g}{rate}" if last.errors else ""
                 error = error or stopped(validated, name, side)
                 parts.append(f"{side} {error}")
             click.echo(f"{name:18s} {panel.name:14s} {'; '.join(parts)}")

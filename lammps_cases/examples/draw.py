@@ -45,7 +45,7 @@ def picture(example: Example) -> Markup:
         left.set_xlabel("step", color=FAINT)
         left.legend(frameon=False, fontsize=8, labelcolor=INK)
         right.set_title("power of each part of the model", color=INK)
-        first = [of for of in case.budgets if of.run == case.budgets[0].run]
+        first = [of for of in case.budgets if of.run == case.budgets[-1].run]
         for name, colour in PARTS.items():
             powers = [_power(of, name) for of in first]
             if any(powers):

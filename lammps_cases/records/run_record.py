@@ -248,7 +248,7 @@ class BudgetRecord(_Record):
 
 
 class SeriesRecord(_Record):
-    """A run of the reference from the first sample of an audited deck, with one thing changed."""
+    """A run of the reference from the first sample of an audited deck's last run, with one thing changed."""
 
     name: str
     findings: list[str] = []
@@ -311,7 +311,7 @@ class CaseRecord(_Record):
     effects: list[EffectRecord] = Field([], description="what known findings do to an audited deck")
     outlook: OutlookRecord | None = Field(None, description="why an audited run broke off")
     budgets: list[BudgetRecord] = Field([], description="conserved quantities of an audited deck, sample by sample")
-    series: list[SeriesRecord] = Field([], description="runs of the reference from an audited deck's first sample")
+    series: list[SeriesRecord] = Field([], description="runs of the reference like an audited deck's last one")
     closed: ClosedRecord | None = Field(None, description="what a closed solution says of an audited deck")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")

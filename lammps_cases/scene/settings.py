@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
@@ -141,6 +142,11 @@ class Evolve(SceneModel):
             raise ValueError(f"stops must increase and lie within 0 to steps ({self.steps}), found {at}")
         if self.deform and self.every:
             raise ValueError(f"deform goes without every, whose runs all begin in a box of their own: {self.every}")
+        ends = (0, *at, self.steps)
+        longest = self.timestep * max(end - begin for begin, end in itertools.pairwise(ends))
+        if self.deform and not 1 + min(self.deform.rates) * longest > 0:
+            shrunk = 1 + min(self.deform.rates) * longest
+            raise ValueError(f"deform must leave every run a box: 1 + rate steps timestep is {shrunk:.3g} of an edge")
         if self.every is not None and self.snapshots != (self.steps,):
             raise ValueError(
                 f"every: such runs are read at the last step alone ({self.steps}), found {list(self.snapshots)}"

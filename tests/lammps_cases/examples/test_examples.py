@@ -129,6 +129,16 @@ def test_lammps_is_nearer_to_the_reference_than_any_change_takes_that(name: str)
 
 
 @pytest.mark.lammps
+def test_of_several_runs_the_last_one_is_run_again(tmp_path: Path) -> None:
+    text = (DECKS / "in.plates").read_text().replace("run             200", "run 20\nrun 40")
+    (tmp_path / "in.deck").write_text(text)
+    case = audit_deck(tmp_path / "in.deck", AuditOptions(every=20, budgets=True, trust=True)).record.cases[0]
+    own, right = balance.measured(case), case.series[0]
+    assert own.steps == right.steps == [0, 20, 40] and case.closed is None, "the fluid moves when the second run begins"
+    assert right.kinetic[0] == own.kinetic[0] > 0
+
+
+@pytest.mark.lammps
 def test_the_pressure_depends_on_ranks_where_newton_is_off(tmp_path: Path) -> None:
     """Known as virials-cancel; on one rank with newton on the reference's is met but for the origin's part."""
     shutil.copy(DECKS / "in.vortices", tmp_path)

@@ -91,6 +91,7 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
             "stretch needs faces that are periodic or fixed, found boundary fs",
         ),
         ({"stops": [{"at": 1}]}, {"twin": {"skin": 0.7}}, "stops go with no twin"),
+        ({"deform": {"x": -200.0}}, {}, r"deform must leave every run a box: .* is -.* of an edge"),
         ({"deform": {"z": 0.5}}, {}, r"deform.z must be 0 in 2D, found 0.5"),
         ({"deform": {}, "every": 2, "compare_at": [4]}, {}, "deform goes without every, .* of their own: 2"),
         ({"deform": {}}, {"compare": ["pressure"]}, "deform compares fields of the whole model"),

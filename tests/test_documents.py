@@ -156,3 +156,17 @@ def test_make_targets_in_documents_exist() -> None:
     for document in DOCUMENTS:
         text = (ROOT / document).read_text(encoding="utf-8")
         assert set(re.findall(r"(?:`|^)make ([a-z]+)", text, flags=re.MULTILINE)) <= targets, document
+
+
+def test_what_is_measured_names_no_path_of_the_machine_that_measured() -> None:
+    kept = [
+        *ROOT.glob("eos_ref/**/*.json"),
+        *ROOT.glob("lammps_cases/**/*.json"),
+        *ROOT.glob("reports/accepted/**/*.json"),
+    ]
+    assert kept
+    assert not [
+        (path.name, place)
+        for path in kept
+        for place in re.findall(r"(?<!\w)/(?:tmp|root|home|opt|work|mnt|scratch)/\S*", path.read_text(encoding="utf-8"))
+    ]

@@ -23,8 +23,8 @@ def joined(parts: Sequence[Validated]) -> Validated:
     """Return several validations on one LAMMPS as one, flows in their order, without curves."""
     runs = [replace(run, curves={}) for part in parts for run in part.runs]
     ordered = sorted(runs, key=lambda run: list(VALIDATIONS).index(run.flow))
-    command, seconds = "; ".join(part.command for part in parts), sum(part.seconds for part in parts)
-    return replace(parts[0], command=command, seconds=seconds, runs=tuple(ordered))
+    command = " ".join(["eos-ref validate", *dict.fromkeys(run.flow for run in ordered)])  # and no folder of a machine
+    return replace(parts[0], command=command, seconds=sum(part.seconds for part in parts), runs=tuple(ordered))
 
 
 def table(validated: Validated) -> str:

@@ -367,3 +367,4 @@ def test_parts_are_put_together_in_the_order_of_the_flows() -> None:
     )
     assert both.flows == [THICK.name, "bingham"]
     assert both.seconds == 2
+    assert both.command == f"eos-ref validate {THICK.name} bingham"

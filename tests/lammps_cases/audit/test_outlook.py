@@ -36,7 +36,7 @@ def case_of(text: str, folder: Path) -> CaseRecord:
 
 def test_a_multiple_is_told_by_its_factor() -> None:
     right = np.array([[1.0, -2.0], [0.5, 0.25]])
-    assert compare(right, 100 * right, 0.0 * right) == (2, 99.0, pytest.approx(100.0, rel=1e-15, abs=0))
+    assert compare(right, 100 * right, 0.0 * right) == (2, 99.0, 100.0)  # sums of few bits
     assert compare(right, right, 0.0 * right) is None
     assert compare(right, right + 1e-9, np.full((2, 2), 1e-8)) is None, "rounding is no effect"
 

@@ -39,7 +39,8 @@ assert np.all(np.abs(p_n - theirs_n) <= bounds.engine(law, rho_n, e_n) + bound_n
 assert "c^2 rho0" in bounds.comparison_derivation(law)
 
 # inverse and derivative, plain and with rounding errors
-assert np.allclose(law.density(p_n, e_n), rho_n, rtol=1e-13, atol=0)
+lost_n = (bounds.engine(law, rho_n, e_n) + bound_n) / ((GAMMA - 1) * e_n)  # of the pressure, there and back
+assert np.all(np.abs(law.density(p_n, e_n) - rho_n) <= 2 * lost_n)
 assert np.array_equal(law.stiffness(rho_n, e_n), (GAMMA - 1) * e_n)
 carried = rounded_eos.pressure(law, Rounded(rho_n, 1e-9 * rho_n), Rounded(e_n, 1e-9 * e_n))
 assert np.all(carried.error >= 1e-9 * np.abs((GAMMA - 1) * rho_n * e_n))

@@ -1,9 +1,10 @@
-"""What documents and docstrings name exists: modules, names, files, sections, make targets."""
+"""What documents and docstrings name exists, under one name: modules, classes, files, sections, make targets."""
 
 from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -96,6 +97,19 @@ def test_names_in_docstrings_exist() -> None:
             if not there:
                 missing.append(f"{place} `{name}`")
     assert missing == []
+
+
+def test_a_name_of_a_class_is_taken_once() -> None:
+    """No two public classes of the packages have the same name."""
+    nodes = (node for path in SOURCES for node in ast.walk(tree(path)))
+    classes = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
+    assert [name for name, count in classes.items() if count > 1 and not name.startswith("_")] == []
+
+
+def test_the_glossary_is_short() -> None:
+    """CONTRIBUTING.md explains at most 40 words."""
+    glossary = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Glossary")[2]
+    assert 2 < len(re.findall(r"^\|", glossary, flags=re.MULTILINE)) <= 40 + 2
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

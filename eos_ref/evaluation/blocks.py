@@ -44,7 +44,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Listed:
+class ListedBlocks:
     """Blocks with all pairs that any positions have which lie within half the skin of some."""
 
     box: Box
@@ -61,7 +61,7 @@ class Listed:
         return bool(moved < (0.49 * SKIN * cut) ** 2)  # less than half: both sides round
 
 
-_last: list[Listed] = []  # that of one set of positions: a scene is evaluated many times, nearly in one place
+_last: list[ListedBlocks] = []  # that of one set of positions: a scene is evaluated many times, nearly in one place
 
 
 def listed(x_nc: FloatArray, box: Box, cut: float, rows: int) -> list[Block]:
@@ -72,7 +72,7 @@ def listed(x_nc: FloatArray, box: Box, cut: float, rows: int) -> list[Block]:
         search, n = Search(x_nc, box, reach), len(x_nc)
         ends = [(first, min(first + rows, n)) for first in range(0, n, rows)]
         blocks = [_block(first, last, search.rows(first, last, reach), cut * (1 + 0.01 * SKIN)) for first, last in ends]
-        _last.append(Listed(box, cut, rows, x_nc.copy(), blocks))
+        _last.append(ListedBlocks(box, cut, rows, x_nc.copy(), blocks))
     return _last[0].blocks
 
 
@@ -80,11 +80,11 @@ def in_blocks(stages: type[ArrayEvaluator], n: int) -> type[ArrayEvaluator]:
     """Return stages whose sums are taken in blocks, if there are particles for two and nothing hinders it."""
     if n <= ROWS or not stages.by_rows:
         return stages
-    part = type("Part", (Part, stages), {"__module__": __name__})
+    part = type("Part", (BlockStages, stages), {"__module__": __name__})
     return type("InBlocks", (InBlocks, stages), {"__module__": __name__, "part": part})
 
 
-class Part(ArrayEvaluator):
+class BlockStages(ArrayEvaluator):
     """Stages of the particles of a block, whose pairs are known."""
 
     block: Block
@@ -102,7 +102,7 @@ class Part(ArrayEvaluator):
 class InBlocks(ArrayEvaluator):
     """Stages whose sums over neighbours are taken block by block; made by `in_blocks`."""
 
-    part: type[Part]
+    part: type[BlockStages]
     rho_of_correction: Array | None = None
 
     def move(self, x_nc: Array) -> None:

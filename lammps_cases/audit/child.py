@@ -17,7 +17,7 @@ from eos_ref.errors import InputError
 from eos_ref.jit import keep_nothing
 from lammps_cases.audit import guard, launch
 from lammps_cases.audit.follow import Follower
-from lammps_cases.audit.options import CommandPlace, DeckEnd, EngineIdentity, Task
+from lammps_cases.audit.options import AuditTask, CommandPlace, DeckEnd, EngineIdentity
 from lammps_cases.audit.setups import SetupWatch
 from lammps_cases.audit.warn import HYPHEN
 from lammps_cases.audit.watch import DeckWatch
@@ -29,7 +29,7 @@ from lammps_cases.records.run_record import Seconds
 LARGEST_FILE = 2**34  # bytes
 
 
-def main(task: Task, connection: Connection) -> None:
+def main(task: AuditTask, connection: Connection) -> None:
     """Run a deck and send the messages of `lammps_cases.audit.options`; at last `DeckEnd`, or the error."""
     containment.end_with_parent()
     containment.limit(memory_share(1), task.options.timeout, LARGEST_FILE)
@@ -42,7 +42,7 @@ def main(task: Task, connection: Connection) -> None:
         connection.send(InputError("deck", guard.NESTED, where=task.deck))
 
 
-def start(task: Task) -> tuple[Any, dict[str, str]]:
+def start(task: AuditTask) -> tuple[Any, dict[str, str]]:
     """Return an open LAMMPS, and which one, in a process contained from here on: nothing of the deck is read before.
 
     MPI starts within its files too; only then is the network closed, and what MPI reads of the machine.
@@ -78,7 +78,7 @@ def compile_first() -> None:
     laws[0].pressure(ones_n)
 
 
-def audit(task: Task, connection: Connection) -> DeckEnd:
+def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     """Run a deck in the current folder, with samples.
 
     Raises

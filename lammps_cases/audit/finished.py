@@ -39,7 +39,7 @@ from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, Seconds
 from lammps_cases.records.wording import counted
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.scene.lammps_files import SOLID, Snapshot, snapshots
+from lammps_cases.scene.lammps_files import SOLID, FileSnapshot, snapshots
 from lammps_cases.verdict.model_fields import derived
 
 NO_COLUMN = "no column of it in the dump (compute rheo/property/atom NAME, of vectors and tensors NAME/*)"
@@ -61,7 +61,7 @@ class Run(NamedTuple):
 class Frame(NamedTuple):
     """A snapshot in its run; ``set_up`` whether it is that of the run's set-up."""
 
-    snapshot: Snapshot
+    snapshot: FileSnapshot
     run: Run
     set_up: bool
 
@@ -112,7 +112,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     return AuditResult(record, findings.who, audit.arrays)
 
 
-def _read(dump: Path) -> Sequence[Snapshot]:
+def _read(dump: Path) -> Sequence[FileSnapshot]:
     try:
         found = list(snapshots(dump))
     except InputError as error:
@@ -138,7 +138,7 @@ def _run(number: int, setup: RunSetup) -> Run:
     return Run(number, setup, deck, model)
 
 
-def _frame(snapshot: Snapshot, runs: Sequence[Run], where: str) -> Frame:
+def _frame(snapshot: FileSnapshot, runs: Sequence[Run], where: str) -> Frame:
     """Find the run of a snapshot: where one ends and another begins, the first, if the dump was there already.
 
     ``runs`` are those that can have written it.
@@ -188,7 +188,7 @@ def _writing(dump: DeckDump, runs: Sequence[Run]) -> list[Run]:
 class _Audit:
     """Takes the snapshots, one by one."""
 
-    def __init__(self, columns: printed.Columns, options: AuditOptions, findings: Findings) -> None:
+    def __init__(self, columns: printed.DumpColumns, options: AuditOptions, findings: Findings) -> None:
         self.columns, self.options, self.findings = columns, options, findings
         self.whole = printed.whole(columns.dump)
         self.listed = known(findings.who["distribution"])
@@ -320,7 +320,7 @@ def _solid(held: dict[str, Any], setup: RunSetup, at_n: npt.NDArray[Any]) -> npt
 
 
 def _arrays(
-    sample: FrameSample, snapshot: Snapshot, id_n: npt.NDArray[Any], compared: dict[str, Comparison]
+    sample: FrameSample, snapshot: FileSnapshot, id_n: npt.NDArray[Any], compared: dict[str, Comparison]
 ) -> dict[str, npt.NDArray[Any]]:
     order_n, s = np.argsort(id_n, kind="stable"), sample.state
     arrays = {"id": id_n, "type": s.type_n, "x": s.x_nc, "v": s.v_nc, "rho": s.rho_n, "mass": sample.mass_n}

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import platformdirs
 
-from lammps_cases.audit.options import Task
+from lammps_cases.audit.options import AuditTask
 from lammps_cases.engine import containment
 
-Entry = Callable[[Task, Connection], None]
+Entry = Callable[[AuditTask, Connection], None]
 
 START = "import pickle, sys; sys.path[:], run = pickle.load(sys.stdin.buffer); pickle.loads(run)()"
 # What a deck may read of the user's environment, and what Python, numba and MPI need of it.
@@ -25,7 +25,7 @@ KEPT = ("PATH", "LD_LIBRARY_PATH", "LANG", "TZ", "PYTHONHOME", "LAMMPS_POTENTIAL
 KEPT_BEGINNINGS = ("LC_", "OMP_", "KMP_", "NUMBA_", "MPICH_", "OMPI_MCA_", "UCX_", "FI_", "COVERAGE_")
 
 
-def run_child(task: Task, connection: Connection) -> None:
+def run_child(task: AuditTask, connection: Connection) -> None:
     """Entry of the process; the heavy imports stay out of the parent."""
     from lammps_cases.audit import child
 
@@ -35,7 +35,7 @@ def run_child(task: Task, connection: Connection) -> None:
 class _Run:
     """An entry and its task, with the handle that the process has for its messages."""
 
-    def __init__(self, entry: Entry, task: Task, handle: int) -> None:
+    def __init__(self, entry: Entry, task: AuditTask, handle: int) -> None:
         self.entry, self.task, self.handle = entry, task, handle
 
     def __call__(self) -> None:
@@ -43,7 +43,7 @@ class _Run:
             self.entry(self.task, connection)
 
 
-def environment(task: Task) -> dict[str, str]:
+def environment(task: AuditTask) -> dict[str, str]:
     """Return the environment of the process: without passwords and tokens, unless the deck is trusted."""
     if task.options.trust:
         return {**os.environ, "TMPDIR": task.temporary}
@@ -58,7 +58,7 @@ def environment(task: Task) -> dict[str, str]:
     }
 
 
-def reach(task: Task) -> containment.Reach:
+def reach(task: AuditTask) -> containment.Reach:
     """Return what the process may read and write, before it knows the libraries of its LAMMPS."""
     folders = [Path(platformdirs.user_cache_dir("eos-ref")) / "numba"]
     if task.options.engine is not None:
@@ -70,7 +70,7 @@ def reach(task: Task) -> containment.Reach:
 
 
 @contextlib.contextmanager
-def running(entry: Entry, task: Task, output: Path) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
+def running(entry: Entry, task: AuditTask, output: Path) -> Iterator[tuple[subprocess.Popen[bytes], Connection]]:
     """Start the process, with what it prints in a file, and give it with the end of its messages; it ends with this."""
     Path(task.temporary).mkdir()
     reading, writing = os.pipe()

@@ -117,7 +117,7 @@ class AuditResult:
 
 
 @dataclass(frozen=True)
-class Task:
+class AuditTask:
     """The task of the child process."""
 
     deck: str

@@ -19,7 +19,7 @@ from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import Rounded
 from lammps_cases.audit.options import DeckDump, RunSetup
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.scene.lammps_files import Snapshot
+from lammps_cases.scene.lammps_files import FileSnapshot
 
 FORMAT = re.compile(r"%[-+ 0#]*[0-9]*(?:\.([0-9]+))?l?([eEfFgG])")
 DEFAULT = "%g"  # the manual's, of dump custom
@@ -27,7 +27,7 @@ EXACT = {"e": 16, "g": 17}  # digits (e: behind the point) from which on every d
 OF_ATOM = {"drho": "drho", "viscosity": "viscosity", "rho": "rho", "rheo_status": "status"}  # compute property/atom
 
 
-class Part(NamedTuple):
+class Component(NamedTuple):
     """A component of a quantity, by its number in the order of `numpy.ndarray.ravel`."""
 
     quantity: str
@@ -35,15 +35,15 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Columns:
+class DumpColumns:
     """The columns of a dump: their names in the file, what they hold if that is known, and the format of each."""
 
     dump: DeckDump
     names: tuple[str, ...]
-    parts: tuple[Part | None, ...]
+    parts: tuple[Component | None, ...]
     formats: tuple[str, ...]
 
-    def read(self, snapshot: Snapshot, dimension: int) -> dict[str, Rounded]:
+    def read(self, snapshot: FileSnapshot, dimension: int) -> dict[str, Rounded]:
         """Return the quantities of a snapshot all of whose components are there, with the error of their digits.
 
         Raises
@@ -90,7 +90,7 @@ def number(values_n: FloatArray, form: str) -> Rounded:
     return Rounded(values_n, 0.5 * 10.0**last_n + EPS * np.abs(values_n))
 
 
-def columns_of(path: Path, names: Sequence[str], dumps: Sequence[DeckDump], setup: RunSetup) -> Columns:
+def columns_of(path: Path, names: Sequence[str], dumps: Sequence[DeckDump], setup: RunSetup) -> DumpColumns:
     """Return what columns hold, by the dump of a deck that writes them: that of the file's name, else the first.
 
     Raises
@@ -112,7 +112,7 @@ def _pattern(file: str) -> str:
     return Path(file).name.replace("[", "[[]").replace("?", "[?]").replace("%", "*")
 
 
-def _described(dump: DeckDump, setup: RunSetup) -> Columns:
+def _described(dump: DeckDump, setup: RunSetup) -> DumpColumns:
     words = [word for given in dump.words[5:] for word in _expanded(given, setup)]
     names = list(words)
     formats = ["" if word in ("id", "type", "mol", "proc") else DEFAULT for word in words]
@@ -123,7 +123,7 @@ def _described(dump: DeckDump, setup: RunSetup) -> Columns:
                 names[_place(column, words)] = next(modify, "")
         elif keyword == "format":
             _format(next(modify, ""), modify, formats)
-    return Columns(dump, tuple(names), tuple(_part(word, setup) for word in words), tuple(formats))
+    return DumpColumns(dump, tuple(names), tuple(_part(word, setup) for word in words), tuple(formats))
 
 
 def _place(column: str, words: Sequence[str]) -> int:
@@ -157,12 +157,12 @@ def _expanded(word: str, setup: RunSetup) -> list[str]:
     return [f"{match[1]}[{k}]" for k in range(int(match[3] or 1), int(match[4] or last) + 1)]
 
 
-def _part(word: str, setup: RunSetup) -> Part | None:
+def _part(word: str, setup: RunSetup) -> Component | None:
     """Return what a column holds; None if it does not matter."""
     if word == "mass":
-        return Part("mass", 0)
+        return Component("mass", 0)
     if len(word) <= 2 and word[:-1] in ("", "v", "f") and word[-1] in "xyz":
-        return Part(word[:-1] or "x", "xyz".index(word[-1]))
+        return Component(word[:-1] or "x", "xyz".index(word[-1]))
     match = re.fullmatch(r"c_(\w+)(?:\[([0-9]+)\])?", word)
     if match is None or match[1] not in setup.computes:
         return None
@@ -171,27 +171,27 @@ def _part(word: str, setup: RunSetup) -> Part | None:
     return attributes[at] if at < len(attributes) else None
 
 
-def _attributes(words: Sequence[str], dimension: int) -> list[Part | None]:
+def _attributes(words: Sequence[str], dimension: int) -> list[Component | None]:
     """Return what the columns of a compute hold."""
     if words[3] == "property/atom":
-        return [Part(OF_ATOM[word], 0) if word in OF_ATOM else None for word in words[4:]]
+        return [Component(OF_ATOM[word], 0) if word in OF_ATOM else None for word in words[4:]]
     if words[3] != "rheo/property/atom":
         return []
     return [part for word in words[4:] for part in _components(word, dimension)]
 
 
-def _components(attribute: str, dimension: int) -> list[Part | None]:
+def _components(attribute: str, dimension: int) -> list[Component | None]:
     columns = {field.column: field.name for field in FIELDS.values() if field.column and not field.of_solids}
     stem, _, component = attribute.rpartition("/")
     if attribute in columns:
-        return [Part(columns[attribute], 0)]
+        return [Component(columns[attribute], 0)]
     if stem not in columns:
         return [None]
     rank, axes = QUANTITIES[stem].rank, "xyz"[:dimension]
     if component == "*":
-        return [Part(stem, k) for k in range(dimension**rank)]
+        return [Component(stem, k) for k in range(dimension**rank)]
     order: Mapping[str, int] = {"".join(pair): k for k, pair in enumerate(itertools.product(axes, repeat=rank))}
-    return [Part(stem, order[component]) if component in order else None]
+    return [Component(stem, order[component]) if component in order else None]
 
 
 def whole(dump: DeckDump) -> str:

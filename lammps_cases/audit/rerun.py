@@ -28,7 +28,7 @@ LARGE = 40_000_000  # steps times particles of any other
 
 
 @dataclass(frozen=True)
-class Changed:
+class ChangedFluid:
     """A fluid to be run: as the deck has it but for what ``name`` says."""
 
     name: str
@@ -63,26 +63,26 @@ def reruns(good: Good, steps: int, every: int, entries: Sequence[Finding]) -> li
     return [of for of in series if len(of.steps) > 1 or of.ended]
 
 
-def _changes(model: Model, box: Box, state: State, entries: Sequence[Finding]) -> Iterator[Changed]:
+def _changes(model: Model, box: Box, state: State, entries: Sequence[Finding]) -> Iterator[ChangedFluid]:
     pair, fix = model.pair, model.fix
-    yield Changed(AS_IT_IS, model, state)
+    yield ChangedFluid(AS_IT_IS, model, state)
     if pair.artificial_viscosity:
-        yield Changed(SILENT, replace(model, pair=replace(pair, artificial_viscosity=0.0)), state)
+        yield ChangedFluid(SILENT, replace(model, pair=replace(pair, artificial_viscosity=0.0)), state)
     if pair.rho_damp:
-        yield Changed("no density diffusion", replace(model, pair=replace(pair, rho_damp=0.0)), state)
+        yield ChangedFluid("no density diffusion", replace(model, pair=replace(pair, rho_damp=0.0)), state)
     if fix.shift:
-        yield Changed("no shifting", replace(model, fix=replace(fix, shift=None)), state)
-    yield Changed(HALF_STEP, model, state, finer=2)
+        yield ChangedFluid("no shifting", replace(model, fix=replace(fix, shift=None)), state)
+    yield ChangedFluid(HALF_STEP, model, state, finer=2)
     half = finer(model, box, state)
     yield half
     if pair.artificial_viscosity:  # which is proportional to the spacing
         silent = replace(half.model, pair=replace(half.model.pair, artificial_viscosity=0.0))
         yield replace(half, name=f"{FINER}, {SILENT}", model=silent)
     for entry in entries:
-        yield Changed(entry.id, model, state, findings=(entry,))
+        yield ChangedFluid(entry.id, model, state, findings=(entry,))
 
 
-def finer(model: Model, box: Box, state: State) -> Changed:
+def finer(model: Model, box: Box, state: State) -> ChangedFluid:
     """Return a fluid with every particle in parts, two along each axis, and lengths of the method halved.
 
     The parts lie around the particle, a quarter of its size away, and those of fluid have the velocities that its
@@ -116,7 +116,7 @@ def finer(model: Model, box: Box, state: State) -> Changed:
         pair=replace(model.pair, cut=model.pair.cut / 2, rho_damp=model.pair.rho_damp / 2),
         forces=tuple(_shared(force, parts) for force in model.forces),
     )
-    return Changed(FINER, half, divided, finer=2)
+    return ChangedFluid(FINER, half, divided, finer=2)
 
 
 def _shared(force: Force, parts: int) -> Force:
@@ -126,7 +126,7 @@ def _shared(force: Force, parts: int) -> Force:
     return replace(force, vector=tuple(None if v is None else v / parts for v in force.vector))
 
 
-def _series(of: Changed, box: Box, good: Good, steps: int, every: int) -> SeriesRecord:
+def _series(of: ChangedFluid, box: Box, good: Good, steps: int, every: int) -> SeriesRecord:
     """Run one fluid, with looks at the steps of the deck."""
     begin, dt = time.perf_counter(), good.timestep / of.finer
     count = _affordable(len(of.state.x_nc), steps * of.finer, bool(of.findings)) // of.finer
@@ -160,7 +160,7 @@ def _affordable(particles: int, steps: int, slow: bool) -> int:
     return min(steps, (SLOW if slow else LARGE) // max(particles, 1))
 
 
-def _simulation(of: Changed, box: Box, dt: float, steps: int) -> Simulation:
+def _simulation(of: ChangedFluid, box: Box, dt: float, steps: int) -> Simulation:
     fields = needed_to_step(of.model)
     variants = [entry.model_variant for entry in of.findings if entry.model_variant]
     if not variants:

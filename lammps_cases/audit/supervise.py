@@ -18,7 +18,7 @@ from pathlib import Path
 from eos_ref.errors import InputError
 from lammps_cases.audit import launch, messages, share
 from lammps_cases.audit.guard import check_script
-from lammps_cases.audit.options import AuditOptions, AuditResult, DeckSetups, PairShare, SampleRows, Task
+from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, DeckSetups, PairShare, SampleRows
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.engine import containment
@@ -152,7 +152,7 @@ def _run(deck: Path, options: AuditOptions, setups: bool = False) -> tuple[Findi
         outside = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="eos-ref-audit-")))
         copy_folder(deck.resolve().parent, folder.resolve(), links_out=options.trust)
         silent = replace(options, progress=SILENT)
-        task = Task(deck.name, str(folder.resolve()), silent, confined(options), str(outside), setups)
+        task = AuditTask(deck.name, str(folder.resolve()), silent, confined(options), str(outside), setups)
         output = outside / "output"
         with launch.running(ENTRY, task, output) as (process, receiver):
             return findings, _listen(receiver, findings, options, process, output)

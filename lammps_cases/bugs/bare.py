@@ -11,7 +11,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from lammps_cases.bugs.deck import DECK, Deck
+from lammps_cases.bugs.deck import DECK, BugDeck
 from lammps_cases.engine import mpi
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing, package_directory
@@ -40,7 +40,7 @@ class Ending:
         found = re.search(r"^(ERROR|Exception).*", self.output, re.M)
         return found[0] if found else ""
 
-    def verdict(self, deck: Deck) -> str:
+    def verdict(self, deck: BugDeck) -> str:
         """Return PASS or FAIL: what the deck printed, or whether LAMMPS refused what it must refuse."""
         lines = self.output.splitlines()
         if deck.refused:
@@ -74,7 +74,7 @@ def library_folder(engine: Engine) -> Path:
     return (package / "liblammps.so").resolve().parent
 
 
-def run(deck: Deck, engine: Engine) -> Ending:
+def run(deck: BugDeck, engine: Engine) -> Ending:
     """Run a deck in a folder of its own, which goes with it."""
     with tempfile.TemporaryDirectory() as folder:
         deck.write(Path(folder))

@@ -24,7 +24,7 @@ _ARRAYS = {"x": ("x", "y", "z"), "v": ("vx", "vy", "vz"), "f": ("fx", "fy", "fz"
 
 
 @dataclass(frozen=True)
-class Deck:
+class BugDeck:
     """A deck with its data file (empty: none), and the text of the refusal that is due (empty: LAMMPS must run it)."""
 
     lines: tuple[str, ...]
@@ -89,17 +89,17 @@ class Check:
 OUTPUT = "thermo_style custom step v_inside"  # output computes what a variable reads, for the last step
 
 
-def of_number(job: Job, step: int, check: Check) -> Deck:
+def of_number(job: Job, step: int, check: Check) -> BugDeck:
     """Return the deck of a job that compares a number after some steps."""
     lines, data = _scene(job)
     *before, last = _stretches(job, step)
-    return Deck((*lines, *before, *check.by_hand, check.inside, OUTPUT, last, *check.printed), data)
+    return BugDeck((*lines, *before, *check.by_hand, check.inside, OUTPUT, last, *check.printed), data)
 
 
-def of_two(job: Job, other: Job, times: float, check: Check) -> Deck:
+def of_two(job: Job, other: Job, times: float, check: Check) -> BugDeck:
     """Return the deck of two jobs, of which the second must give the number of the first times a factor."""
     second = Check(check.obtained, "${expected}", check.bound)
-    return Deck(
+    return BugDeck(
         (
             *_scene(job)[0],
             f"variable first equal {check.obtained}",
@@ -116,7 +116,7 @@ def of_two(job: Job, other: Job, times: float, check: Check) -> Deck:
     )
 
 
-def of_outcome(given: Job | tuple[str, ...], refused: str) -> Deck:
+def of_outcome(given: Job | tuple[str, ...], refused: str) -> BugDeck:
     """Return the deck of an input that LAMMPS must run, or refuse with a text."""
     lines, data = ([*given], "") if isinstance(given, tuple) else _scene(given)
     if isinstance(given, Job):
@@ -128,7 +128,7 @@ def of_outcome(given: Job | tuple[str, ...], refused: str) -> Deck:
     due = f"an error that holds: {refused}" if refused else "LAMMPS runs this deck"
     verdict = "FAIL" if refused else "PASS"
     lines = [f'print "expected {due}"', *lines, 'print "obtained LAMMPS ran it"', f"print {verdict}"]
-    return Deck(tuple(lines), data, refused)
+    return BugDeck(tuple(lines), data, refused)
 
 
 def _stretches(job: Job, last: int | None = None) -> list[str]:
@@ -169,11 +169,11 @@ def _given(job: Job) -> dict[str, Array]:
     return given | {"rheo_status": np.isin(job.type_n, solid).astype(int)}
 
 
-def of_measured(lines: tuple[str, ...]) -> Deck:
+def of_measured(lines: tuple[str, ...]) -> BugDeck:
     """Return the deck of a probe that measures: its variables ``found``, ``expected`` and ``within`` are printed."""
     shown = ('print "obtained $(v_found:%.17g)"', 'print "expected $(v_expected:%.15g) within $(v_within:%.2g)"')
     verdict = 'if "$(abs(v_found-v_expected)<=v_within) == 1" then "print PASS" else "print FAIL"'
-    return Deck((*lines, *shown, verdict))
+    return BugDeck((*lines, *shown, verdict))
 
 
 def word(job: Job, field: str, atom: int, axes: tuple[int, ...]) -> str:

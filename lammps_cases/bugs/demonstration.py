@@ -24,7 +24,7 @@ from lammps_cases.scene.casefile import Case
 FILE = Path(findings.__file__).with_name("demonstrations.yaml")
 
 
-class Number(BaseModel):
+class AtomNumber(BaseModel):
     """A component of a field of an atom, after the last step of a scene or another."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -51,7 +51,7 @@ class Demonstration(OfManual, BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     scene: dict[str, Any] = {}
-    number: Number | None = None
+    number: AtomNumber | None = None
     hand: dict[str, str] = {}
     other: dict[str, Any] = {}
     times: float = 1.0

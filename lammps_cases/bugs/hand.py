@@ -23,7 +23,7 @@ MOST_PAIRS = 12  # that are printed; the nearest ones
 
 
 @dataclass(frozen=True)
-class Particle:
+class ParticleValues:
     """A particle as the reference has it at the step of the number.
 
     ``constants`` are those of its type (rhoeq, cs, and of one that carries energy kappa and cv) and its energy E.
@@ -41,14 +41,14 @@ class Particle:
 
 
 @dataclass(frozen=True)
-class Pair:
+class PairContribution:
     """A pair: the other particle, the distance vector to it, the kernel and its gradient.
 
     With what the pair adds to the particle's force (``pressure_force``: by pressure and artificial viscosity), rate of
     density and heat flow, as far as the model has them and they were asked for.
     """
 
-    other: Particle
+    other: ParticleValues
     x: tuple[float, ...]
     r: float
     w: float
@@ -66,8 +66,8 @@ class Sum:
     ``force_with_fixes`` is the force after fixes that add to it or set it, of models that have them.
     """
 
-    particle: Particle
-    pairs: tuple[Pair, ...]
+    particle: ParticleValues
+    pairs: tuple[PairContribution, ...]
     count: int
     force_with_fixes: tuple[float, ...] = ()
 
@@ -105,8 +105,8 @@ def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces
     evaluator.correct(state.rho_n)
     pressure_n = _array(evaluator.pressure(state.rho_n, state.energy_n))
 
-    def particle(n: int) -> Particle:
-        return Particle(
+    def particle(n: int) -> ParticleValues:
+        return ParticleValues(
             n + 1,
             int(state.type_n[n]),
             bool(state.solid_n[n]),
@@ -123,7 +123,7 @@ def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces
     own = np.flatnonzero(evaluator.i == atom - 1)
     nearest = own[np.argsort(r_p[own], kind="stable")][:most]
     pairs = tuple(
-        Pair(
+        PairContribution(
             particle(int(evaluator.j[p])),
             tuple(map(float, x_pc[p])),
             float(r_p[p]),
@@ -138,7 +138,7 @@ def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces
 
 
 def _added(adds: PairTerms | None, p: int) -> tuple[Any, ...]:
-    """Return what a pair adds, as the last fields of `Pair`."""
+    """Return what a pair adds, as the last fields of `PairContribution`."""
     if adds is None:
         return ()
     vectors = [tuple(map(float, _array(of)[p])) for of in (adds.force_nc, adds.pressure_force_nc)]

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from lammps_cases.bugs.bare import Ending
 from lammps_cases.bugs.deck import DATA, DECK
-from lammps_cases.bugs.hand import Particle, Sum
+from lammps_cases.bugs.hand import ParticleValues, Sum
 from lammps_cases.bugs.report import Report
 from lammps_cases.findings import KNOWN, Finding
 from lammps_cases.records.wording import counted
@@ -105,7 +105,7 @@ def _by_hand(given: Sum) -> Iterable[str]:
         yield from _table(("j", "x_ij", "r", "W", "grad W"), pairs)
 
 
-def _row(one: Particle) -> tuple[object, ...]:
+def _row(one: ParticleValues) -> tuple[object, ...]:
     numbers = (one.mass, one.rho, one.mass / one.rho, one.pressure)
     phase = f"{one.type}{' (solid)' * one.solid}"
     return one.id, phase, _vector(one.x), _vector(one.v), *map(_number, numbers)

@@ -17,8 +17,8 @@ from eos_ref import InputError
 from eos_ref.errors import unknown
 from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.bugs import deck, hand
-from lammps_cases.bugs.deck import Check, Deck
-from lammps_cases.bugs.demonstration import Number, case_of, demonstrations, smaller
+from lammps_cases.bugs.deck import BugDeck, Check
+from lammps_cases.bugs.demonstration import AtomNumber, case_of, demonstrations, smaller
 from lammps_cases.bugs.hand import Line, Sum
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
@@ -53,16 +53,16 @@ class Report:
 
     name: str
     title: str
-    deck: Deck
+    deck: BugDeck
     finding: Finding | None = None
     record: CaseRecord | None = None
-    number: Number | None = None
+    number: AtomNumber | None = None
     sum: Sum | None = None
     lines: tuple[Line, ...] = ()
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedNumber:
     """A number of the reference: the value, its bound, the step, and the problem that it was predicted for."""
 
     value: float
@@ -128,7 +128,7 @@ def _probe(entry: Finding) -> ManualProbe | None:
     return next((probe for probe in manual.probes() if fnmatch.fnmatchcase(probe.name, name)), None)
 
 
-def _of_input(entry: Finding) -> Deck:
+def _of_input(entry: Finding) -> BugDeck:
     """Return the deck of the first case or probe that a finding about input applies to."""
     name, probe = entry.applies_to[0], _probe(entry)
     if probe is not None:
@@ -141,12 +141,12 @@ def _of_input(entry: Finding) -> Deck:
     return _of_case_input(smaller(case, shown.smaller if shown else {}))
 
 
-def _of_case_input(case: Case) -> Deck:
+def _of_case_input(case: Case) -> BugDeck:
     scene = case.scene
     return deck.of_outcome(campaign.prepare(case).jobs[0], scene.expect.refused if scene.expect else "")
 
 
-def _of_two(case: Case, other: Case, number: Number, times: float) -> Deck:
+def _of_two(case: Case, other: Case, number: AtomNumber, times: float) -> BugDeck:
     first, second = (campaign.prepare(one).jobs[0] for one in (case, other))
     obtained = deck.word(first, number.field, number.atom, number.axes)
     bound = times * predicted(case, number).bound
@@ -154,8 +154,8 @@ def _of_two(case: Case, other: Case, number: Number, times: float) -> Deck:
 
 
 def _of_number(
-    case: Case, number: Number, step: int | None = None, formulas: Mapping[str, str] = MappingProxyType({})
-) -> tuple[Deck, Sum]:
+    case: Case, number: AtomNumber, step: int | None = None, formulas: Mapping[str, str] = MappingProxyType({})
+) -> tuple[BugDeck, Sum]:
     """Return the deck for a number after the last step of a scene or another, and the terms of the reference.
 
     Raises
@@ -176,7 +176,7 @@ def _of_number(
     return deck.of_number(told, expected.step, check), terms
 
 
-def _by_hand(obtained: str, expected: Expected, lines: Sequence[Line]) -> Check:
+def _by_hand(obtained: str, expected: ExpectedNumber, lines: Sequence[Line]) -> Check:
     """Return the check against a number that LAMMPS calculates.
 
     Its operations are those of the reference, which rounds them as well: the bound counts twice. In formulas LAMMPS
@@ -195,14 +195,14 @@ def _by_hand(obtained: str, expected: Expected, lines: Sequence[Line]) -> Check:
     return Check(obtained, "v_expected", bound, tuple((line.name, line.numbers) for line in lines))
 
 
-def predicted(case: Case, number: Number, step: int | None = None) -> Expected:
+def predicted(case: Case, number: AtomNumber, step: int | None = None) -> ExpectedNumber:
     """Return the number that the reference predicts, after the last step of a scene or another."""
     step = number.step if step is None else step
     at = case.scene.snapshots[-1] if step is None else step
     problem, value_n, bound_n = _fields(case, number.field, at)
     row = list(campaign.prepare(case).atoms.id_n).index(number.atom)
     place = (row, *number.axes)
-    return Expected(float(value_n[place]), float(bound_n[place]), at, problem)
+    return ExpectedNumber(float(value_n[place]), float(bound_n[place]), at, problem)
 
 
 def _fields(case: Case, field: str, step: int) -> tuple[Problem, Any, Any]:
@@ -239,7 +239,7 @@ def of_case(case: Case, engine: Engine) -> Report:
     return Report(case.name, entry.title if entry else record.message, made, entry, record, number, terms)
 
 
-def _changing(names: Sequence[str], expected: Expected, number: Number) -> Finding | None:
+def _changing(names: Sequence[str], expected: ExpectedNumber, number: AtomNumber) -> Finding | None:
     """Return the first of the findings that explain a case whose variant changes the number; else the first of all."""
     entries = [entry for entry in map(finding_named, names) if entry]
     for entry in entries:
@@ -253,7 +253,7 @@ def _changing(names: Sequence[str], expected: Expected, number: Number) -> Findi
     return entries[0] if entries else None
 
 
-def _first_outside(case: Case, record: CaseRecord) -> tuple[Number, int]:
+def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
     """Return the first number outside its bound that a deck can read, and its step."""
     told = campaign.prepare(case).jobs[0]
     last = case.scene.snapshots[-1]
@@ -264,7 +264,7 @@ def _first_outside(case: Case, record: CaseRecord) -> tuple[Number, int]:
         if name in FIELDS and atom is not None and deck.word(told, name, atom, (0,) * FIELDS[name].quantity.rank):
             step = last if at is None else at
             axes = _axes(case, name, atom, step, record)
-            return Number(field=name, atom=atom, axes=axes), step
+            return AtomNumber(field=name, atom=atom, axes=axes), step
     raise InputError("case", "has no field outside its bound that LAMMPS' variables read", case.name)
 
 

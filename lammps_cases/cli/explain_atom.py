@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from eos_ref.errors import InputError
-from lammps_cases.bugs.hand import Pair, Sum, terms
+from lammps_cases.bugs.hand import PairContribution, Sum, terms
 from lammps_cases.cli import shared
 from lammps_cases.records.wording import counted, number
 from lammps_cases.run.campaign import prepare
@@ -58,7 +58,7 @@ def _sum(case: Case, atom: int, step: int) -> Sum:
     return terms(problem_of(case.scene, atoms, case.where, case.scene.snapshots), step, atom, len(atoms) ** 2, True)
 
 
-def added_up(pairs: Sequence[Pair]) -> dict[str, Any]:
+def added_up(pairs: Sequence[PairContribution]) -> dict[str, Any]:
     """Return the sums over pairs, of what these add."""
     sums: dict[str, Any] = {}
     for name in ("force", "pressure_force"):

@@ -36,7 +36,7 @@ COMPILED_ABOVE = int(0.456 / 7.92e-6)
 
 
 @dataclass(frozen=True)
-class Stop:
+class ProblemStop:
     """A step at which a run ends and another begins.
 
     Attributes
@@ -70,7 +70,7 @@ class Problem:
     timestep: float
     fields: tuple[str, ...]
     steps: tuple[int, ...]
-    stops: tuple[Stop, ...] = ()
+    stops: tuple[ProblemStop, ...] = ()
 
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""
@@ -104,7 +104,7 @@ def wanted(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[Stop] = ()) -> Iterator[int]:
+def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[ProblemStop] = ()) -> Iterator[int]:
     """Run a simulation, halting at each of the steps (0: the first evaluation), at a stop after it has begun again."""
     sim.setup()
     done, stop_at = 0, {stop.step: stop for stop in stops if stop.step <= steps[-1]}

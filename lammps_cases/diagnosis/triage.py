@@ -18,7 +18,7 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.diagnosis import answers, laws
 from lammps_cases.diagnosis.features import features, in_common
-from lammps_cases.diagnosis.trials import RedCase, Search, Tried, Work, red_case
+from lammps_cases.diagnosis.trials import HypothesisSearch, RedCase, Tried, Work, red_case
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import combined
 from lammps_cases.records import wording
@@ -133,7 +133,7 @@ class _Diagnosis:
             part: list[CaseRecord] = []
             begun = self._started(own)
             share = work.left / len(begun)  # that one of them has no pair takes nothing from the other
-            searches = [Search(case, Work(share)) for case in begun]
+            searches = [HypothesisSearch(case, Work(share)) for case in begun]
             for paired, search in itertools.product((False, True), searches):
                 if part:
                     break

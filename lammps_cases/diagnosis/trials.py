@@ -198,7 +198,7 @@ Tried = tuple[Change, ...]
 
 
 @dataclass
-class Search:
+class HypothesisSearch:
     """Hypotheses of a case: single changes that reproduce it, or else pairs."""
 
     case: RedCase

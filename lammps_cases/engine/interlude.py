@@ -16,7 +16,7 @@ FOLDER = "{folder}"  # in a command: a folder for files that lives as long as th
 
 
 @dataclass(frozen=True)
-class Action:
+class InterludeAction:
     """One command, or one for each of the atoms.
 
     Attributes
@@ -40,7 +40,7 @@ class Interlude:
     moves : whether they move atoms
     """
 
-    actions: tuple[Action, ...]
+    actions: tuple[InterludeAction, ...]
     moves: bool = False
 
 

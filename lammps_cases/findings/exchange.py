@@ -16,7 +16,7 @@ from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import Finding
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, Listed, lists_of_neighbours
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
 
@@ -112,7 +112,7 @@ class ImagesLeftBehind(FollowingLists):
         i, j = listed.row_s[one], listed.row_s[other]
         return np.append(i, j[both]), np.append(j, i[both]), np.append(apart_pc, -apart_pc[both], axis=0)
 
-    def _moved(self, x_nc: FloatArray) -> tuple[Listed, FloatArray, FloatArray]:
+    def _moved(self, x_nc: FloatArray) -> tuple[NeighbourList, FloatArray, FloatArray]:
         """Return the list in use, where the last forces had its slots, and by what their particles have moved."""
         listed, (seen_nc, box) = self.lists[self.at], self.seen
         found_sc, row_s = listed.x_sc[:, : x_nc.shape[1]], listed.row_s

@@ -24,7 +24,7 @@ UNDEFINED = np.inf  # bound of what no reference can predict
 
 
 @dataclass(frozen=True)
-class Listed:
+class NeighbourList:
     """A list of neighbours, as LAMMPS' forces at one step used it.
 
     Attributes
@@ -79,7 +79,7 @@ class FollowingLists(ArrayEvaluator):
     """
 
     by_rows = False
-    lists: tuple[Listed, ...] = ()
+    lists: tuple[NeighbourList, ...] = ()
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))
     exchanged: bool = False
@@ -153,5 +153,5 @@ class CountingSteps(Simulation):
 
 def lists_of_neighbours(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
     """LAMMPS' list at every step, if they were read."""
-    lists: tuple[Listed, ...] = snapshot.get("lists", ())
+    lists: tuple[NeighbourList, ...] = snapshot.get("lists", ())
     return {"lists": lists} if len(lists) > problem.steps[-1] else None

@@ -14,7 +14,7 @@ def argued(choice: str) -> str:
     return next((why for part, why in NEVER.items() if part == choice or f"{place}.".startswith(f"{part}.")), "")
 
 
-class Coverage:
+class ChoiceCounts:
     """How often every choice of the schema was drawn, and together with which others."""
 
     def __init__(self) -> None:

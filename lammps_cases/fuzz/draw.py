@@ -28,7 +28,7 @@ SOURCE = Path("drawn.yaml")
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnScene:
     """A scene that was drawn.
 
     Attributes
@@ -49,7 +49,7 @@ class Drawn:
         """Return the case."""
         return self.ready.case
 
-    def by(self, manual: Manual) -> Drawn:
+    def by(self, manual: Manual) -> DrawnScene:
         """Return the draw with the manual's version that the reference is to follow."""
         return replace(self, ready=prepare(self.case.by(manual)))
 
@@ -59,7 +59,7 @@ class Drawn:
         return schema.taken(self.content)
 
 
-def draw(seed: int, number: int) -> Drawn:
+def draw(seed: int, number: int) -> DrawnScene:
     """Return a scene, the same for ever for a seed and a number.
 
     Raises
@@ -79,11 +79,11 @@ def draw(seed: int, number: int) -> Drawn:
             first = error.errors(include_url=False)[0]
             rejected.append(".".join(map(str, first["loc"])) + ": " + first["msg"])
         else:
-            return Drawn(seed, number, content, ready, tuple(rejected))
+            return DrawnScene(seed, number, content, ready, tuple(rejected))
     raise InputError("draw", f"no scene in {ATTEMPTS} attempts, the last rejected for: {rejected[-1]}", number)
 
 
-def draws(seed: int, first: int = 0) -> Iterator[Drawn]:
+def draws(seed: int, first: int = 0) -> Iterator[DrawnScene]:
     """Yield the draws of a seed without end."""
     for number in itertools.count(first):
         yield draw(seed, number)

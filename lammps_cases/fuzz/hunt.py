@@ -15,8 +15,8 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
-from lammps_cases.fuzz.coverage import Coverage
-from lammps_cases.fuzz.draw import Drawn, draws
+from lammps_cases.fuzz.coverage import ChoiceCounts
+from lammps_cases.fuzz.draw import DrawnScene, draws
 from lammps_cases.fuzz.record import DOCUMENT, FuzzRecord, Red
 from lammps_cases.fuzz.rules import NEVER
 from lammps_cases.records.files import write_atomically
@@ -59,7 +59,7 @@ class Hunt:
     shrinks: bool = True
     command: str = ""
     progress: Progress = SILENT
-    coverage: Coverage = field(default_factory=Coverage)
+    coverage: ChoiceCounts = field(default_factory=ChoiceCounts)
     _modes: dict[int, FailureMode | None] = field(default_factory=dict)
     _cases: dict[int, Case] = field(default_factory=dict)
 
@@ -103,11 +103,11 @@ class Hunt:
                 self._write(record)
                 written = now
 
-    def _judged(self, workers: Workers, judge: WorkerJudge, begin: float) -> Iterator[tuple[Drawn, CaseRecord]]:
+    def _judged(self, workers: Workers, judge: WorkerJudge, begin: float) -> Iterator[tuple[DrawnScene, CaseRecord]]:
         """Yield scenes with their verdicts in the order of their draws, some of them under way at a time."""
         source = draws(self.seed, self.first)
-        running: deque[tuple[Drawn, list[Future[Answer]]]] = deque()
-        judging: deque[tuple[Drawn, Future[tuple[CaseRecord, Arrays]]]] = deque()
+        running: deque[tuple[DrawnScene, list[Future[Answer]]]] = deque()
+        judging: deque[tuple[DrawnScene, Future[tuple[CaseRecord, Arrays]]]] = deque()
         left = self.scenes
         while True:
             while len(running) <= workers.count and left != 0 and time.monotonic() - begin < self.seconds:
@@ -127,7 +127,7 @@ class Hunt:
             else:
                 return
 
-    def _count(self, record: FuzzRecord, drawn: Drawn, verdict: CaseRecord) -> None:
+    def _count(self, record: FuzzRecord, drawn: DrawnScene, verdict: CaseRecord) -> None:
         record.drawn += 1
         record.twins += bool(verdict.twin)
         record.verdicts = dict(Counter(record.verdicts) + Counter([verdict.verdict]))
@@ -143,7 +143,7 @@ class Hunt:
         else:
             self._keep(record, drawn, verdict)
 
-    def _keep(self, record: FuzzRecord, drawn: Drawn, verdict: CaseRecord) -> None:
+    def _keep(self, record: FuzzRecord, drawn: DrawnScene, verdict: CaseRecord) -> None:
         file = self.folder / "drawn" / f"{drawn.case.name}.yaml"
         data = {"name": drawn.case.name, "about": drawn.case.about, "tags": list(drawn.case.tags)}
         write_atomically(file, yaml_text(data | {"scene": drawn.content}))
@@ -183,7 +183,7 @@ class Hunt:
         DOCUMENT.write(self.folder / "fuzz.json", record)
 
 
-def _record(drawn: Drawn, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
+def _record(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
     return campaign.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
 
 

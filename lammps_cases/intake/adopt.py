@@ -15,7 +15,7 @@ from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, SHOWN_BY, engines
-from lammps_cases.intake.record import DOCUMENT, Adoption, ClaimRow, Difference, FindingRow, FindingStatus, InputRow
+from lammps_cases.intake.record import DOCUMENT, AdoptedInput, Adoption, ClaimRow, Difference, FindingRow, FindingStatus
 from lammps_cases.probes import manual
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
@@ -87,7 +87,7 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
         command=command,
         findings=tuple(_finding_rows(whole)),
         claims=tuple(_claim_rows(whole)),
-        inputs=tuple(InputRow(row.id, row.words, row.reaction, row.text, row.ledger) for row in rows),
+        inputs=tuple(AdoptedInput(row.id, row.words, row.reaction, row.text, row.ledger) for row in rows),
         unexplained=tuple(_differences(whole.cases, skipped=False)),
         skipped=tuple(_differences(whole.cases, skipped=True)),
         counts=run.summary,

@@ -43,7 +43,7 @@ class ClaimRow:
 
 
 @dataclass(frozen=True)
-class InputRow:
+class AdoptedInput:
     """A bad input, and what LAMMPS does with it."""
 
     id: str
@@ -79,7 +79,7 @@ class Adoption:
     command: str
     findings: tuple[FindingRow, ...]
     claims: tuple[ClaimRow, ...]
-    inputs: tuple[InputRow, ...]
+    inputs: tuple[AdoptedInput, ...]
     unexplained: tuple[Difference, ...]
     skipped: tuple[Difference, ...]
     counts: dict[str, int]

@@ -50,7 +50,7 @@ _UniqueKeys.add_implicit_resolver(*_FLOAT)
 _UniqueKeys.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 
-class Flow(str):
+class FlowText(str):
     """A value as a file holds it, for complaints, which show it without quotes."""
 
     __repr__ = str.__str__
@@ -62,7 +62,7 @@ def flow(value: Any) -> Any:
         return value
     text = yaml.dump(value, Dumper=_Writer, sort_keys=False, default_flow_style=True, width=math.inf)
     text = text.removesuffix("\n").removesuffix("\n...")
-    return Flow(text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]} ...")
+    return FlowText(text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]} ...")
 
 
 class _Writer(yaml.SafeDumper):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Changes:
+class ComparisonResult:
     """What changed from one side to another.
 
     Attributes
@@ -97,7 +97,7 @@ def compare(
     timing: bool = False,
     fail_on: FailOn | None = None,
     out: str | Path | None = None,
-) -> Changes:
+) -> ComparisonResult:
     """Compare two sides, field by field, as ``eos-ref compare`` does.
 
     Parameters
@@ -127,7 +127,7 @@ def compare(
     options = sources.run_options(sides, jobs or cores(), fresh, SILENT, command)
     with report_folder(out) as (folder, temporary):
         made = compare_into(folder, sides, chosen, tag, paths, options, strict, timing, fail_on)
-        return Changes(made, folder, temporary)
+        return ComparisonResult(made, folder, temporary)
 
 
 def compare_into(

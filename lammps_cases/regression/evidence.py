@@ -29,7 +29,7 @@ BEGIN, END = "<!-- findings:begin -->\n", "<!-- findings:end -->\n"
 
 
 @dataclass(frozen=True)
-class Evidence:
+class AcceptedEvidence:
     """What the accepted runs show.
 
     Attributes
@@ -44,7 +44,7 @@ class Evidence:
     seen_on: dict[str, tuple[str, ...]]
 
 
-def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> Evidence:
+def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> AcceptedEvidence:
     """Gather what the accepted runs show of the findings.
 
     Raises
@@ -65,14 +65,14 @@ def collect(baselines: Path, ledger: Sequence[Finding] = LEDGER) -> Evidence:
                 cases[finding].add(case.case)
                 seen_on[finding] |= {version} - {""}
     order = tuple(sorted(versions, key=Version))
-    return Evidence(
+    return AcceptedEvidence(
         order,
         {entry.id: sorted(cases[entry.id]) for entry in ledger},
         {entry.id: tuple(engine for engine in order if engine in seen_on[entry.id]) for entry in ledger},
     )
 
 
-def table(evidence: Evidence, ledger: Sequence[Finding] = LEDGER) -> str:
+def table(evidence: AcceptedEvidence, ledger: Sequence[Finding] = LEDGER) -> str:
     """Return the findings as a table in Markdown, the most severe first."""
     lines = ["| severity | finding | versions | cases |\n", "|---|---|---|---|\n"]
     for entry in sorted(ledger, key=lambda entry: (SEVERITIES.index(entry.severity), entry.id)):
@@ -85,7 +85,7 @@ def table(evidence: Evidence, ledger: Sequence[Finding] = LEDGER) -> str:
     return "".join(lines)
 
 
-def page(entry: Finding, evidence: Evidence) -> str:
+def page(entry: Finding, evidence: AcceptedEvidence) -> str:
     """Return the page of a finding in Markdown."""
     cases = evidence.cases[entry.id]
     parts = [

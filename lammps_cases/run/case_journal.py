@@ -29,7 +29,7 @@ PACKAGES = ("eos_ref", "lammps_cases")
 RESUME = "--resume"  # what complaints call it
 
 
-class Start(BaseModel):
+class RunStart(BaseModel):
     """What a run began as: whoever goes on with it has to be the same."""
 
     model_config = ConfigDict(extra="forbid", populate_by_name=True)
@@ -49,7 +49,7 @@ class Entry(BaseModel):
     arrays: dict[str, str]
 
 
-_START = Document("journal", Start)
+_START = Document("journal", RunStart)
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ class CaseJournal:
     def _start(self) -> Path:
         return self.folder / folders.JOURNAL / "run.json"
 
-    def begun(self) -> Start | None:
+    def begun(self) -> RunStart | None:
         """Return what the run was when it began; None if it begins now."""
         try:
             return _START.read(self._start)
         except InputError:
             return None
 
-    def begin(self, now: Start) -> Start:
+    def begin(self, now: RunStart) -> RunStart:
         """Note what the run is; return what it was when it began, if it goes on.
 
         Raises
@@ -133,9 +133,9 @@ class CaseJournal:
         return [path for name in names if (path := self.folder / "fields" / name).is_file()]
 
 
-def start(run: RunRecord, cases: Sequence[Case]) -> Start:
+def start(run: RunRecord, cases: Sequence[Case]) -> RunStart:
     """Return what a run is that begins with some cases."""
-    return Start(run=run, code=_code(), cases={case.name: _hash_of_case(case) for case in cases})
+    return RunStart(run=run, code=_code(), cases={case.name: _hash_of_case(case) for case in cases})
 
 
 def _hash(path: Path) -> str:
@@ -161,7 +161,7 @@ def _code() -> str:
     return digest.hexdigest()
 
 
-def _check_same(begun: Start, now: Start) -> None:
+def _check_same(begun: RunStart, now: RunStart) -> None:
     """Refuse to go on with a run of another engine, other cases or options, or by other code."""
     one, other = begun.run, now.run
     rule = "needs the {} of the interrupted run"

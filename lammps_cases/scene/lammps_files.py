@@ -29,7 +29,7 @@ _SECTION = re.compile(r"([A-Z][A-Za-z ]*?)\s*(?:#\s*(\S+))?\s*$")
 
 
 @dataclass(frozen=True)
-class Snapshot:
+class FileSnapshot:
     """Particles of a file, in its own order.
 
     Attributes
@@ -120,7 +120,7 @@ def _at(place: str) -> Iterator[None]:
         raise error.at(place) from None
 
 
-def _box(snapshot: Snapshot, scene: Scene) -> dict[str, Any]:
+def _box(snapshot: FileSnapshot, scene: Scene) -> dict[str, Any]:
     d = scene.dimension
     edges_c = (snapshot.high_c - snapshot.low_c)[:d]
     if not (np.isfinite(edges_c).all() and np.all(edges_c > 0)):
@@ -135,7 +135,7 @@ def _box(snapshot: Snapshot, scene: Scene) -> dict[str, Any]:
     return box | {"spacing": spacing, "tilt": tilt}
 
 
-def data_file(path: Path) -> Snapshot:
+def data_file(path: Path) -> FileSnapshot:
     """Read a data file of an atom style of RHEO; its columns are those of `STYLES`, and vx, vy, vz if they are there.
 
     Raises
@@ -172,10 +172,10 @@ def data_file(path: Path) -> Snapshot:
             raise InputError("Velocities", "must hold those of the particles of Atoms, each once", len(rank))
         order_n = [rank[number] for number in columns["id"].tolist()]
         columns |= {name: moving[order_n, k] for k, name in enumerate(("vx", "vy", "vz"), 1)}
-    return Snapshot(int(step[1]) if step else 0, low_c, high_c, (True, True, True), tilt, columns)
+    return FileSnapshot(int(step[1]) if step else 0, low_c, high_c, (True, True, True), tilt, columns)
 
 
-def snapshots(path: Path) -> Iterator[Snapshot]:
+def snapshots(path: Path) -> Iterator[FileSnapshot]:
     """Read the snapshots of a dump (``dump custom``, as text), in the order of the file.
 
     Raises
@@ -200,7 +200,7 @@ def snapshots(path: Path) -> Iterator[Snapshot]:
             raise InputError("dump", f"cannot be read ({error})") from None
 
 
-def _snapshot(lines: Iterator[str]) -> Snapshot:
+def _snapshot(lines: Iterator[str]) -> FileSnapshot:
     step = int(next(lines))
     while not (item := next(lines)).startswith("ITEM: NUMBER OF ATOMS"):
         next(lines)
@@ -218,7 +218,7 @@ def _snapshot(lines: Iterator[str]) -> Snapshot:
     periodic = tuple(flags == "pp" for flags in words[-3:]) if len(words) >= 3 else (True,) * 3
     names = next(lines).split()[2:]
     table = _table([next(lines) for _ in range(count)], "ATOMS", len(names), len(names))
-    return Snapshot(
+    return FileSnapshot(
         step,
         bounds_c[:, 0],
         bounds_c[:, 1],
@@ -228,7 +228,7 @@ def _snapshot(lines: Iterator[str]) -> Snapshot:
     )
 
 
-def arrays(snapshot: Snapshot, named: Mapping[str, str]) -> dict[str, Array]:
+def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]:
     """Return the arrays of a snapshot that a scene takes, by id: x, type and, if present, rho, energy, v, solid.
 
     Parameters

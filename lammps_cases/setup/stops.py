@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from eos_ref.syntax.ranges import type_range
-from lammps_cases.engine.interlude import FOLDER, Action, Interlude
+from lammps_cases.engine.interlude import FOLDER, Interlude, InterludeAction
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.stops import Displacement, Stop, upper_corners
@@ -69,76 +69,85 @@ def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude
     return Interlude(tuple(actions), moves=stop.displace is not None or stop.stretch is not None)
 
 
-def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[Action]:
+def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:
     """Yield what a stop changes beside its route."""
     if stop.timestep is not None:
-        yield Action(f"timestep {stop.timestep!r}")
+        yield InterludeAction(f"timestep {stop.timestep!r}")
     if stop.count is not None:
-        yield Action(f"reset_timestep {stop.count}")
+        yield InterludeAction(f"reset_timestep {stop.count}")
     if stop.stretch:
         yield _stretched(stop, scene, atoms)
     if stop.displace:
         yield from _displaced(stop, stop.displace, scene)
 
 
-def _stretched(stop: Stop, scene: Scene, atoms: Atoms) -> Action:
+def _stretched(stop: Stop, scene: Scene, atoms: Atoms) -> InterludeAction:
     assert scene.evolve is not None
     low_c = atoms.low_c.tolist()
     high_c = upper_corners(scene.evolve.stops, low_c, atoms.high_c.tolist())[stop.at]
     ends = [f"{axis} final {low!r} {high!r}" for axis, low, high in zip("xyz", low_c, high_c, strict=True)]
-    return Action(f"change_box all {' '.join(ends[: scene.dimension])} remap units box")
+    return InterludeAction(f"change_box all {' '.join(ends[: scene.dimension])} remap units box")
 
 
-def _displaced(stop: Stop, move: Displacement, scene: Scene) -> Iterable[Action]:
+def _displaced(stop: Stop, move: Displacement, scene: Scene) -> Iterable[InterludeAction]:
     vector = " ".join(map(repr, move.vector))
     if move.types is None:
-        yield Action(f"displace_atoms all move {vector} units box")
+        yield InterludeAction(f"displace_atoms all move {vector} units box")
         return
     group = f"displaced_{stop.at}"  # its own: group adds to one that there is
-    yield Action(f"group {group} type {' '.join(map(str, type_range(move.types, len(scene.types))))}")
-    yield Action(f"displace_atoms {group} move {vector} units box")
+    yield InterludeAction(f"group {group} type {' '.join(map(str, type_range(move.types, len(scene.types))))}")
+    yield InterludeAction(f"displace_atoms {group} move {vector} units box")
 
 
-def _given(lines: Iterable[str]) -> list[Action]:
-    return [Action(line) for line in lines]
+def _given(lines: Iterable[str]) -> list[InterludeAction]:
+    return [InterludeAction(line) for line in lines]
 
 
-def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Action]:
-    restart = [Action(f"write_restart {FOLDER}/restart.{stop.at}"), Action("clear")]
-    read = [Action(f"read_restart {FOLDER}/restart.{stop.at}"), *_given((*lines.neighbours, *lines.model))]
+def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[InterludeAction]:
+    restart = [InterludeAction(f"write_restart {FOLDER}/restart.{stop.at}"), InterludeAction("clear")]
+    read = [InterludeAction(f"read_restart {FOLDER}/restart.{stop.at}"), *_given((*lines.neighbours, *lines.model))]
     match stop.by:
         case "run":
             return []
         case "restart":
             return [*restart, *read]
         case "other scene":
-            return [*restart, *_given(OTHER_SCENE.replace("&\n", "").strip().split("\n")), Action("clear"), *read]
+            return [
+                *restart,
+                *_given(OTHER_SCENE.replace("&\n", "").strip().split("\n")),
+                InterludeAction("clear"),
+                *read,
+            ]
         case "data" | "data nofix":
             data = f"{FOLDER}/data.{stop.at}"
             assert scene.evolve is not None
             (count,) = scene.evolve.counted((stop.at,))
             again = [*lines.style, *lines.neighbours, f"read_data {data}", *lines.model, f"reset_timestep {count}"]
-            return [Action(f"write_data {data}{stop.by.removeprefix('data')}"), Action("clear"), *_given(again)]
+            return [
+                InterludeAction(f"write_data {data}{stop.by.removeprefix('data')}"),
+                InterludeAction("clear"),
+                *_given(again),
+            ]
         case "redefined":
-            return [*_undefined(lines.model), Action("pair_style none"), *_given(lines.model)]
+            return [*_undefined(lines.model), InterludeAction("pair_style none"), *_given(lines.model)]
         case "refused command":
-            return [Action(command, "refused") for command in REFUSED]
+            return [InterludeAction(command, "refused") for command in REFUSED]
         case "minimize":
-            return [Action("minimize 0.0 0.0 0 0")]
+            return [InterludeAction("minimize 0.0 0.0 0 0")]
         case "replicated":
-            return [Action("replicate 1 1 1")]
+            return [InterludeAction("replicate 1 1 1")]
         case "set":
-            return [Action(_set(scene), "for each atom", natoms)]
+            return [InterludeAction(_set(scene), "for each atom", natoms)]
         case "recreated":
             groups = [line for line in lines.model if line.startswith("group ")]  # new atoms are in none of them
             return [*_recreated(scene, natoms, stop.renews(natoms)), *_given(groups)]
 
 
-def _undefined(model: Iterable[str]) -> Iterable[Action]:
+def _undefined(model: Iterable[str]) -> Iterable[InterludeAction]:
     """Yield what takes away the compute and the fixes, last defined first."""
     for words in reversed([line.split() for line in model]):
         if words[0] in ("fix", "compute"):
-            yield Action(f"un{words[0]} {words[1]}")
+            yield InterludeAction(f"un{words[0]} {words[1]}")
 
 
 def _set(scene: Scene) -> str:
@@ -148,8 +157,8 @@ def _set(scene: Scene) -> str:
     return f"set atom {{id}} type {{type}} {where} rheo/rho {{rho}} rheo/status {{phase}}{energy}"
 
 
-def _recreated(scene: Scene, natoms: int, last: int) -> Iterable[Action]:
-    yield Action(f"group recreated id > {natoms - last}")
-    yield Action("delete_atoms group recreated compress no")
-    yield Action("create_atoms {type} single {x} {y} {z} units box", "for each atom", last)
-    yield Action(_set(scene), "for each atom", last)
+def _recreated(scene: Scene, natoms: int, last: int) -> Iterable[InterludeAction]:
+    yield InterludeAction(f"group recreated id > {natoms - last}")
+    yield InterludeAction("delete_atoms group recreated compress no")
+    yield InterludeAction("create_atoms {type} single {x} {y} {z} units box", "for each atom", last)
+    yield InterludeAction(_set(scene), "for each atom", last)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lammps_cases.bugs import bare, deck
-from lammps_cases.bugs.deck import Check, Deck
+from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.ci.kits.files import KitFile
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.installations import Engine
@@ -32,11 +32,11 @@ THERMO = 20  # steps between lines of the log
 
 
 @dataclass(frozen=True)
-class Example:
+class UpstreamExample:
     """A deck by its name, with its data file."""
 
     name: str
-    deck: Deck
+    deck: BugDeck
 
     @property
     def files(self) -> dict[str, str]:
@@ -57,12 +57,12 @@ def cases() -> tuple[casefile.Case, ...]:
 
 
 @functools.cache
-def examples() -> tuple[Example, ...]:
+def examples() -> tuple[UpstreamExample, ...]:
     """Return all examples; the number is the largest of the field compared, with its bound."""
     return tuple(_example(case) for case in cases())
 
 
-def _example(case: casefile.Case) -> Example:
+def _example(case: casefile.Case) -> UpstreamExample:
     scene = case.scene
     atoms = build(case, scene.eos(case.where))
     job = commands.job(scene, atoms, plan(scene))
@@ -75,7 +75,7 @@ def _example(case: casefile.Case) -> Example:
     made = deck.of_number(job, last, check)
     about = (f"# {case.about}", f"# {field} of atom {at[0] + 1} after {last} steps, by eos-ref's reference")
     lines = [line.replace(deck.OUTPUT, f"thermo {THERMO}\n{deck.OUTPUT} ke") for line in made.lines]
-    return Example(case.name.replace(".", "-"), Deck((*about, *lines), made.data))
+    return UpstreamExample(case.name.replace(".", "-"), BugDeck((*about, *lines), made.data))
 
 
 def example_files(engine: Engine | None, out: Path | None = None) -> list[KitFile]:
@@ -94,7 +94,7 @@ def example_files(engine: Engine | None, out: Path | None = None) -> list[KitFil
     return [KitFile(f"{FOLDER}/{name}", content, executable=False) for name, content in contents.items()]
 
 
-def log_of(example: Example, engine: Engine) -> tuple[str, str]:
+def log_of(example: UpstreamExample, engine: Engine) -> tuple[str, str]:
     """Run an example by an engine's program; return the name of its log, as LAMMPS names those, and the log.
 
     Raises

@@ -20,7 +20,7 @@ from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem, Stop
+from lammps_cases.comparison.trajectory import Prediction, Problem, ProblemStop
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.upstream.form import ForceTest, Program
@@ -86,11 +86,11 @@ def problem(test: ForceTest, stage: Stage, fields: tuple[str, ...] = ()) -> Prob
     whole = problem_of(test.scene, test.atoms, test.case.where, (stage.after,))
     none = np.zeros(len(test.atoms), dtype=bool)
     begins = {"test_pair_style": (0,), "test_fix_timestep": (0, 4)}[test.program] if stage.after else ()
-    stops = [Stop(step, none) for step in begins]
+    stops = [ProblemStop(step, none) for step in begins]
     # What a binary file holds is the state itself, with which a first run begins as with any other.
     if stage.digits or (stage.read_back and stops):
         place = stops[-1].step if stops else 0
-        stops = [*stops[:-1], Stop(place, ~none, read_back=True, digits=stage.digits)]
+        stops = [*stops[:-1], ProblemStop(place, ~none, read_back=True, digits=stage.digits)]
     return replace(whole, fields=fields or test.scene.compare, stops=tuple(stops))
 
 

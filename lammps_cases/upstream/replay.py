@@ -18,7 +18,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine import session
 from lammps_cases.engine.session import Array, Compute
-from lammps_cases.findings.neighbour_lists import Listed
+from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.upstream.form import COEFFICIENTS, TEMPLATE, ForceTest, Program
 from lammps_cases.upstream.numbers import (
@@ -173,7 +173,7 @@ def _lists(stage: Stage, of: Problem, look: dict[str, Any]) -> dict[str, Any]:
     evaluations = stage.after + len(of.stops) + 1
     # With nofdotr LAMMPS sums the virials of its pairs, as it does with newton off.
     newton = look["list"]["newton"] & (stage.name != "nofdotr")
-    return {"lists": (Listed.read(look["id"], **look["list"] | {"newton": newton}),) * evaluations}
+    return {"lists": (NeighbourList.read(look["id"], **look["list"] | {"newton": newton}),) * evaluations}
 
 
 def _obtained(test: ForceTest, field: str, look: dict[str, Any]) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem, Stop
+from lammps_cases.comparison.trajectory import Problem, ProblemStop
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import applicable
-from lammps_cases.findings.neighbour_lists import Listed
+from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import Beyond, Blame, CaseRecord, worst
 from lammps_cases.scene import Scene
@@ -47,12 +47,12 @@ def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -
     )
 
 
-def _stops(scene: Scene, atoms: Atoms) -> tuple[Stop, ...]:
+def _stops(scene: Scene, atoms: Atoms) -> tuple[ProblemStop, ...]:
     """Return where a scene's runs end and others begin, as the reference takes them."""
     evolve = scene.evolve
     corners = upper_corners(evolve.stops if evolve else (), atoms.low_c.tolist(), atoms.high_c.tolist())
     return tuple(
-        Stop(
+        ProblemStop(
             stop.at,
             np.arange(len(atoms)) >= len(atoms) - stop.renews(len(atoms)),
             stop.timestep,
@@ -76,7 +76,7 @@ def read_snapshots(scene: Scene, answer: Answer, steps: Sequence[int] = ()) -> l
     at = [scene.snapshots.index(step) for step in steps] or range(len(answer.snapshots))
     snapshots = [snapshot(scene, answer.snapshots[k]) for k in at]
     if answer.lists:
-        snapshots[0]["lists"] = tuple(Listed.read(answer.arrays["id"], **arrays) for arrays in answer.lists)
+        snapshots[0]["lists"] = tuple(NeighbourList.read(answer.arrays["id"], **arrays) for arrays in answer.lists)
     return snapshots
 
 

@@ -12,11 +12,11 @@ from eos_ref.syntax.words import number
 from lammps_cases.probes.probe import Commands
 from lammps_cases.studies.inputs import malformed
 from lammps_cases.studies.inputs.reading import refusal
-from lammps_cases.studies.inputs.syntax import Form, Word, forms, text
+from lammps_cases.studies.inputs.syntax import Form, FormWord, forms, text
 
 EXTRA = "9.75"  # a word too many, which stands in no form
 OTHER = 1.5  # factor of the numbers of a first group of two
-Groups = tuple[tuple[Word, ...], ...]
+Groups = tuple[tuple[FormWord, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _whole(form: Form, mutation: str, *lines: str, deck: Commands | None = None)
     )
 
 
-def _changed(form: Form, groups: Groups, word: Word, kind: str, mutation: str, other: str = "") -> Generated:
+def _changed(form: Form, groups: Groups, word: FormWord, kind: str, mutation: str, other: str = "") -> Generated:
     about = word.argument or word.text
     before = {other.text for group in form.groups for other in group}
     new = [other.text for group in groups for other in group if other.text not in before]
@@ -139,7 +139,7 @@ def _changed(form: Form, groups: Groups, word: Word, kind: str, mutation: str, o
     )
 
 
-def _which(form: Form, word: Word) -> str:
+def _which(form: Form, word: FormWord) -> str:
     """Tell an argument from others of its name in a form, and a keyword from its argument."""
     if word.keyword:
         return "-keyword" if any(word.text == other.argument for group in form.groups for other in group) else ""
@@ -147,14 +147,14 @@ def _which(form: Form, word: Word) -> str:
     return f"-{next(k for k, other in enumerate(same, 1) if other is word)}" if len(same) > 1 else ""
 
 
-def _places(form: Form) -> Iterator[tuple[int, int, Word]]:
+def _places(form: Form) -> Iterator[tuple[int, int, FormWord]]:
     for g, group in enumerate(form.groups):
         for k, word in enumerate(group):
             if word.argument or word.keyword:
                 yield g, k, word
 
 
-def _with(groups: Groups, g: int, *words: Word) -> Groups:
+def _with(groups: Groups, g: int, *words: FormWord) -> Groups:
     return (*groups[:g], words, *groups[g + 1 :])
 
 
@@ -188,7 +188,7 @@ def _arrangements(form: Form) -> Iterator[Generated]:
         marked = next((word for word in group if word.argument or word.keyword), None)
         if marked is None:
             continue
-        groups = _with(form.groups, g, *group, Word(EXTRA))
+        groups = _with(form.groups, g, *group, FormWord(EXTRA))
         yield _changed(form, groups, marked, "arrangement", "one-word-more")
         if g:
             yield _changed(form, (*form.groups[:g], group, *form.groups[g:]), marked, "arrangement", "group-twice")
@@ -202,7 +202,7 @@ def _arrangements(form: Form) -> Iterator[Generated]:
             yield _changed(form, (first, *reversed(rest)), moved, "arrangement", "groups-reversed")
 
 
-def _scaled(word: Word) -> str:
+def _scaled(word: FormWord) -> str:
     """Return another number in the place of one."""
     if not word.argument or not re.fullmatch(r"\d+\.\d+", word.text):
         return word.text

@@ -28,7 +28,7 @@ ATOM_STYLES = ("rheo", "rheo/thermal")
 def refusal(commands: Commands) -> str:
     """Return the rule by which the reference refuses a deck, without the place; empty if it takes it."""
     try:
-        deck = Deck()
+        deck = InputState()
         for line in commands:
             deck.read(line)
     except InputError as error:
@@ -37,7 +37,7 @@ def refusal(commands: Commands) -> str:
 
 
 @dataclass
-class Deck:
+class InputState:
     """What the commands so far have said."""
 
     ntypes: int = 0
@@ -143,18 +143,18 @@ _FIXES: Mapping[str, Callable[[str, int], object]] = {
 }
 
 
-def _atom_style(deck: Deck, words: Words) -> None:
+def _atom_style(deck: InputState, words: Words) -> None:
     deck.atom_style = words.choice("atom style", ATOM_STYLES)
     words.end("atom_style")
 
 
-def _create_box(deck: Deck, words: Words) -> None:
+def _create_box(deck: InputState, words: Words) -> None:
     deck.ntypes = words.integer("number of atom types")
     if not deck.atom_style:
         words.fail("atom_style", "must precede the box")
 
 
-def _mass(deck: Deck, words: Words) -> None:
+def _mass(deck: InputState, words: Words) -> None:
     if not deck.ntypes:
         words.fail("mass", "must follow create_box")
     types = type_range(words.word("types of mass"), deck.ntypes, words.command)
@@ -165,12 +165,12 @@ def _mass(deck: Deck, words: Words) -> None:
     deck.mass_t |= dict.fromkeys(types, value)
 
 
-def _pair_style(deck: Deck, words: Words) -> None:
+def _pair_style(deck: InputState, words: Words) -> None:
     parse_pair_style_rheo(words.command)
     deck.pair, deck.coefficients = words.command, False
 
 
-def _pair_coeff(deck: Deck, words: Words) -> None:
+def _pair_coeff(deck: InputState, words: Words) -> None:
     if not deck.pair:
         words.fail("pair_coeff", "must follow pair_style")
     for which in ("first", "second"):
@@ -184,7 +184,7 @@ def _pair_coeff(deck: Deck, words: Words) -> None:
 _ATTRIBUTES = {"rheo/rho": "rho", "rheo/status": "status", "sph/e": "energy"}
 
 
-def _set(deck: Deck, words: Words) -> None:
+def _set(deck: InputState, words: Words) -> None:
     style = words.choice("set style", ("group", "type"))
     which = words.word("particles of set")
     if style == "type":
@@ -205,7 +205,7 @@ def _set(deck: Deck, words: Words) -> None:
     words.end("set")
 
 
-_READERS: dict[str, Callable[[Deck, Words], Any]] = {
+_READERS: dict[str, Callable[[InputState, Words], Any]] = {
     "atom_style": _atom_style,
     "create_box": _create_box,
     "mass": _mass,

@@ -64,7 +64,7 @@ class Argument(BaseModel):
 
 
 @dataclass(frozen=True)
-class Word:
+class FormWord:
     """A word of a form: plain, an argument (its name), or a keyword or style that is put to the test too."""
 
     text: str
@@ -84,7 +84,7 @@ class Form:
 
     command: Command
     name: str
-    groups: tuple[tuple[Word, ...], ...]
+    groups: tuple[tuple[FormWord, ...], ...]
     before: Commands
     after: Commands
 
@@ -102,7 +102,7 @@ class Form:
         """Return the deck with other lines in its place."""
         return (*self.before, *lines, *self.after)
 
-    def names(self, word: Word) -> tuple[str, ...]:
+    def names(self, word: FormWord) -> tuple[str, ...]:
         """Return the words by which a clear error may call a word of the form: of an argument, its keyword's too."""
         group = next(group for group in self.groups if word in group)
         place = group.index(word)
@@ -114,7 +114,7 @@ class Form:
         return tuple(name for name in (*names, word.text if word.keyword else keyword) if re.search("[A-Za-z]", name))
 
 
-def text(groups: tuple[tuple[Word, ...], ...]) -> str:
+def text(groups: tuple[tuple[FormWord, ...], ...]) -> str:
     """Return words as a command."""
     return " ".join(word.text for group in groups for word in group if word.text)
 
@@ -151,11 +151,11 @@ class Command(BaseModel):
         return Form(self, name, groups, lines[:at], lines[at + 1 :])
 
 
-def _word(written: str) -> Word:
+def _word(written: str) -> FormWord:
     if written.startswith("!"):
-        return Word(written[1:], keyword=True)
+        return FormWord(written[1:], keyword=True)
     argument, equals, word = written.partition("=")
-    return Word(word, argument) if equals else Word(written)
+    return FormWord(word, argument) if equals else FormWord(written)
 
 
 @functools.cache

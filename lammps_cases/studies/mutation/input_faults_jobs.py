@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.engine.interlude import Action, Interlude
+from lammps_cases.engine.interlude import Interlude, InterludeAction
 from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.studies.mutation.fault import Kind
 from lammps_cases.studies.mutation.input_faults import InputFault, JobChange
@@ -148,7 +148,7 @@ def _between(before: str, *commands: str) -> JobChange:
             return stretch
         actions = stretch.actions
         at = [k for k, action in enumerate(actions) if action.text.startswith(before)][:1] if before else [len(actions)]
-        further = tuple(map(Action, commands))
+        further = tuple(map(InterludeAction, commands))
         return replace(stretch, actions=(*actions[: at[0]], *further, *actions[at[0] :]) if at else actions)
 
     return lambda of: replace(of, runs=tuple(map(change, of.runs)))

@@ -29,7 +29,7 @@ ARGUED = Path(__file__).with_name("argued.yaml")
 _INFINITE = ConfigDict(ser_json_inf_nan="strings")
 
 
-class Argument(BaseModel):
+class FaultArgument(BaseModel):
     """Why no case can see a fault, as ``argued.yaml`` holds it."""
 
     model_config = ConfigDict(extra="forbid")
@@ -167,7 +167,7 @@ _DOCUMENT = Document("power", Power)
 
 def arguments(path: Path = ARGUED) -> dict[tuple[str, str], str]:
     """Return the reasons why faults go unseen, by id and what they change."""
-    entries = TypeAdapter(list[Argument]).validate_python(read_yaml(path, "arguments"))
+    entries = TypeAdapter(list[FaultArgument]).validate_python(read_yaml(path, "arguments"))
     return {(argument.id, argument.what): argument.reason for argument in entries}
 
 

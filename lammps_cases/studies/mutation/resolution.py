@@ -20,7 +20,7 @@ from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation.perturbed import JudgingWorkers, PerturbedJudge, RepeatedCase
-from lammps_cases.studies.mutation.scene_numbers import Number, numbers
+from lammps_cases.studies.mutation.scene_numbers import SceneNumber, numbers
 
 PROBES = (1e-6, 1e-3, 0.1)  # relative changes tried, until one shows
 WHOLE = (1, 2, 3, 4, 6, 8, 12, 16)  # changes of a number that counts something
@@ -102,7 +102,7 @@ def probes(
     return [Sensitivity(n.parameter, n.place, _estimate(case, n), n.whole, n.decides) for n in wanted]
 
 
-def _estimate(case: RepeatedCase, number: Number) -> float:
+def _estimate(case: RepeatedCase, number: SceneNumber) -> float:
     """Estimate where a case turns red; a field without rounding leaves its bound of 0 at once or not (one ulp)."""
 
     def largest(change: float, but: float = math.nan) -> float:
@@ -146,7 +146,7 @@ def smallest(
     return pairs
 
 
-def _counted(case: RepeatedCase, number: Number, sign: int) -> VisibleChange | None:
+def _counted(case: RepeatedCase, number: SceneNumber, sign: int) -> VisibleChange | None:
     before = 0
     for k in WHOLE:
         if number.value + sign * k < 0:
@@ -157,7 +157,7 @@ def _counted(case: RepeatedCase, number: Number, sign: int) -> VisibleChange | N
     return None
 
 
-def _bisected(case: RepeatedCase, number: Number, sign: int, probe: Sensitivity) -> VisibleChange | None:
+def _bisected(case: RepeatedCase, number: SceneNumber, sign: int, probe: Sensitivity) -> VisibleChange | None:
     def altered(size: float) -> float:
         return number.value * (1 + sign * size)
 
@@ -193,7 +193,7 @@ def _bracket(sees: Callable[[float], bool], start: float) -> tuple[float, float]
     return size, 0.0
 
 
-def _change(case: RepeatedCase, number: Number, change: float, unseen: float) -> VisibleChange:
+def _change(case: RepeatedCase, number: SceneNumber, change: float, unseen: float) -> VisibleChange:
     ratios = case.moved(number.job_with(number.value + change))
     leaving = max(ratios, key=lambda name: ratios[name], default="no numbers")
     relative = abs(change) / abs(number.value)

@@ -60,7 +60,7 @@ def can_witness(case: Case) -> bool:
 
 
 @dataclass
-class Examined:
+class ExaminedCase:
     """A case, examined for its rules; what mistakes are held against is computed once.
 
     Attributes
@@ -175,7 +175,7 @@ def examine(case: Case, every: bool = False, store: Store | None = None) -> Case
     taken = exercise.counts(case, ready.atoms, predictor)
     named = {name: taken.get(name, 0) for name in case.exercises}
     counts = named | {name: count for name, count in taken.items() if every or not RULES[name].faults}
-    examined = Examined(ready, predictor)
+    examined = ExaminedCase(ready, predictor)
     depends = tuple(name for name, count in counts.items() if count and examined.depends(RULES[name]))
     return CaseRules(case.name, scene_of(case), case.scene.dimension, counts, depends)
 

@@ -135,11 +135,11 @@ def first(of: Subject, watch: FailureCriteria, look: Observation, energy: float 
     energy : float or None
         Kinetic energy that the scene can supply; None: not known yet, so that its growth is not watched.
     """
-    return Detection(of, watch, look, energy).first()
+    return FailureDetectors(of, watch, look, energy).first()
 
 
 @dataclass(frozen=True)
-class Detection:
+class FailureDetectors:
     """Detectors of failures in one observation; each returns the worst particle, or None."""
 
     of: Subject

@@ -17,7 +17,7 @@ from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.findings.walls import WALL_VELOCITY_LOST
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, Panel, Quantity, Validation, curve, misfits, table
+from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, curve, misfits, table
 
 REYNOLDS, MACH = 100.0, 0.1
 SIDE = 4  # spacings of a wall
@@ -81,11 +81,11 @@ def _between(n: int) -> FloatArray:
     return np.linspace(1 / n, 1 - 1 / n, 2 * n - 3)
 
 
-U = Panel("u", "y / side", "u / lid", (table("ghia-u", "Ghia et al. 1982"),), _u)
-V = Panel("v", "x / side", "v / lid", (table("ghia-v", "Ghia et al. 1982"),), _v)
+U = FlowPanel("u", "y / side", "u / lid", (table("ghia-u", "Ghia et al. 1982"),), _u)
+V = FlowPanel("v", "x / side", "v / lid", (table("ghia-v", "Ghia et al. 1982"),), _v)
 QUANTITIES = (
-    Quantity("fastest backward flow, u / lid", lambda *of: min(_u(*of)[1]), -0.21090, "Ghia et al., table I"),
-    Quantity("fastest downward flow, v / lid", lambda *of: min(_v(*of)[1]), -0.24533, "Ghia et al., table II"),
+    FlowQuantity("fastest backward flow, u / lid", lambda *of: min(_u(*of)[1]), -0.21090, "Ghia et al., table I"),
+    FlowQuantity("fastest downward flow, v / lid", lambda *of: min(_v(*of)[1]), -0.24533, "Ghia et al., table II"),
 )
 ABOUT = (
     "A lid drives the fluid in a square cavity, Re = 100, c = 10 lid speeds, with shift, artificial viscosity "

@@ -19,7 +19,16 @@ from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import rows, start, time_step
 from lammps_cases.studies.flows.walls import MACH, WIDTH
-from lammps_cases.studies.validation.model import Curve, Known, Panel, Quantity, Validation, curve, line, misfits
+from lammps_cases.studies.validation.model import (
+    Curve,
+    FlowPanel,
+    FlowQuantity,
+    Known,
+    Validation,
+    curve,
+    line,
+    misfits,
+)
 
 REYNOLDS = 0.1  # unit of speed times gap over K: rows pass each other by less than a spacing
 FINE = 1000  # spacings of the gap for which closed forms are drawn
@@ -154,7 +163,7 @@ def _of_channel(
     extra: tuple[Known, ...] = (),
 ) -> Validation:
     known = _known(of, "closed form")
-    panel = Panel("velocity", "y / gap", "u / unit", (known, *extra), _profile)
+    panel = FlowPanel("velocity", "y / gap", "u / unit", (known, *extra), _profile)
     flow = Flow(
         name,
         about + " It begins with the closed form and runs until it has its own. Option: wall (constant: walls have the "
@@ -167,7 +176,7 @@ def _of_channel(
         Options(kernel="RK1"),
         (8, 12),
     )
-    middle = Quantity("velocity in the middle", _middle, max(known.y), "closed form")
+    middle = FlowQuantity("velocity in the middle", _middle, max(known.y), "closed form")
     return Validation(flow, title, (panel,), (middle,), (FORCE_PER_VOLUME,))
 
 

@@ -19,7 +19,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.thermal import HEAT_IS_TEMPERATURE_RATE
 from lammps_cases.studies.flows.flow import Body, Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, Panel, Quantity, Validation, curve, misfits, table
+from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, curve, misfits, table
 
 RAYLEIGH, PRANDTL = 1e4, 0.71
 FASTEST = 20.0  # speeds are in units of diffusivity over side; sound has ten times the fastest
@@ -98,10 +98,10 @@ def _nusselt(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
     return 1 + n * float(np.mean(flow))
 
 
-U = Panel(
+U = FlowPanel(
     "u", "y / side", "u side / diffusivity", (table("vahl-davis-u", "de Vahl Davis 1983"),), partial(_along, axis=1)
 )
-V = Panel(
+V = FlowPanel(
     "v", "x / side", "v side / diffusivity", (table("vahl-davis-v", "de Vahl Davis 1983"),), partial(_along, axis=0)
 )
 SOURCE = "de Vahl Davis"
@@ -120,8 +120,8 @@ CONVECTION = Validation(
     "Natural convection",
     (U, V),
     (
-        Quantity("mean Nusselt number", _nusselt, 2.243, SOURCE),
-        Quantity("fastest upward flow", lambda *of: max(V.read(*of)[1]), 19.617, SOURCE),
+        FlowQuantity("mean Nusselt number", _nusselt, 2.243, SOURCE),
+        FlowQuantity("fastest upward flow", lambda *of: max(V.read(*of)[1]), 19.617, SOURCE),
     ),
     (HEAT_IS_TEMPERATURE_RATE,),
 )

@@ -14,7 +14,7 @@ import numpy as np
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, Panel, Quantity, Validation, misfits, table
+from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, misfits, table
 
 FASTEST, SOUND = 2.0, 20.0  # over sqrt(g H)
 VISCOSITY = 1e-3  # over H sqrt(g H): walls drag, but the fluid far from them hardly
@@ -84,7 +84,7 @@ def _front(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
     )
 
 
-FRONT = Panel(
+FRONT = FlowPanel(
     "front",
     "t sqrt(2g/a)",
     "front / a",
@@ -118,7 +118,7 @@ DAM = Validation(
     ),
     "Dam break: the front",
     (FRONT,),
-    (Quantity("time to run three widths", _arrival, 2.51, "Martin & Moyce, table 2"),),
+    (FlowQuantity("time to run three widths", _arrival, 2.51, "Martin & Moyce, table 2"),),
     (FORCE_PER_VOLUME,),
     "The pressure on a wall opposite (Buchner 2002): at these resolutions sound and particles that the impact throws "
     "out outweigh it on both sides, and LAMMPS loses atoms.",

@@ -8,7 +8,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE
-from lammps_cases.studies.validation.model import Known, Panel, Validation
+from lammps_cases.studies.validation.model import FlowPanel, Known, Validation
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated
 
 _COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
@@ -35,7 +35,7 @@ def figure(validated: Validated, of: Validation) -> Figure:
         return drawn
 
 
-def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: Panel) -> None:
+def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: FlowPanel) -> None:
     runs = [run for run in validated.of(flow, side) if panel.name in run.curves]
     for run in runs:
         last = run is runs[-1]

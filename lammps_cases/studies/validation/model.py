@@ -60,7 +60,7 @@ def curve(x: FloatArray, y: FloatArray) -> Curve:
 
 
 @dataclass(frozen=True)
-class Panel:
+class FlowPanel:
     """A picture of a flow: what others know, the first of them what errors are taken against, and how a run is read."""
 
     name: str
@@ -71,7 +71,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class FlowQuantity:
     """A number that a user reads off the flow.
 
     Attributes
@@ -102,8 +102,8 @@ class Validation:
 
     flow: Flow
     title: str
-    panels: tuple[Panel, ...]
-    quantities: tuple[Quantity, ...]
+    panels: tuple[FlowPanel, ...]
+    quantities: tuple[FlowQuantity, ...]
     findings: tuple[Finding, ...] = ()
     left_out: str = ""
 
@@ -113,7 +113,7 @@ class Validation:
         return self.flow.name
 
 
-def misfits(panels: Sequence[Panel]) -> Callable[[int, Options, Sequence[Snapshot]], dict[str, float]]:
+def misfits(panels: Sequence[FlowPanel]) -> Callable[[int, Options, Sequence[Snapshot]], dict[str, float]]:
     """Return the measures of a flow that is held against the first known curve of each panel."""
 
     def measures(n: int, options: Options, snapshots: Sequence[Snapshot]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import brief
 from lammps_cases.studies.validation import VALIDATIONS, draw
-from lammps_cases.studies.validation.model import Quantity, Validation
+from lammps_cases.studies.validation.model import FlowQuantity, Validation
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated
 
 ASSETS = Path(__file__).parent / "assets"
@@ -86,7 +86,7 @@ def _who(side: str) -> str:
     return side if side == LAMMPS else f"The reference with {side}"
 
 
-def _change(theirs: float, ours: float, quantity: Quantity) -> str:
+def _change(theirs: float, ours: float, quantity: FlowQuantity) -> str:
     """Say one number in place of another, and how far that is from it."""
     found = quantity.absent if math.isnan(theirs) else brief(theirs)
     words = f"{found} in place of the reference's {brief(ours)}"

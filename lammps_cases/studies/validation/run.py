@@ -34,7 +34,7 @@ SPACING = 0.75  # between particles, in another unit of length
 
 
 @dataclass(frozen=True)
-class Task:
+class FlowTask:
     """A run to be done: a flow at a resolution, by one side; ``explained``: if LAMMPS loses atoms, it is said why."""
 
     of: Validation
@@ -83,19 +83,19 @@ def validate(
     return validated
 
 
-def _tasks(of: Validation, quick: bool, workers: Workers) -> Iterator[Task]:
+def _tasks(of: Validation, quick: bool, workers: Workers) -> Iterator[FlowTask]:
     """Yield both sides at every resolution; in full also, at the coarsest, findings and another unit of length."""
     flow = of.flow
     resolutions = (flow.quick or flow.resolutions[:1]) if quick else flow.resolutions
     lammps = partial(in_worker, workers=workers, time_limit=LIMIT)
     for n in resolutions:
-        yield Task(of, n, REFERENCE, by_reference)
-        yield Task(of, n, LAMMPS, lammps, n == resolutions[0])
+        yield FlowTask(of, n, REFERENCE, by_reference)
+        yield FlowTask(of, n, LAMMPS, lammps, n == resolutions[0])
     if not quick:
         if flow.start(resolutions[0], flow.options).body is None:  # whose formulas are in the first unit
-            yield Task(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
+            yield FlowTask(of, resolutions[0], UNIT, partial(_in_another_unit, solve=lammps))
         for finding in of.findings:
-            yield Task(of, resolutions[0], finding.id, partial(_with, finding))
+            yield FlowTask(of, resolutions[0], finding.id, partial(_with, finding))
 
 
 def _with(finding: Finding, start: Start) -> FlowResult:
@@ -125,7 +125,7 @@ def _back(shot: Snapshot, scale: Scale) -> Snapshot:
     return replace(shot, time=shot.time / scale.of("time"), x_nc=shot.x_nc / scale.of("x"))
 
 
-def _key(task: Task, start: Start, about: dict[str, Any]) -> str:
+def _key(task: FlowTask, start: Start, about: dict[str, Any]) -> str:
     """Hash all that a run depends on: sources, start, side, and LAMMPS' account of itself."""
     a, lammps = start.atoms, repr(sorted(about.items())) if task.side.startswith(LAMMPS) else ""
     arrays = (a.type_n, a.x_nc, a.v_nc, a.rho_n, a.energy_n, a.low_c, a.high_c)
@@ -148,7 +148,7 @@ def _sources(of_flow: ModuleType) -> str:
     return digest.hexdigest()
 
 
-def _solved(task: Task, start: Start) -> FlowResult:
+def _solved(task: FlowTask, start: Start) -> FlowResult:
     """Run a task; particles of the reference that are lost become the message, as those of LAMMPS do."""
     try:
         return task.solve(start)
@@ -156,7 +156,7 @@ def _solved(task: Task, start: Start) -> FlowResult:
         return FlowResult((), math.nan, len(start.atoms), 0, str(error))
 
 
-def _run(task: Task, start: Start) -> FlowRecord:
+def _run(task: FlowTask, start: Start) -> FlowRecord:
     of, n, options = task.of, task.n, task.of.flow.options
     result = _solved(task, start)
     about = (of.name, task.side, n, result.n, result.steps, result.seconds)

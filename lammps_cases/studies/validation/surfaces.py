@@ -20,7 +20,7 @@ from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import Body, Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
 from lammps_cases.studies.flows.surfaces import INTERFACE, disc, radius_of
-from lammps_cases.studies.validation.model import Curve, Panel, Quantity, Validation, line, misfits
+from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, line, misfits
 
 ARTIFICIAL, DAMPING = 0.1, 0.1  # artificial viscosity; density diffusion over h c
 NO_TENSION = (
@@ -81,8 +81,8 @@ def _kept(n: int, options: Options, snapshots: Sequence[Snapshot], angular: bool
 _KEPT = line(
     "incompressible, inviscid", np.array([0.0, 2.0]), np.array([1.0, 1.0]), "no force from outside, no friction"
 )
-ENERGY = Panel("kinetic energy", "angle turned", "kinetic energy / first", (_KEPT,), partial(_kept, angular=False))
-SPIN = Panel("angular momentum", "angle turned", "angular momentum / first", (_KEPT,), partial(_kept, angular=True))
+ENERGY = FlowPanel("kinetic energy", "angle turned", "kinetic energy / first", (_KEPT,), partial(_kept, angular=False))
+SPIN = FlowPanel("angular momentum", "angle turned", "angular momentum / first", (_KEPT,), partial(_kept, angular=True))
 PATCH = Validation(
     Flow(
         "patch",
@@ -98,7 +98,11 @@ PATCH = Validation(
     ),
     "Rotating square patch",
     (ENERGY, SPIN),
-    (Quantity("kinetic energy after two radians, over the first", lambda *of: ENERGY.read(*of)[1][-1], 1.0, "kept"),),
+    (
+        FlowQuantity(
+            "kinetic energy after two radians, over the first", lambda *of: ENERGY.read(*of)[1][-1], 1.0, "kept"
+        ),
+    ),
     (FORCE_PER_VOLUME,),
     "Shapes and pressures at later times are published as figures of other codes, whose numbers could not be "
     "confirmed.",
@@ -176,7 +180,7 @@ def _period(times: Sequence[float], axis: Sequence[float]) -> float:
 
 
 _T = np.linspace(0, SWINGS[-1], 481)
-AXIS = Panel(
+AXIS = FlowPanel(
     "axis",
     "t B",
     "axis along x / R",
@@ -199,7 +203,7 @@ DROP = Validation(
     "Oscillating drop",
     (AXIS,),
     (
-        Quantity(
+        FlowQuantity(
             "period times B",
             lambda *of: _period(*_axis(*of)),
             _period(SWINGS, _ellipse(np.array(SWINGS)).tolist()),
@@ -227,7 +231,7 @@ def _radial(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
     return tuple((0.5 * (edges[1:] + edges[:-1])).tolist()), tuple(means)
 
 
-JUMP = Panel(
+JUMP = FlowPanel(
     "pressure",
     "distance / radius",
     "pressure / background",
@@ -263,7 +267,7 @@ BUBBLE = Validation(
     ),
     "Static bubble of two phases",
     (JUMP,),
-    (Quantity("jump of the pressure over the background", _jump, 0.0, "Laplace"),),
+    (FlowQuantity("jump of the pressure over the background", _jump, 0.0, "Laplace"),),
     (FORCE_PER_VOLUME,),
     NO_TENSION + "The jump to be met is that of no tension.",
 )

@@ -18,7 +18,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.findings.forces import FORCE_PER_VOLUME
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step
-from lammps_cases.studies.validation.model import Curve, Panel, Quantity, Validation, line, misfits
+from lammps_cases.studies.validation.model import Curve, FlowPanel, FlowQuantity, Validation, line, misfits
 
 # --- standing wave; units: depth H, sqrt(g H)
 
@@ -97,7 +97,7 @@ def _damped(rate: float) -> FloatArray:
     return np.asarray(np.cos(OMEGA * t) * np.exp(-rate * t))
 
 
-MODE = Panel(
+MODE = FlowPanel(
     "velocity",
     "t / period",
     "velocity of the wave / first",
@@ -124,8 +124,8 @@ WAVE = Validation(
     "Standing wave",
     (MODE,),
     (
-        Quantity("rate of decay over 2 nu k^2", lambda *of: _oscillation(*of)[0], 1.0, "Lighthill"),
-        Quantity(
+        FlowQuantity("rate of decay over 2 nu k^2", lambda *of: _oscillation(*of)[0], 1.0, "Lighthill"),
+        FlowQuantity(
             "frequency over that of linear theory",
             lambda *of: _oscillation(*of)[1],
             1.0,

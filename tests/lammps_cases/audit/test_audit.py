@@ -25,7 +25,7 @@ from click.testing import CliRunner
 from eos_ref import EOSTable, InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
 from lammps_cases.audit.fields import PRESSURE
-from lammps_cases.audit.options import CommandPlace, Task
+from lammps_cases.audit.options import AuditTask, CommandPlace
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import CaseRecord
@@ -185,7 +185,7 @@ def test_original_folder_stays_untouched(kept: Callable[[str], Path]) -> None:
 # --- planted faults, in the process that runs the deck ---
 
 
-def _stiffer(task: Task, connection: Connection) -> None:
+def _stiffer(task: AuditTask, connection: Connection) -> None:
     from lammps_cases.audit import child, deck
 
     right = deck.Deck.laws
@@ -200,7 +200,7 @@ def _stiffer(task: Task, connection: Connection) -> None:
     child.main(task, connection)
 
 
-def _at_each_look(act: Callable[[Any, int, int], None], task: Task, connection: Connection) -> None:
+def _at_each_look(act: Callable[[Any, int, int], None], task: AuditTask, connection: Connection) -> None:
     from lammps_cases.audit import child, watch
 
     right = watch.DeckWatch._sample
@@ -213,7 +213,7 @@ def _at_each_look(act: Callable[[Any, int, int], None], task: Task, connection: 
     child.main(task, connection)
 
 
-def _one_atom(task: Task, connection: Connection) -> None:
+def _one_atom(task: AuditTask, connection: Connection) -> None:
     def act(lmp: Any, step: int, n: int) -> None:
         if step >= 20:
             row = lmp.numpy.extract_atom("id")[:n].tolist().index(17)
@@ -222,7 +222,7 @@ def _one_atom(task: Task, connection: Connection) -> None:
     _at_each_look(act, task, connection)
 
 
-def _segfault(task: Task, connection: Connection) -> None:
+def _segfault(task: AuditTask, connection: Connection) -> None:
     def act(lmp: Any, step: int, n: int) -> None:
         if step == 20:
             os.write(2, b"free(): invalid pointer\n")
@@ -231,14 +231,14 @@ def _segfault(task: Task, connection: Connection) -> None:
     _at_each_look(act, task, connection)
 
 
-def _wrong_look(task: Task, connection: Connection) -> None:
+def _wrong_look(task: AuditTask, connection: Connection) -> None:
     def act(lmp: Any, step: int, n: int) -> None:
         raise InputError("look", "must not fail", step)
 
     _at_each_look(act, task, connection)
 
 
-def _hang(task: Task, connection: Connection) -> None:
+def _hang(task: AuditTask, connection: Connection) -> None:
     connection.send(CommandPlace("in.plain:7", "run   45"))
     time.sleep(600)
 

@@ -21,7 +21,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, supervise
 from lammps_cases.audit.fields import PRESSURE
-from lammps_cases.audit.options import TRUST, CommandPlace, Task
+from lammps_cases.audit.options import TRUST, AuditTask, CommandPlace
 from lammps_cases.engine import containment, mpi
 from lammps_cases.engine.session import package_directory
 from lammps_cases.records.run_record import CaseRecord
@@ -49,7 +49,7 @@ def case_of(result: AuditResult) -> CaseRecord:
     return result.record.cases[0]
 
 
-def _answered(entry: Callable[[Any], Any], task: Task, connection: Connection) -> None:
+def _answered(entry: Callable[[Any], Any], task: AuditTask, connection: Connection) -> None:
     from lammps_cases.audit import child
 
     os.chdir(task.folder)
@@ -355,12 +355,12 @@ def test_limits_hold(deck: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert case.verdict == "crashed" and "filled half of the disk" in case.message
 
 
-def _fills_memory(task: Task, connection: Connection) -> None:
+def _fills_memory(task: AuditTask, connection: Connection) -> None:
     containment.limit(2**30, 60.0, 2**20)
     bytes(2**31)
 
 
-def _sleeps(task: Task, connection: Connection) -> None:
+def _sleeps(task: AuditTask, connection: Connection) -> None:
     time.sleep(600)
 
 
@@ -375,7 +375,7 @@ class _Call:
         return self.function, self.arguments
 
 
-def _sends(content: Any, task: Task, connection: Connection) -> None:
+def _sends(content: Any, task: AuditTask, connection: Connection) -> None:
     connection.send_bytes(content if isinstance(content, bytes) else pickle.dumps(content))
 
 

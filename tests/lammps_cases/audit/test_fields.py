@@ -21,7 +21,7 @@ from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Visco
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, share, supervise
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.audit.options import Task
+from lammps_cases.audit.options import AuditTask
 from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.run_record import CaseRecord
 
@@ -144,7 +144,7 @@ def test_deck_does_the_same_as_without_audit(name: str, kept: Callable[[str], Pa
 # --- planted faults, in the process that runs the deck
 
 
-def _wrong(plant: Callable[[Any], None], task: Task, connection: Connection) -> None:
+def _wrong(plant: Callable[[Any], None], task: AuditTask, connection: Connection) -> None:
     from lammps_cases.audit import child, sample
 
     plant(sample)
@@ -190,7 +190,7 @@ def _heavier(sample: Any) -> None:
 # --- forces to which other styles add
 
 
-def _second_only(plant: Callable[[Any], None], task: Task, connection: Connection) -> None:
+def _second_only(plant: Callable[[Any], None], task: AuditTask, connection: Connection) -> None:
     if task.deck == share.SCRIPT:
         _wrong(plant, task, connection)
     from lammps_cases.audit import child

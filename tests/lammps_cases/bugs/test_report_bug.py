@@ -19,7 +19,7 @@ from eos_ref.cache import cache_folder
 from eos_ref.syntax.manual import MANUALS, Manual, manual_of
 from lammps_cases.bugs import bare, deck, issue, report
 from lammps_cases.bugs.bare import Ending
-from lammps_cases.bugs.deck import Check, Deck
+from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.demonstration import case_of, demonstrations
 from lammps_cases.bugs.report import Report
 from lammps_cases.engine import installations
@@ -269,7 +269,7 @@ def test_a_wrong_calculation_by_hand_is_refused() -> None:
     ],
 )
 def test_verdict_of_an_ending(refused: str, code: int, output: str, verdict: str) -> None:
-    assert Ending(code, output).verdict(Deck((), refused=refused)) == verdict
+    assert Ending(code, output).verdict(BugDeck((), refused=refused)) == verdict
 
 
 # --- the text

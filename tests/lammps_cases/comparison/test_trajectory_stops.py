@@ -11,7 +11,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.parameters import Box, Deform
-from lammps_cases.comparison.trajectory import Problem, Stop, predict, visit, wanted
+from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, visit, wanted
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
@@ -20,15 +20,15 @@ DT = 0.004
 WALLS, FLUID = "runs-walls.fluid.settings", "runs.summed.settings"
 
 
-def problem(name: str, *stops: Stop, steps: tuple[int, ...] = (0, 2, 4)) -> Problem:
+def problem(name: str, *stops: ProblemStop, steps: tuple[int, ...] = (0, 2, 4)) -> Problem:
     """A shipped case, stopped elsewhere."""
     (case,) = casefile.select(casefile.load(), [name])
     return replace(problem_of(case.scene, campaign.prepare(case).atoms, "", steps), stops=stops)
 
 
-def stop(of: Problem, step: int, **settings: object) -> Stop:
+def stop(of: Problem, step: int, **settings: object) -> ProblemStop:
     """A stop at which no particle is new."""
-    return replace(Stop(step, np.zeros(len(of.state.x_nc), bool)), **settings)
+    return replace(ProblemStop(step, np.zeros(len(of.state.x_nc), bool)), **settings)
 
 
 def begun(of: Problem) -> Simulation:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lammps_cases.engine.interlude import Action, Interlude, NotRefused, perform, rows, scratch
+from lammps_cases.engine.interlude import Interlude, InterludeAction, NotRefused, perform, rows, scratch
 
 BEFORE = {
     "id": np.array([1, 2, 5]),
@@ -38,7 +38,7 @@ class Library:
         self.given += text.split("\n")
 
 
-def done(*actions: Action) -> list[str]:
+def done(*actions: InterludeAction) -> list[str]:
     """What LAMMPS is given."""
     library = Library()
     perform(library, Interlude(actions), lambda: BEFORE, "folder", Exception)
@@ -55,22 +55,22 @@ def test_values_of_atoms_read_back_as_the_same_numbers() -> None:
 
 def test_actions_in_their_order() -> None:
     given = done(
-        Action("write_restart {folder}/r"),
-        Action("bad", "refused"),
-        Action("set atom {id} rheo/rho {rho}", "for each atom", 2),
+        InterludeAction("write_restart {folder}/r"),
+        InterludeAction("bad", "refused"),
+        InterludeAction("set atom {id} rheo/rho {rho}", "for each atom", 2),
     )
     assert given == ["write_restart folder/r", "set atom 2 rheo/rho 1.2", "set atom 5 rheo/rho 1.3000000000000003"]
 
 
 def test_what_must_be_refused_and_is_not() -> None:
     with pytest.raises(NotRefused, match="took what it must refuse: good"):
-        done(Action("good", "refused"))
+        done(InterludeAction("good", "refused"))
 
 
 @pytest.mark.parametrize("how", ["given", "refused"])
 def test_an_error_after_which_the_instance_is_lost_is_not_swallowed(how: Any) -> None:
     with pytest.raises(RuntimeError):
-        done(Action("worse", how))
+        done(InterludeAction("worse", how))
 
 
 def test_the_state_is_read_before_and_after() -> None:

@@ -19,7 +19,7 @@ from lammps_cases.comparison.trajectory import Problem, visit, wanted
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import shown_by
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, Listed
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList
 from lammps_cases.findings.surfaces import LayerOfFirst, StatusOfLayers
 from lammps_cases.findings.variants import Variant, combined
 from lammps_cases.findings.walls import AccelerationsOfOldImages, GradientOfSecond
@@ -80,9 +80,9 @@ class Seen:
         return model_cases.problem_of(self.ready.case.scene, self.ready.atoms, "", steps)
 
     @property
-    def lists(self) -> tuple[Listed, ...]:
+    def lists(self) -> tuple[NeighbourList, ...]:
         """LAMMPS' list at every step."""
-        return tuple(Listed.read(self.every.arrays["id"], **arrays) for arrays in self.every.lists)
+        return tuple(NeighbourList.read(self.every.arrays["id"], **arrays) for arrays in self.every.lists)
 
 
 @pytest.fixture(scope="module")

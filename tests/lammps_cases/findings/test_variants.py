@@ -13,7 +13,7 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Problem, Stop
+from lammps_cases.comparison.trajectory import Problem, ProblemStop
 from lammps_cases.findings import variants
 from lammps_cases.findings.forces import ForcePerVolume, has_forces
 from lammps_cases.findings.thermal import HeatOverDensity
@@ -123,7 +123,7 @@ def test_forces_show_in_what_is_made_of_them(problem: Problem, field: str, shows
 def test_sums_of_walls_show_after_any_set_up(problem: Problem) -> None:
     fix = replace(problem.model.fix, rho_sum=True, interface_reconstruct=True)
     n = len(problem.state.x_nc)
-    stops = (Stop(2, np.zeros(n, bool)),)
+    stops = (ProblemStop(2, np.zeros(n, bool)),)
     walls = replace(
         problem, model=replace(problem.model, fix=fix), state=replace(problem.state, solid_n=np.ones(n, bool))
     )

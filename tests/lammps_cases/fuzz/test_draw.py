@@ -11,8 +11,8 @@ import pytest
 
 from lammps_cases.fuzz import rules, schema
 from lammps_cases.fuzz.chance import Chance, rounded
-from lammps_cases.fuzz.coverage import Coverage, argued
-from lammps_cases.fuzz.draw import SOURCE, Drawn, draw
+from lammps_cases.fuzz.coverage import ChoiceCounts, argued
+from lammps_cases.fuzz.draw import SOURCE, DrawnScene, draw
 from lammps_cases.fuzz.fit import fitted
 from lammps_cases.run.campaign import PreparedCase, prepare
 from lammps_cases.scene import Scene
@@ -23,14 +23,14 @@ REJECTED = 0.02  # share of attempts that may be no scene
 
 
 @pytest.fixture(scope="module")
-def drawn() -> list[Drawn]:
+def drawn() -> list[DrawnScene]:
     return [draw(5, number) for number in range(SCENES)]
 
 
 @pytest.mark.slow
-def test_every_choice_of_the_schema_is_drawn_or_argued(drawn: list[Drawn]) -> None:
+def test_every_choice_of_the_schema_is_drawn_or_argued(drawn: list[DrawnScene]) -> None:
     """A key that is new to the schema is drawn from it at once; if it cannot be, this names it."""
-    coverage = Coverage()
+    coverage = ChoiceCounts()
     for one in drawn:
         coverage.add(one.choices)
     missed = [choice for choice, count in coverage.counts().items() if not count]
@@ -40,13 +40,13 @@ def test_every_choice_of_the_schema_is_drawn_or_argued(drawn: list[Drawn]) -> No
 
 
 @pytest.mark.slow
-def test_few_attempts_are_no_scene(drawn: list[Drawn]) -> None:
+def test_few_attempts_are_no_scene(drawn: list[DrawnScene]) -> None:
     rejected = [reason for one in drawn for reason in one.rejected]
     assert len(rejected) <= REJECTED * (SCENES + len(rejected)), rejected
 
 
 @pytest.mark.slow
-def test_scenes_are_small_and_their_steps_short(drawn: list[Drawn]) -> None:
+def test_scenes_are_small_and_their_steps_short(drawn: list[DrawnScene]) -> None:
     assert max(len(one.ready.atoms) for one in drawn) <= 100
     steps = [one.case.scene.evolve.steps for one in drawn if one.case.scene.evolve]
     assert len(steps) > SCENES / 2 and max(steps) <= 20

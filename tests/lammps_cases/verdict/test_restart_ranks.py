@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.engine.interlude import FOLDER, Action, Carried, Interlude
+from lammps_cases.engine.interlude import FOLDER, Carried, Interlude, InterludeAction
 from lammps_cases.engine.session import Answer, Job, RunCommand
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
@@ -40,10 +40,10 @@ def restarted(name: str) -> PreparedCase:
 def between(job: Job, ranks: int, folder: Path, *beginnings: str) -> Job:
     """A job on so many processes with the actions between its runs that begin so, or all others; files in a folder."""
 
-    def kept(action: Action) -> bool:
+    def kept(action: InterludeAction) -> bool:
         return action.text.startswith(beginnings)
 
-    def placed(action: Action) -> Action:
+    def placed(action: InterludeAction) -> InterludeAction:
         return replace(action, text=action.text.replace(FOLDER, str(folder)))
 
     runs = tuple(

@@ -17,7 +17,7 @@ from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import resolution
 from lammps_cases.studies.mutation.resolution import Resolution
-from lammps_cases.studies.mutation.scene_numbers import Number, numbers
+from lammps_cases.studies.mutation.scene_numbers import SceneNumber, numbers
 from lammps_cases.verdict.judgement import evaluate
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
@@ -101,7 +101,7 @@ class Threshold:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_bisection_ends_within_a_factor(size: float, guess: float, sign: int) -> None:
     case = Threshold(size)
-    number = Number("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
+    number = SceneNumber("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", min(size * guess, 1.0), whole=False, decides=False)
     found = resolution._bisected(case, number, sign, probe)
     assert found is not None
@@ -112,7 +112,7 @@ def test_bisection_ends_within_a_factor(size: float, guess: float, sign: int) ->
 
 def test_change_of_less_than_an_ulp_is_none_and_one_ulp_ends_the_search() -> None:
     case = Threshold(0.0)
-    number = Number("cs", "type 1", 1.3, lambda value: value - 1.3)  # type: ignore[return-value]
+    number = SceneNumber("cs", "type 1", 1.3, lambda value: value - 1.3)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", resolution.FLOOR, whole=False, decides=False)
     case.moved = lambda change: {"pressure": 1.0}
     found = resolution._bisected(case, number, 1, probe)
@@ -122,7 +122,7 @@ def test_change_of_less_than_an_ulp_is_none_and_one_ulp_ends_the_search() -> Non
 
 
 def test_what_is_never_seen_is_said() -> None:
-    number = Number("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
+    number = SceneNumber("cs", "type 1", 1.0, lambda value: value - 1.0)  # type: ignore[return-value]
     probe = resolution.Sensitivity("cs", "type 1", 0.1, whole=False, decides=False)
     assert resolution._bisected(Threshold(5.0), number, 1, probe) is None
     assert resolution._resolution("cs", {"a": [probe]}, [], set()) == Resolution(

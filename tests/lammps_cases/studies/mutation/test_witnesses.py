@@ -16,7 +16,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import witnesses, witnesses_page
 from lammps_cases.studies.mutation.schedule import in_order
-from lammps_cases.studies.mutation.witnesses import ENOUGH, CaseRules, Examined, RuleRow
+from lammps_cases.studies.mutation.witnesses import ENOUGH, CaseRules, ExaminedCase, RuleRow
 
 SURFACE: dict[str, Any] = {
     "positions": {
@@ -115,20 +115,20 @@ def naming() -> dict[str, list[Case]]:
 
 
 @pytest.fixture(scope="module")
-def examined() -> dict[str, Examined]:
+def examined() -> dict[str, ExaminedCase]:
     return {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
-def test_rule_has_witnesses(rule: Rule, naming: dict[str, list[Case]], examined: dict[str, Examined]) -> None:
+def test_rule_has_witnesses(rule: Rule, naming: dict[str, list[Case]], examined: dict[str, ExaminedCase]) -> None:
     """Cases that name it are put to its mistakes until two scenes of every dimension depend on it."""
     found: dict[int, set[str]] = {2: set(), 3: set()}
     for case in naming[rule.name]:
         dimension = case.scene.dimension
         if len(found[dimension]) < ENOUGH and witnesses.scene_of(case) not in found[dimension]:
             if case.name not in examined:
-                examined[case.name] = Examined(prepare(case), Predictor())
+                examined[case.name] = ExaminedCase(prepare(case), Predictor())
             if examined[case.name].depends(rule):
                 found[dimension].add(witnesses.scene_of(case))
     scenes = {dimension: len(of) for dimension, of in found.items()}

@@ -105,7 +105,7 @@ def test_clumping_is_seen_through_a_periodic_face() -> None:
 def test_penetration_is_seen_in_any_image() -> None:
     of = replace(OF, box=replace(OF.box, periodic=(True, True)))
     look = put(x_nc=(K, (3.0, 1.65 - 14.0)))
-    assert kinds.Detection(of, WATCH, look, None).wall_penetration() == ParticleFailure(
+    assert kinds.FailureDetectors(of, WATCH, look, None).wall_penetration() == ParticleFailure(
         "wall penetration", K + 1, pytest.approx(1.65)
     )
 

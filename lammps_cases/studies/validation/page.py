@@ -51,13 +51,18 @@ def _facts(validated: Validated) -> list[tuple[str, str]]:
 
 
 def effects(validated: Validated, of: Validation) -> Iterator[str]:
-    """Yield what LAMMPS, and each of its findings alone, does to the quantities of a flow, in words."""
+    """Yield what LAMMPS, and each of its findings alone, does to the quantities of a flow, in words.
+
+    Of a side that stopped, why, and the quantities at the finest resolution at which it did not.
+    """
     for side in validated.sides(of.name):
         if side == REFERENCE:
             continue
-        run = validated.of(of.name, side)[-1]
-        if run.message:
+        runs = validated.of(of.name, side)
+        if runs[-1].message:
             yield f"{_who(side)} {stopped(validated, of.name, side)}"
+        run = next((run for run in reversed(runs) if not run.message), None)
+        if run is None:
             continue
         beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
         for quantity in of.quantities:

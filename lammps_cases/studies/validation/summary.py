@@ -5,6 +5,7 @@ Folders of validations are put together and kept as ``measured.json``, without t
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -44,8 +45,9 @@ def table(validated: Validated) -> str:
 
 
 def _alone(validated: Validated, flow: str) -> Iterable[str]:
-    """Yield what another unit of length does to LAMMPS, and each finding to the reference, in words."""
-    sides = [side for side in validated.sides(flow) if side != LAMMPS]
+    """Yield why LAMMPS stopped, what another unit of length does to it, and each finding to the reference, in words."""
+    tabled = not any(run.message for run in validated.of(flow, LAMMPS))
+    sides = [side for side in validated.sides(flow) if side != LAMMPS or not tabled]
     runs = tuple(run for run in validated.runs if run.flow == flow and run.side in sides)
     return page.effects(replace(validated, runs=runs), VALIDATIONS[flow])
 
@@ -58,9 +60,10 @@ def _last(validated: Validated, flow: str) -> tuple[FlowRecord, FlowRecord]:
 def _errors(validated: Validated, flow: str) -> Iterable[str]:
     ours, theirs = _last(validated, flow)
     for panel in VALIDATIONS[flow].panels:
-        orders = (validated.order(flow, side, panel.name).order for side in (REFERENCE, LAMMPS))
+        fits = (validated.order(flow, side, panel.name).order for side in (REFERENCE, LAMMPS))
+        orders = (number(order) if math.isfinite(order) else "" for order in fits)
         errors = (_said(run, run.errors.get(panel.name)) for run in (ours, theirs))
-        yield _row(flow, panel.name, str(ours.n), *errors, *(number(order) for order in orders))
+        yield _row(flow, panel.name, str(ours.n), *errors, *orders)
 
 
 def _quantities(validated: Validated, flow: str) -> Iterable[str]:

@@ -178,6 +178,20 @@ def test_effects_are_said_in_the_quantities_of_a_user() -> None:
     ]
 
 
+def test_a_side_that_stopped_is_said_with_what_it_did_before_and_the_table_has_no_order_of_it() -> None:
+    ended = made(LAMMPS, 0.5)
+    stopped = replace(made(LAMMPS, 0.0, "Lost atoms"), n=12)
+    of = validated(made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), ended, stopped)
+    words = [
+        "LAMMPS stopped at 12 particles: Lost atoms",
+        "LAMMPS, 8: velocity in the middle 0.5 in place of the reference's 1, -50 % (should be 1)",
+    ]
+    assert list(page.effects(of, THICK)) == words
+    lines = summary.table(of).splitlines()
+    assert lines[2] == f"| {THICK.name} | velocity | 12 | 0.1 | stopped | -0 |  |"
+    assert lines[-2:] == [f"- {THICK.name}: {each}." for each in words]
+
+
 def test_a_number_that_is_not_there_is_said_in_words() -> None:
     wave = VALIDATIONS["standing-wave"]
     names = [quantity.name for quantity in wave.quantities]

@@ -18,10 +18,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from pebble import ProcessExpired, ProcessPool
+from pebble import ProcessExpired
 from pebble.pool.base_pool import PoolStatus
 
 from lammps_cases.engine import cluster, forkserver, mpi, ranks
+from lammps_cases.engine.pool import OrderedPool
 from lammps_cases.engine.session import (
     Answer,
     EngineCrashed,
@@ -131,8 +132,8 @@ class Workers:
         self._tasks = weakref.WeakKeyDictionary[Future[Any], Task]()
         self._pool: Any = self._cluster or self._new_pool()
 
-    def _new_pool(self) -> ProcessPool:
-        return ProcessPool(
+    def _new_pool(self) -> OrderedPool:
+        return OrderedPool(
             max_workers=self._count,
             initializer=_prepare,
             initargs=(self._folder.name, memory_share(self._count), os.getpid()),

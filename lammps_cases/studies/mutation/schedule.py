@@ -11,11 +11,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from pebble import ProcessPool
-
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine import forkserver
 from lammps_cases.engine.installations import Engine
+from lammps_cases.engine.pool import OrderedPool
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
@@ -70,7 +69,7 @@ class MutationPool:
         self.folder = Path(self._folder.name)
         context = forkserver.context(*LIGHT)
         self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
-        self._substitutes = ProcessPool(
+        self._substitutes = OrderedPool(
             max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)
         )
         self._workers.check_shared(self.folder)

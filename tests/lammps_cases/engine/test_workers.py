@@ -8,10 +8,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import pebble.pool.process
 import pytest
 
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused
@@ -147,6 +151,27 @@ def flood(site: str | None) -> None:
         os.write(1, text)
     print(resource.getrlimit(resource.RLIMIT_FSIZE)[0], flush=True)
     os._exit(3)
+
+
+@pytest.mark.parametrize("read", [0, 1, 2])
+def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a worker has said of its tasks is read before its death is told, however late the reader is."""
+    late, end = threading.Event(), LIMIT / 10
+
+    def reader(manager: Any) -> None:
+        for _ in range(read):
+            manager.process_next_message(end)
+        late.wait(end)
+        process.message_manager_loop(manager)
+
+    process = SimpleNamespace(message_manager_loop=pebble.pool.process.message_manager_loop)
+    monkeypatch.setattr(pebble.pool.process, "message_manager_loop", reader)
+    with Workers("a site", 1) as pool:
+        futures = [pool.call(pid, time_limit=end), pool.call(die, -signal.SIGSEGV, time_limit=end)]
+        first, second = (pool.outcome(future) for future in futures)
+        late.set()
+    assert not isinstance(first, Failure)
+    assert isinstance(second, Failure) and second.verdict == "crashed" and "SIGSEGV" in second.message
 
 
 def test_of_an_output_without_end_the_last_words_are_told_and_no_more_is_kept(workers: Workers) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from lammps_cases.cli import completion
-from lammps_cases.cli.shared import json_option, launcher_option
+from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option
 from lammps_cases.records.progress import Bar
 
 SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
@@ -28,6 +28,7 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
     help="env (default), pypi:VERSION or path:PLACE; may be repeated.",
 )
 @launcher_option
+@cluster_option_with("search the worst errors of the laws; all that is timed is run on this machine")
 @click.option("--save-costs", is_flag=True, help='Keep the laws\' times as those by which method="auto" chooses.')
 @json_option
 def chart_command(

@@ -60,13 +60,13 @@ def _use_cluster(context: click.Context, _: click.Parameter, scheduler: str | No
         context.with_resource(cluster.used(scheduler))
 
 
-cluster_option = click.option(
-    "--cluster",
-    metavar="ADDRESS",
-    expose_value=False,
-    callback=_use_cluster,
-    help="Scheduler of a Dask cluster (tcp://HOST:PORT), whose workers take the place of --jobs.",
-)
+def cluster_option_with(what: str) -> Callable[[Command], Command]:
+    """Return the option of a Dask cluster; ``what`` its workers do."""
+    help_ = f"Scheduler of a Dask cluster (tcp://HOST:PORT), whose workers {what}."
+    return click.option("--cluster", metavar="ADDRESS", expose_value=False, callback=_use_cluster, help=help_)
+
+
+cluster_option = cluster_option_with("take the place of --jobs")
 
 
 def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -17,7 +17,7 @@ from lammps_cases.studies.benchmarks.measure import machine
 from lammps_cases.studies.chart import page, record
 from lammps_cases.studies.chart.record import Chart, Section
 
-# Title and content of every section: a module with ``panels(quick, lmp)``, and maybe ``maps(quick)``, ``flows(quick)``.
+# Title, content of every section: module with ``panels(quick, lmp)`` and maybe ``maps(quick)``, ``flows(quick, site)``.
 SECTIONS = {
     "laws": (
         "Equations of state",
@@ -59,7 +59,7 @@ def collect(
     begin = time.perf_counter()
     for k, name in enumerate(chosen):
         progress.advance(k, len(chosen), SECTIONS[name][0])
-        sections.append(_section(name, quick, lmp))
+        sections.append(_section(name, quick, lmp, site))
         chart = Chart(command, before, about, quick, time.perf_counter() - begin, tuple(sections))
         record.write(chart, out)
     progress.advance(len(chosen), len(chosen), "report")
@@ -87,9 +87,9 @@ def beside(engine: str, names: Sequence[str], quick: bool, out: Path, progress: 
     return record.DOCUMENT.read(folder / "chart.json")
 
 
-def _section(name: str, quick: bool, lmp: Any) -> Section:
+def _section(name: str, quick: bool, lmp: Any, site: str | None) -> Section:
     module, begin = importlib.import_module(f"lammps_cases.studies.chart.{name}"), time.perf_counter()
     panels = tuple(module.panels(quick, lmp))
     maps = tuple(module.maps(quick)) if hasattr(module, "maps") else ()
-    flows = tuple(module.flows(quick)) if hasattr(module, "flows") else ()
+    flows = tuple(module.flows(quick, site)) if hasattr(module, "flows") else ()
     return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, flows)

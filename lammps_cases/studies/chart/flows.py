@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, get_args
 
 from eos_ref.kernels.styles import KERNELS, KernelStyle
+from lammps_cases.engine import cluster
 from lammps_cases.studies.benchmarks.measure import ROUNDS, Timing
 from lammps_cases.studies.chart.points import LAMMPS, ONE_PER_CENT, Panel, measured
 from lammps_cases.studies.flows import FLOWS
@@ -25,11 +26,12 @@ RESOLUTION = 32
 SHOWN = ("taylor-green", "sound-wave-tait-water")
 
 
-def flows(quick: bool) -> Iterator[Convergence]:
-    """Solve every flow at its resolutions, on the reference and on LAMMPS."""
+def flows(quick: bool, site: str | None = None) -> Iterator[Convergence]:
+    """Solve every flow at its resolutions, on the reference and on a LAMMPS, both timed on this machine."""
     for flow in FLOWS.values():
         chosen = (flow.quick or flow.resolutions)[:3] if quick else flow.resolutions
-        yield from converge(flow, resolutions=chosen)
+        with cluster.used(""):
+            yield from converge(flow, resolutions=chosen, site=site)
 
 
 def panels(quick: bool, lmp: Any) -> Iterator[Panel]:

@@ -19,6 +19,7 @@ from eos_ref.eos.table import examples
 from eos_ref.methods.laws import Evaluate, LawMethod, methods_of
 from eos_ref.methods.worst import SAMPLES, Regime, worst_case
 from lammps_cases.studies.benchmarks.measure import Timing, in_turns
+from lammps_cases.studies.chart import farmed
 from lammps_cases.studies.chart.engine_law import EngineLaw
 from lammps_cases.studies.chart.points import Crossing, Map, MethodPoint, Panel, bisected, measured
 
@@ -51,14 +52,12 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
     reasons = {m.name: m.reason for m in methods}
     reasons[OUTPUT] = "LAMMPS' own output, less what an output costs that needs no law"
     points: list[MethodPoint] = []
-    copying = []
-    for regime in regimes:
-        took, seconds = timings(law, methods, regime, n, lmp)
-        copying.append(seconds)
-        functions = {m.name: m.function(law, *regime.ends(law)) for m in methods}
+    timed = [timings(law, methods, regime, n, lmp) for regime in regimes]  # first: a search compiles what it calls
+    searched = iter(farmed.each(worst_of, [(law, m.name, regime, SAMPLES) for regime in regimes for m in methods]))
+    for regime, (took, _) in zip(regimes, timed, strict=True):
+        errors = {m.name: next(searched) for m in methods}
         if lmp is not None:
-            functions[OUTPUT] = EngineLaw(lmp, law).pressure
-        errors = {m: _worst_error(f, law, regime, SAMPLES) for m, f in functions.items()}
+            errors[OUTPUT] = _worst_error(EngineLaw(lmp, law).pressure, law, regime, SAMPLES)
         points += measured(f"pressure of {name(law)}", str(regime), errors, took, n, reasons)
     return Panel(
         id="law-" + re.sub("[^a-z0-9.]+", "-", name(law)),
@@ -67,9 +66,15 @@ def _panel(law: EOS, regimes: Sequence[Regime], n: int, lmp: Any | None) -> Pane
         error_of="worst relative error of the pressure found by search, certified with Arb",
         unit="state",
         points=tuple(points),
-        roofline_ns=median(copying) * 1e9 / n,
+        roofline_ns=median(copying for _, copying in timed) * 1e9 / n,
         crossings=tuple(_accuracy_crossings(law, methods)),
     )
+
+
+def worst_of(site: str | None, law: EOS, method: str, regime: Regime, samples: int) -> float:
+    """Task: return the worst error of a method, by its name, in a regime."""
+    named = {m.name: m for m in methods_of(law)}
+    return _worst_error(named[method].function(law, *regime.ends(law)), law, regime, samples)
 
 
 def _worst_error(evaluate: Evaluate, law: EOS, regime: Regime, samples: int) -> float:
@@ -134,11 +139,14 @@ def maps(quick: bool) -> Iterator[Map]:
     """Yield the worst errors over distance from rho0 and gamma, for the forms of Tait's law."""
     gammas = np.linspace(1.5, 7.5, 5 if quick else 13)
     distances = np.geomspace(1e-10, 3.0, 9 if quick else 22)
-    for method in (m for m in methods_of(EOS("tait/general", parameter=1.5)) if m.name in ("textbook", "numpy")):
-        value = np.array([[_worst_near(method, float(g), float(d)) for d in distances] for g in gammas])
+    laws = [EOS("tait/general", 1.2345, 7.89, float(gamma)) for gamma in gammas]
+    near = [Regime(float(d) / 1.3, float(d) * 1.3) for d in distances]
+    for method in ("textbook", "numpy"):
+        searched = farmed.each(worst_of, [(law, method, regime, 256) for law in laws for regime in near])
+        value = np.reshape(searched, (len(gammas), len(distances)))
         yield Map(
-            id=f"tait-{method.name}",
-            title=f"tait/general, {method.name}",
+            id=f"tait-{method}",
+            title=f"tait/general, {method}",
             x_name="|rho/rho0 - 1|",
             y_name="gamma",
             x=tuple(distances.tolist()),
@@ -146,8 +154,3 @@ def maps(quick: bool) -> Iterator[Map]:
             value=tuple(tuple(row) for row in value.tolist()),
             unit="worst relative error",
         )
-
-
-def _worst_near(method: LawMethod, gamma: float, d: float) -> float:
-    law, regime = EOS("tait/general", 1.2345, 7.89, gamma), Regime(d / 1.3, d * 1.3)
-    return _worst_error(method.function(law, *regime.ends(law)), law, regime, 256)

@@ -14,9 +14,11 @@ from typing import Any
 import pytest
 
 from lammps_cases.engine import cluster, installations
+from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.progress import SILENT
 from lammps_cases.scene import casefile
+from lammps_cases.studies.chart import farmed, flows, laws
 from lammps_cases.studies.mutation.schedule import MutationPool
 from tests.support import dask_cluster
 from tests.support.dask_cluster import PAUSE, DaskCluster
@@ -107,6 +109,27 @@ def _timeless(document: Any) -> Any:
     if isinstance(document, dict):
         return {key: _timeless(each) for key, each in document.items() if key not in ("seconds", "command", "machine")}
     return document
+
+
+def test_worst_errors_of_a_chart_are_searched_there(steady: DaskCluster) -> None:
+    tasks = [(laws.LAWS[1], method, laws.REGIMES[2], 64) for method in ("textbook", "numpy")]
+    here = farmed.each(laws.worst_of, tasks)
+    with cluster.used(steady.address):
+        assert farmed.each(laws.worst_of, tasks) == here
+        assert farmed.each(process, [()]) != [os.getpid()]
+        with pytest.raises(EngineMissing, match="a worker of the cluster failed: out of memory"):
+            farmed.each(raise_memory_error, [()])
+
+
+def process(site: str | None) -> int:
+    return os.getpid()
+
+
+def test_flows_of_a_chart_are_timed_here_on_the_engine_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another LAMMPS than the installed one was not: its flows were those of the installed one."""
+    monkeypatch.setattr(flows, "converge", lambda flow, resolutions, site: [(cluster.address(), site)])
+    with cluster.used("tcp://127.0.0.1:1"):
+        assert set(flows.flows(True, "/opt/other")) == {("", "/opt/other")}
 
 
 def test_faults_are_planted_in_the_same_cases(steady: DaskCluster) -> None:

@@ -6,7 +6,7 @@ import importlib.util
 import itertools
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from lammps_cases.rules import RULES
 ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
 ROWS = 200  # checks of an audit listed per case
+LISTED = 1000  # cases that the page lists: a browser opens twice as many in two seconds
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,10 @@ def render(
     at_hand, run = drawn or {}, of_run.run
     plotly = _plotly().read_text(encoding="utf-8")
     tags = Counter(tag for case in run.cases for tag in set(case.tags))
-    entries = [_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in run.cases]
+    matrices, claims = agreement.matrices(run), verdicts.summary(run)
+    cases = listed(of_run, _named(matrices, claims))
+    names = {case.case for case in cases}
+    entries = [_entry(case, of_run, at_hand.get(case.case) or drawn_from(case, fields)) for case in cases]
     return frame.page(
         ASSETS,
         "report",
@@ -75,17 +79,37 @@ def render(
         wording=wording,
         rules=RULES,
         entries=entries,
+        names=names,
         families=_families(entries),
         tags={tag: tags[tag] for tag in sorted(tags)},
-        matrices=agreement.matrices(run),
+        matrices=matrices,
         findings=of_run.findings,
         known={finding.entry.id for finding in of_run.findings},
-        claims=verdicts.summary(run),
+        claims=claims,
         provenance=dict(_provenance(run)),
-        seeds={case.case: case.seed for case in run.cases if case.seed is not None},
+        seeds={case.case: case.seed for case in cases if case.seed is not None},
         history=history,
         marks={case: marks for case, marks in history.marks.items() if len(marks) > 1} if history else {},
     )
+
+
+def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
+    """Return the cases that the page lists, all that it can: those not accepted, those named, others evenly by name."""
+    cases = of_run.run.cases
+    if len(cases) <= LISTED:
+        return cases
+    first = {case.case for case in [*of_run.unaccepted, *(case for case in cases if case.case in named)][:LISTED]}
+    others = [case.case for case in cases if case.case not in first]
+    room = LISTED - len(first)
+    first |= {others[k * len(others) // room] for k in range(room)}
+    return [case for case in cases if case.case in first]
+
+
+def _named(matrices: Sequence[agreement.Matrix], claims: verdicts.Summary | None) -> set[str]:
+    """Return the cases that the page leads to from what it says of all of them."""
+    cells = [cell for matrix in matrices for row in matrix.rows for cell in row.cells if cell is not None]
+    worst = {found.case for cell in cells for found in (cell.inside, cell.explained, cell.outside)}
+    return worst | {judged.evidence[0].case for judged in (claims.refuted if claims else ())}
 
 
 def shade(ratio: float | None, verdict: str) -> int:

@@ -643,6 +643,20 @@ def _shown(folder: Path, address: str, tmp_path: Path) -> tuple[Page, str]:
     return Page(done.stdout[: done.stdout.rindex("</html>")]), done.stdout
 
 
+def test_a_page_of_many_cases_lists_some_of_them(run: RunRecord, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "LISTED", 8)
+    html = unpacked(page.render(findings.outcome(run, FINDINGS), folder / "fields"))
+    rows = [a for tag, a in Page(html).elements if tag == "tr" and "data-kind" in a]
+    listed = [a["data-case"] for tag, a in Page(html).elements if tag == "article"]
+    assert len(rows) == len(listed) == 8 < len(run.cases)
+    bad = [case.case for case in findings.outcome(run, FINDINGS).unaccepted]
+    assert set(bad) <= set(listed)
+    assert f"8 of {len(run.cases)} cases are listed" in html and f"Cases ({len(run.cases)})" in html
+    monkeypatch.setattr(page, "LISTED", 2)
+    html = unpacked(page.render(findings.outcome(run, FINDINGS), folder / "fields"))
+    assert [a["data-case"] for tag, a in Page(html).elements if tag == "article"] == sorted(bad[:2])
+
+
 @pytest.mark.slow
 @pytest.mark.browser
 @pytest.mark.parametrize(("case", "figures"), [("eos.types", 4 + 3), ("model.flat", 4)])

@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
 T = TypeVar("T")
 LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
 TAIL = 2**16  # bytes of that which are read
+RECYCLED = 5000  # tasks after which a process makes room for another: LAMMPS keeps some memory of every run
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
 
 
@@ -135,6 +136,7 @@ class Workers:
     def _new_pool(self) -> OrderedPool:
         return OrderedPool(
             max_workers=self._count,
+            max_tasks=RECYCLED,
             initializer=_prepare,
             initargs=(self._folder.name, memory_share(self._count), os.getpid()),
             context=forkserver.context(),

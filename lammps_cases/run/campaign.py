@@ -49,6 +49,7 @@ if TYPE_CHECKING:  # judging is the workers' affair: this process starts sooner 
 JUDGING = 1800.0  # seconds that judging a case may take
 OPENING = 30.0  # seconds that opening LAMMPS may take at least
 AHEAD = 4  # cases under way for each worker
+KEPT = 1000  # cases of which this process keeps particles, record and picture; of more it keeps the names
 Outcomes = list[Answer | Failure]  # of a case's run, or of the original's and its twin's
 
 
@@ -72,6 +73,9 @@ class PreparedCase:
     def jobs(self) -> list[Job]:
         """The jobs for LAMMPS: one, or those of the original and its twin."""
         return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
+
+
+MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, and prepared when it is its turn
 
 
 @dataclass(eq=False)
@@ -144,7 +148,7 @@ def run_cases(
             run.seconds = round(time.perf_counter() - begin, 3)
             with stage("report"):
                 write_run(run, folder, drawn, history.past(run))
-            if lost := campaign.journal.lost(campaign.records):
+            if lost := campaign.lost():
                 rule = (
                     f"lost {wording.counted(len(lost), 'judged case')} while the run was made; --resume does the rest"
                 )
@@ -156,7 +160,7 @@ def run_cases(
                 raise
             write_partial(campaign.run(), folder)
             partial = folders.interrupted(directory) / "summary.md"
-            judged = f"{len(campaign.records)} of {wording.counted(len(cases), 'case')}"
+            judged = f"{len(campaign.judged)} of {wording.counted(len(cases), 'case')}"
             raise KeyboardInterrupt(f"interrupted after {judged}: see {partial}; --resume does the rest") from None
     history.collect(run, directory)
     if store and run.predictions.computed:
@@ -167,9 +171,12 @@ def run_cases(
 class Campaign:
     """Cases on their way through the workers, each in the journal of a folder when it is judged.
 
+    Its memory does not grow with the cases that are judged beyond `KEPT`, which wait for the report in the journal.
+
     Attributes
     ----------
-    records : the cases that are judged
+    judged : the names of the cases that are judged
+    records : those at hand: what no journal has, `KEPT` others, and all of them after `found`
     """
 
     def __init__(
@@ -179,8 +186,10 @@ class Campaign:
         self.progress, self.store = progress, store
         self.journal = CaseJournal(folder)
         self.begun = self.journal.begun()
+        self.judged = set[str]()
         self.records: dict[str, CaseRecord] = {}
-        self.found()
+        if self.found() > KEPT:
+            self.records.clear()
 
     def judge(self, engine: Engine, jobs: int, command: str) -> dict[str, Drawn]:
         """Judge all cases that are not; return what the page shows of them.
@@ -196,7 +205,8 @@ class Campaign:
             workers.check_shared(self.folder)
             identity = workers.identify(patience := _patience(self.cases))
             with stage("preparing"):
-                rest = [prepare(case) for case in sorted(self.cases, key=_last) if case.name not in self.records]
+                left = [case for case in sorted(self.cases, key=_last) if case.name not in self.judged]
+                rest = [_kept(prepare(case), k) for k, case in enumerate(left)]  # none is bad
             importlib.import_module("lammps_cases.report.page")  # while LAMMPS starts
             who = workers.outcome(identity, patience)
             if isinstance(who, Failure):
@@ -204,28 +214,33 @@ class Campaign:
             answering = engine_record(engine, who)
             now = provenance(answering, command).model_copy(update=self.options)
             self.begun = self.journal.begin(start(now, self.cases))
-            rest = [by(ready, answering.manual) for ready in rest]
+            rest = [by(each, answering.manual) for each in rest]
             for ready, verdict in self._judged(workers, rest, answering):
                 judgement = workers.outcome(verdict, JUDGING)
                 if isinstance(judgement, Failure):
-                    record = unjudged(ready, judgement, answering)
+                    self.records[ready.case.name] = record = unjudged(ready, judgement, answering)
                 else:
-                    record, drawn[ready.case.name] = judgement
-                self.records[record.case] = record
+                    record, shown = judgement
+                    if len(self.records) < KEPT:
+                        self.records[record.case], drawn[record.case] = record, shown
+                self.judged.add(record.case)
+                if self.store and len(self.judged) % KEPT == 0:
+                    self.store.trim()
                 complaint = "" if record.as_expected else f"{record.verdict} {record.case}"
-                self.progress.advance(len(self.records), len(self.cases), record.case, complaint)
+                self.progress.advance(len(self.judged), len(self.cases), record.case, complaint)
         return drawn
 
     def _judged(
-        self, workers: Workers, cases: Sequence[PreparedCase], engine: EngineRecord
+        self, workers: Workers, cases: Sequence[MaybePrepared], engine: EngineRecord
     ) -> Iterator[tuple[PreparedCase, Future[tuple[CaseRecord, Drawn]]]]:
         """Yield every case with its judgement when that is there; no more are under way than keep the workers busy."""
         waiting, under_way = deque(cases), list[UnderWay]()
         while waiting or under_way:
             while waiting and len(under_way) < AHEAD * workers.count:
-                ready = waiting.popleft()
+                case = waiting.popleft()
+                ready = case if isinstance(case, PreparedCase) else prepare(case)
                 limit = ready.case.scene.engine.time_limit
-                under_way.append(UnderWay(ready, [workers.submit(each, limit) for each in ready.jobs]))
+                under_way.append(UnderWay(ready, [workers.submit(one, limit) for one in ready.jobs]))
             wait([future for each in under_way for future in each.futures if not future.done()], None, FIRST_COMPLETED)
             for each in [each for each in under_way if each.done]:
                 if each.judging:
@@ -236,9 +251,14 @@ class Campaign:
                     each.futures, each.judging = [workers.call(report, *task, time_limit=JUDGING)], True
 
     def found(self) -> int:
-        """Look for cases that were judged and not heard of; return how many are judged."""
+        """Look for cases that were judged and are not at hand; return how many are judged."""
         self.records = self.journal.records(self.records) if self.begun else {}
-        return len(self.records)
+        self.judged.update(self.records)
+        return len(self.judged)
+
+    def lost(self) -> list[str]:
+        """Return the cases that were judged and of which the journal has no more all there was."""
+        return sorted({*self.journal.lost(self.records), *self.judged.difference(self.records)})
 
     def run(self) -> RunRecord:
         """Return the record of the cases that are judged."""
@@ -252,10 +272,18 @@ class Campaign:
         return run.counted()
 
 
-def by(ready: PreparedCase, manual: Manual) -> PreparedCase:
-    """Return a case prepared by the manual's version that the reference is to follow."""
-    case = ready.case.by(manual)
-    return ready if case is ready.case else prepare(case)
+def _kept(ready: PreparedCase, number: int) -> MaybePrepared:
+    """Return a prepared case; of many, what takes half a millisecond to prepare once more."""
+    return ready if number < KEPT else ready.case
+
+
+def by(each: MaybePrepared, manual: Manual) -> MaybePrepared:
+    """Return a case prepared, or checked, by the manual's version that the reference is to follow."""
+    before = each.case if isinstance(each, PreparedCase) else each
+    if (case := before.by(manual)) is before:
+        return each
+    ready = prepare(case)
+    return ready if isinstance(each, PreparedCase) else case
 
 
 def cases_of(run: RunRecord, paths: Sequence[Path] = ()) -> list[Case]:

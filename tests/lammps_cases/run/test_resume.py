@@ -6,10 +6,12 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records import folders
 from lammps_cases.records.progress import Progress
@@ -44,7 +46,7 @@ class Interrupts(Progress):
             raise KeyboardInterrupt
 
 
-def run(cases: list[Case], out: Path, resume: bool | None, after: int = 0, **options: str) -> list[str]:
+def run(cases: list[Case], out: Path, resume: bool | None, after: int = 0, **options: Any) -> list[str]:
     """Run cases; return those that were judged."""
     progress = Interrupts(after)
     campaign.run_cases(cases, Engine(), 2, out, "eos-ref run", progress=progress, resume=resume, **options)
@@ -85,6 +87,39 @@ def test_an_interrupted_run_is_gone_on_with_to_the_same_report(
     assert not kept & set(judged) and len(kept) + len(judged) == len(cases), "none twice, none lost"
     assert report(out, tmp_path / "scratch") == undisturbed
     assert {path.name for path in tmp_path.iterdir()} == {"report", "scratch"}
+
+
+def test_a_campaign_of_more_cases_than_are_kept_has_the_same_report(
+    cases: list[Case], undisturbed: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beyond them particles, records and pictures are made, or read, once more, and the store is trimmed."""
+    monkeypatch.setattr(campaign, "KEPT", 1)
+    trimmed = list[Path]()
+    monkeypatch.setattr(Store, "trim", lambda store: trimmed.append(store.folder))
+    interrupted(cases, tmp_path / "report", 3)
+    run(cases, tmp_path / "report", resume=True, store=Store(tmp_path / "store"))
+    assert report(tmp_path / "report", tmp_path / "scratch") == undisturbed and trimmed
+
+
+class Forgets(Progress):
+    """Removes the entry of a case from the journal when the last is judged."""
+
+    def __init__(self, making: Path) -> None:
+        self.making = making
+
+    def advance(self, done: int, total: int | None, label: str, complaint: str = "") -> None:
+        if done == total:
+            (self.making / "journal" / "cases" / f"{label}.json").unlink()
+
+
+def test_a_case_that_only_the_journal_had_is_not_lost_unnoticed(
+    cases: list[Case], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign, "KEPT", 1)
+    out = tmp_path / "report"
+    with pytest.raises(InputError, match="lost 1 judged case while"):
+        campaign.run_cases(cases, Engine(), 2, out, progress=Forgets(folders.making(out)))
+    assert not out.exists()
 
 
 def test_a_report_that_was_there_stays_until_the_run_is_whole(cases: list[Case], tmp_path: Path) -> None:

@@ -166,12 +166,18 @@ class Workers:
 
     def _scheduled(self, task: Task) -> Future[Any]:
         if self._is_broken():
-            self._pool.stop()
-            self._pool.join()
-            self._pool = self._new_pool()
+            self._renew()
         future: Future[Any] = self._pool.schedule(task.function, (self._site, *task.arguments), timeout=task.time_limit)
         self._tasks[future] = task
         return future
+
+    def _renew(self) -> None:
+        """Begin anew where the pool has given up: it ends what it had handed out, and leaves what was queued open."""
+        self._pool.stop()
+        self._pool.join()
+        self._pool = self._new_pool()
+        for future in [future for future in self._tasks if not future.done()]:
+            future.set_exception(BrokenProcessPool("all of them ended"))
 
     def _is_broken(self) -> bool:
         """Return whether the pool has given up, which it does when a worker is killed that has no task."""

@@ -11,6 +11,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import wait
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -129,6 +130,28 @@ def test_who_kills_an_idle_worker_costs_no_task(workers: Workers) -> None:
         os.kill(found[1], signal.SIGKILL)
         time.sleep(0.5)  # until the pool has seen it
     assert not isinstance(workers.outcome(workers.call(pid, time_limit=LIMIT)), Failure)
+
+
+class Poison:
+    """Whoever reads it ends."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (1,)
+
+
+def length(site: str | None, content: bytes) -> int:
+    return len(content)
+
+
+def test_what_is_queued_when_all_workers_are_gone_is_done_by_others() -> None:
+    """Arguments that fill the pipe to the workers keep tasks in a queue of this process, where they stayed for ever."""
+    with Workers(None, 1) as pool:
+        first = pool.call(length, Poison(), time_limit=LIMIT)
+        others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
+        expected = Failure("crashed", "LAMMPS' processes broke down: All workers expired")
+        assert pool.outcome(first) == expected
+        assert not wait(others, LIMIT / 4).not_done
+        assert [pool.outcome(each) for each in others] == 20 * [100_000]
 
 
 def start_child(site: str | None) -> int:

@@ -16,8 +16,10 @@ from lammps_cases.audit.options import TRUST
 from lammps_cases.cli import main
 from lammps_cases.comparison import store
 from lammps_cases.engine import containment, forkserver
+from lammps_cases.engine.session import Answer, Job
+from lammps_cases.engine.workers import Workers
 from lammps_cases.history import store as history
-from tests.support.outcome import Outcome
+from tests.support.outcome import Outcome, Solver
 
 BASE: dict[str, Any] = {
     "dimension": 2,
@@ -110,6 +112,25 @@ def server(request: pytest.FixtureRequest, own_store: None, no_service: None, ow
     items = (item for item in request.session.items if item.path == request.path)
     if any(item.get_closest_marker("lammps") for item in items):
         forkserver.context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+
+
+@pytest.fixture(scope="module")
+def workers(server: None) -> Iterator[Workers]:
+    """Real LAMMPS in two processes of its own."""
+    with Workers(None, 2) as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def solver(workers: Workers) -> Solver:
+    """Ask real LAMMPS, which must answer."""
+
+    def solve(job: Job) -> Answer:
+        answer = workers.outcome(workers.submit(job, 120.0))
+        assert isinstance(answer, Answer), answer
+        return answer
+
+    return solve
 
 
 @pytest.fixture

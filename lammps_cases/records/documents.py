@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from eos_ref.errors import InputError
 from lammps_cases.records import untrusted
@@ -55,6 +55,7 @@ _VERSIONS: Mapping[Kind, int] = {
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 
 LARGEST = 512 * untrusted.MIB  # of a run of 1e5 cases
+INFINITE = ConfigDict(ser_json_inf_nan="strings")  # of what holds infinities or NaN, for which JSON has no numbers
 
 T = TypeVar("T")
 
@@ -63,6 +64,25 @@ class _Header(BaseModel):
     """What every document begins with."""
 
     schema_: str | None = Field(None, alias="schema")
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the document of a study begins with; it is the single source of page and tables.
+
+    Attributes
+    ----------
+    engine : LAMMPS' own account of itself
+    seconds : wall time of all of it
+    """
+
+    __pydantic_config__ = INFINITE
+
+    command: str
+    machine: dict[str, str | float | int]
+    engine: dict[str, str]
+    quick: bool
+    seconds: float
 
 
 @dataclass(frozen=True)

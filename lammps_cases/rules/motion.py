@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lammps_cases.rules.rule import Evaluated, Rule
+from lammps_cases.rules.rule import Evaluated, Rule, rules_of
 
 
 def _acts(at: Evaluated, style: str, some: bool = False, part: bool = False) -> Any:
@@ -65,14 +65,7 @@ def _deformed(at: Evaluated, remap: bool | None = None) -> Any:
     return np.full(at.evaluator.n, grown and at.step > 0)
 
 
-def _force(name: str, sentence: str, which: Any, *faults: str) -> Rule:
-    return Rule(name, sentence, which, needs=("f",), faults=faults)
-
-
-def _step(name: str, sentence: str, which: Any, *faults: str) -> Rule:
-    return Rule(name, sentence, which, needs=("pairs",), faults=faults)
-
-
+_force, _step = rules_of("f"), rules_of("pairs")
 RULES = (
     _force(
         "gravity",

@@ -153,3 +153,12 @@ class Rule:
 def pair_rule(name: str, sentence: str, which: Callable[[Evaluated], Any], *faults: str, needs: str = "f") -> Rule:
     """Return a rule of pairs, of forces unless it says otherwise."""
     return Rule(name, sentence, which, "pair", ("pairs", needs), faults)
+
+
+def rules_of(*needs: str) -> Callable[..., Rule]:
+    """Return what makes rules of particles that need some quantities: of name, sentence, which, faults."""
+
+    def rule(name: str, sentence: str, which: Callable[[Evaluated], Any], *faults: str) -> Rule:
+        return Rule(name, sentence, which, needs=needs, faults=faults)
+
+    return rule

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.numbers.columns import axes, dot
-from lammps_cases.rules.rule import Evaluated, Rule
+from lammps_cases.rules.rule import Evaluated, Rule, rules_of
 
 BULK, SURFACE, SPLASH = 0, 1, 2
 
@@ -75,14 +75,7 @@ def _cross_type(at: Evaluated, which: str) -> Any:
     return moves_n & of[which]
 
 
-def _surface(name: str, sentence: str, which: Any, *faults: str) -> Rule:
-    return Rule(name, sentence, which, needs=("surface",), faults=faults)
-
-
-def _shift(name: str, sentence: str, which: Any, *faults: str) -> Rule:
-    return Rule(name, sentence, which, needs=("shift/v",), faults=faults)
-
-
+_surface, _shift = rules_of("surface"), rules_of("shift/v")
 RULES = (
     _surface(
         "surface-by-coordination",

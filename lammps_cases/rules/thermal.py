@@ -9,7 +9,7 @@ import numpy as np
 
 from eos_ref.model.parameters import Thermal
 from lammps_cases.rules.pairs import LINT_MEAN
-from lammps_cases.rules.rule import Evaluated, Rule, pair_rule
+from lammps_cases.rules.rule import Evaluated, Rule, pair_rule, rules_of
 
 
 def _of_types(at: Evaluated, value: Callable[[Thermal], Any]) -> Any:
@@ -49,10 +49,7 @@ def _heat(name: str, sentence: str, which: Any, *faults: str) -> Rule:
     return pair_rule(name, sentence, which, *faults, needs="heatflow")
 
 
-def _thermal(name: str, sentence: str, which: Any, *faults: str) -> Rule:
-    return Rule(name, sentence, which, needs=("temperature",), faults=faults)
-
-
+_thermal = rules_of("temperature")
 RULES = (
     _thermal(
         "temperature",

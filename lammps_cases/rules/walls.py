@@ -8,7 +8,7 @@ import numpy as np
 
 from eos_ref.evaluation.evaluator import WALL_FLOOR
 from eos_ref.model import interactions
-from lammps_cases.rules.rule import Evaluated, Rule, pair_rule
+from lammps_cases.rules.rule import Evaluated, pair_rule, rules_of
 
 
 def _met(at: Evaluated) -> Any:
@@ -73,10 +73,7 @@ def _repelled(at: Evaluated) -> Any:
     return at.mixed_p & near_p & (chi_p > interactions.REPULSION_CHI)
 
 
-def _walls(name: str, sentence: str, which: Any, *faults: str) -> Rule:
-    return Rule(name, sentence, which, needs=("chi",), faults=faults)
-
-
+_walls = rules_of("chi")
 RULES = (
     _walls(
         "same-phase-fraction",

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
+
+from lammps_cases.engine.session import Answer, Job
+
+Solver = Callable[[Job], Answer]
 
 
 class Outcome(NamedTuple):

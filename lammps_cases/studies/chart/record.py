@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict
-
-from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.documents import SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.studies.chart.points import Map, Panel
 from lammps_cases.studies.flows.converge import Convergence
@@ -30,16 +28,9 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Chart:
-    """Everything measured: the single source of the page and the tables."""
+class Chart(Study):
+    """Everything measured."""
 
-    __pydantic_config__ = ConfigDict(ser_json_inf_nan="strings")
-
-    command: str
-    machine: dict[str, str | float | int]
-    engine: dict[str, str]
-    quick: bool
-    seconds: float
     sections: tuple[Section, ...]
     schema: str = SCHEMAS["chart"]
 

@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict
-
-from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, read_arrays, write_arrays, write_atomically
 from lammps_cases.records.journal import Journal
 from lammps_cases.studies.stability.lines import Agreement
 from lammps_cases.studies.stability.model import Axis, Boundary, CellRun, Engine, MapCell
-
-_INFINITE = ConfigDict(ser_json_inf_nan="strings")
 
 
 @dataclass(frozen=True)
@@ -36,16 +32,9 @@ class MapRecord:
 
 
 @dataclass(frozen=True)
-class Atlas:
-    """All measurements: the single source of page and tables. ``engine`` is LAMMPS' own account of itself."""
+class Atlas(Study):
+    """All measurements."""
 
-    __pydantic_config__ = _INFINITE
-
-    command: str
-    machine: dict[str, str | float | int]
-    engine: dict[str, str]
-    quick: bool
-    seconds: float
     maps: tuple[MapRecord, ...]
     schema: str = SCHEMAS["stability"]
 
@@ -59,7 +48,7 @@ class Atlas:
 class CellEntry:
     """A line of ``cells.jsonl``: a cell that was run, under the key of all it depends on."""
 
-    __pydantic_config__ = _INFINITE
+    __pydantic_config__ = INFINITE
 
     key: str
     ran: CellRun

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict
-
-from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.documents import INFINITE, SCHEMAS, Document, Study
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.records.journal import Journal
 from lammps_cases.studies.flows.converge import Fit, fit
 from lammps_cases.studies.validation.model import Curve
 
-_INFINITE = ConfigDict(ser_json_inf_nan="strings")
 REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
 
 
@@ -39,7 +36,7 @@ class FlowRecord:
     lost : why, if it lost particles; of the coarsest resolution alone
     """
 
-    __pydantic_config__ = _INFINITE
+    __pydantic_config__ = INFINITE
 
     flow: str
     side: str
@@ -58,23 +55,16 @@ class FlowRecord:
 class RunEntry:
     """A line of ``runs.jsonl``: a run, under the key of all it depends on."""
 
-    __pydantic_config__ = _INFINITE
+    __pydantic_config__ = INFINITE
 
     key: str
     ran: FlowRecord
 
 
 @dataclass(frozen=True)
-class Validated:
-    """All that was run: the single source of page and tables. ``engine`` is LAMMPS' own account of itself."""
+class Validated(Study):
+    """All that was run."""
 
-    __pydantic_config__ = _INFINITE
-
-    command: str
-    machine: dict[str, str | float | int]
-    engine: dict[str, str]
-    quick: bool
-    seconds: float
     runs: tuple[FlowRecord, ...]
     schema: str = SCHEMAS["validate"]
 

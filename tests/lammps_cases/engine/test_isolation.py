@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from lammps_cases.engine import session
 from lammps_cases.run import campaign
+from tests.support.faulty_lammps import faulty_lammps
 from tests.support.outcome import Outcome
 
 pytestmark = [pytest.mark.lammps, pytest.mark.slow]
@@ -24,14 +24,10 @@ pytestmark = [pytest.mark.lammps, pytest.mark.slow]
 # A package named lammps that is the real one, but for masses that stand for a fault.
 FAULTY = """
 import ctypes, os, signal, subprocess, time
-__path__.append({real!r})
-exec(open({real!r} + "/__init__.py").read())
-_lammps = lammps
-
 class lammps(_lammps):
     def commands_string(self, text):
         vars(self.numpy).pop("extract_compute", None)
-        fault = next((f for m, f in FAULTS.items() if f"mass 1 {{m}}.0" in text), None)
+        fault = next((f for m, f in FAULTS.items() if f"mass 1 {m}.0" in text), None)
         if fault is not None:
             fault(self)
         return super().commands_string(text)
@@ -60,7 +56,7 @@ def _nan(lmp):
         return found
     lmp.numpy.extract_compute = wrong
 
-FAULTS = {{
+FAULTS = {
     101: lambda lmp: ctypes.string_at(0),
     102: lambda lmp: os.abort(),
     103: lambda lmp: time.sleep(600),
@@ -74,7 +70,7 @@ FAULTS = {{
     111: _flood,
     112: _start,
     113: _nan,
-}}
+}
 """
 POSITIONS: dict[str, Any] = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2}
 # What a user calls it: the mass that provokes it, the verdict, a part of the message.
@@ -99,13 +95,7 @@ FAULTS = {
 
 @pytest.fixture(scope="module")
 def faulty_engine(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    site = tmp_path_factory.mktemp("engine")
-    package = site / "lammps"
-    package.mkdir()
-    real = session.package_directory()
-    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
-    (package / "liblammps.so").symlink_to(real / "liblammps.so")
-    return site
+    return faulty_lammps(tmp_path_factory.mktemp("engine"), FAULTY)
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

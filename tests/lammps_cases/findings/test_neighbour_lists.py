@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +17,6 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem, visit, wanted
 from lammps_cases.engine.session import Answer, Job
-from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import shown_by
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList
 from lammps_cases.findings.surfaces import LayerOfFirst, StatusOfLayers
@@ -30,6 +29,7 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation.substitute import in_place_of
 from lammps_cases.verdict import model_cases
+from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
 
@@ -39,20 +39,6 @@ NEWER = EngineRecord(distribution="2099.1.1")
 FIRST = 6  # the first step of the scene of walls-after-rebuild whose list has other images than the one before
 
 Make = Callable[..., campaign.PreparedCase]
-Solver = Callable[[Job], Answer]
-
-
-@pytest.fixture(scope="module")
-def solver() -> Iterator[Solver]:
-    """Real LAMMPS in a process of its own."""
-    with Workers(None, 1) as workers:
-
-        def solve(told: Job) -> Answer:
-            answer = workers.outcome(workers.submit(told, 60.0))
-            assert isinstance(answer, Answer), answer
-            return answer
-
-        yield solve
 
 
 def _walls(steps: int, columns: int, **rheo: Any) -> dict[str, Any]:

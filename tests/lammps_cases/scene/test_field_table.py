@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +19,6 @@ from eos_ref.model.quantities import PRESSURE, QUANTITIES, Quantity, evaluated_f
 from lammps_cases.audit import fields as audit
 from lammps_cases.audit.deck import Deck
 from lammps_cases.engine.session import Answer
-from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import Scene, casefile
@@ -30,6 +29,7 @@ from lammps_cases.setup.plan import plan
 from lammps_cases.studies.mutation import output_faults
 from lammps_cases.studies.mutation.substitute import in_place_of
 from lammps_cases.verdict.model_cases import problem_of, snapshot
+from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(name="env", distribution=version("lammps"))
 RICH: dict[str, Any] = {
@@ -49,12 +49,6 @@ RICH: dict[str, Any] = {
 Make = Callable[..., Case]
 
 
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 1) as pool:
-        yield pool
-
-
 @pytest.fixture
 def make(case_file: Callable[..., Path]) -> Make:
     def case(**changes: Any) -> Case:
@@ -68,11 +62,9 @@ def model_of(case: Case) -> Model:
     return problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0,)).model
 
 
-def answered(workers: Workers, case: Case) -> tuple[campaign.PreparedCase, Answer]:
+def answered(solver: Solver, case: Case) -> tuple[campaign.PreparedCase, Answer]:
     ready = campaign.prepare(case)
-    answer = workers.outcome(workers.submit(ready.jobs[0], 60.0))
-    assert isinstance(answer, Answer), answer
-    return ready, answer
+    return ready, solver(ready.jobs[0])
 
 
 def judged(ready: campaign.PreparedCase, answer: Answer) -> CaseRecord:
@@ -106,10 +98,10 @@ def test_every_field_is_known_everywhere(make: Make) -> None:
 
 
 @pytest.mark.lammps
-def test_every_field_is_shown_by_both_sides(make: Make, workers: Workers) -> None:
+def test_every_field_is_shown_by_both_sides(make: Make, solver: Solver) -> None:
     """LAMMPS and the reference give arrays of one shape, that of the rank; and LAMMPS' have a way back."""
     case = make()
-    ready, answer = answered(workers, case)
+    ready, answer = answered(solver, case)
     shown = snapshot(case.scene, answer.arrays)
     problem = problem_of(case.scene, ready.atoms, case.where, (0,))
     sim = Simulation(problem.model, problem.box, problem.state, problem.fields)
@@ -167,7 +159,7 @@ def test_a_new_field_needs_records_a_formula_and_a_line(
     formula: Callable[[ArrayEvaluator, Any], Any],
     verdict: str,
     make: Make,
-    workers: Workers,
+    solver: Solver,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From the plan through real LAMMPS to the verdict and the blame."""
@@ -178,7 +170,7 @@ def test_a_new_field_needs_records_a_formula_and_a_line(
     items = {item.name: item for item in plan(case.scene).reference}
     assert items[NEW].needed and items[NEW].why == "compared" and items["density, given"].why == f"for {NEW}"
     assert not items["pressure"].needed
-    ready, answer = answered(workers, case)
+    ready, answer = answered(solver, case)
     assert "compute q all rheo/property/atom pressure coordination" in ready.jobs[0].commands
     law = EOS("linear", rho0=1.1, cs=9.0)
     assert np.allclose(snapshot(case.scene, answer.arrays)[NEW], law.pressure(answer.arrays["rho"]))

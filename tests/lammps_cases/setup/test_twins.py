@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -76,12 +76,6 @@ KINDS: dict[str, Any] = {
 BLAME = re.compile(r"LAMMPS against itself \(twin: (\w+)\): (\S+) \(stage twin\) leaves its bound at step (\d+) .*")
 
 Make = Callable[..., Case]
-
-
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 2) as pool:
-        yield pool
 
 
 @pytest.fixture

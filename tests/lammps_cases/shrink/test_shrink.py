@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -64,12 +64,6 @@ class FaultyJudge(WorkerJudge):
         if read and isinstance(outcomes[0], Answer):
             outcomes = [output_faults.applied(read, outcomes[0]) or outcomes[0], *outcomes[1:]]
         return PerturbedJudge(self.engine).verdict(PerturbedCase(ready, ()), outcomes)
-
-
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 1) as pool:
-        yield pool
 
 
 def loaded(shrunk: Shrunk, folder: Path) -> Case:

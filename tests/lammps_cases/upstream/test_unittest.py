@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,12 +43,6 @@ TREE = os.environ.get("EOS_REF_TREE", "")
 @pytest.fixture(scope="module")
 def predictor() -> Predictor:
     return Predictor()
-
-
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 1) as workers:
-        yield workers
 
 
 @pytest.fixture

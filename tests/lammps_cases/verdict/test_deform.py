@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.engine.session import Answer
-from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.campaign import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import catalogue, input_faults
 from lammps_cases.verdict.judgement import evaluate
+from tests.support.outcome import Solver
 from tests.support.told import Told, engine
 
 pytestmark = pytest.mark.lammps
@@ -47,12 +46,9 @@ def test_a_rate_of_0_changes_no_bit(name: str) -> None:
         ("deformed.fluid.remap", "deform-later"),
     ],
 )
-def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str) -> None:
+def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str, solver: Solver) -> None:
     (case,) = casefile.select(casefile.load(), [name])
     ready = prepare(case)
     jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready)
-    with Workers(None, 1) as workers:
-        answer = workers.outcome(workers.submit(jobs[0], 60.0))
-    assert isinstance(answer, Answer)
-    record, *_ = evaluate(case, ready.eos, ready.atoms, answer, ENGINE, Predictor())
+    record, *_ = evaluate(case, ready.eos, ready.atoms, solver(jobs[0]), ENGINE, Predictor())
     assert record.verdict == "differs"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ from eos_ref.eos import laws
 from lammps_cases.comparison import compare
 from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.engine.session import Answer
-from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import explain_outcome
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
@@ -22,24 +21,18 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
+from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 Solved = list[tuple[campaign.PreparedCase, Answer]]
 
 
 @pytest.fixture(scope="module")
-def solved() -> Iterator[Solved]:
+def solved(solver: Solver) -> Solved:
     """Real LAMMPS' answers to the quick cases of equations of state."""
     quick = casefile.select(casefile.load(), tag="quick")
     prepared = [campaign.prepare(case) for case in quick if "eos" in case.tags and case.scene.expect is None]
-    answers = []
-    with Workers(None, 1) as workers:
-        for ready in prepared:
-            told = job(ready.case.scene, ready.atoms, plan(ready.case.scene))
-            answer = workers.outcome(workers.submit(told, 60.0))
-            assert isinstance(answer, Answer)
-            answers.append(answer)
-    yield list(zip(prepared, answers, strict=True))
+    return [(ready, solver(job(ready.case.scene, ready.atoms, plan(ready.case.scene)))) for ready in prepared]
 
 
 def judge(solved: Solved) -> list[CaseRecord]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,32 +14,18 @@ from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions, per_atom
 from eos_ref.model.parameters import Model
-from lammps_cases.engine.session import Answer, Job
-from lammps_cases.engine.workers import Workers
+from lammps_cases.engine.session import Answer
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
+from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}
-Solver = Callable[[Job], Answer]
 Judge = Callable[[str], CaseRecord]
-
-
-@pytest.fixture(scope="module")
-def solver() -> Iterator[Solver]:
-    """Real LAMMPS in a process of its own."""
-    with Workers(None, 1) as workers:
-
-        def solve(job: Job) -> Answer:
-            answer = workers.outcome(workers.submit(job, 120.0))
-            assert isinstance(answer, Answer), answer
-            return answer
-
-        yield solve
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import pytest
 
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.trajectory import predict
-from lammps_cases.engine.session import Answer, Job, RunCommand
+from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
@@ -24,6 +24,7 @@ from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from lammps_cases.verdict.model_cases import problem_of, snapshot
 from lammps_cases.verdict.model_fields import nearest_image
+from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
 
@@ -116,12 +117,6 @@ Make = Callable[..., Case]
 Told = tuple[campaign.PreparedCase, Job]
 
 
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 1) as pool:
-        yield pool
-
-
 @pytest.fixture
 def make(case_file: Callable[..., Path]) -> Make:
     """A case of `SCENES` with changes."""
@@ -138,17 +133,11 @@ def tell(case: Case, every_step: bool = False) -> Told:
     return ready, job(case.scene, ready.atoms, plan(case.scene), every_step)
 
 
-def solve(workers: Workers, told: Job) -> Answer:
-    answer = workers.outcome(workers.submit(told, 60.0))
-    assert isinstance(answer, Answer), answer
-    return answer
-
-
 @pytest.mark.parametrize("name", SCENES)
-def test_every_field_is_read_back_for_every_atom_at_every_step(name: str, make: Make, workers: Workers) -> None:
+def test_every_field_is_read_back_for_every_atom_at_every_step(name: str, make: Make, solver: Solver) -> None:
     case = make(name)
     ready, told = tell(case)
-    answer, d, n = solve(workers, told), case.scene.dimension, len(ready.atoms)
+    answer, d, n = solver(told), case.scene.dimension, len(ready.atoms)
     assert answer.steps == case.scene.snapshots == ((0,) if name == "static" else (0, 1, 10, 12))
     for arrays in answer.snapshots:
         assert np.array_equal(arrays["id"], ready.atoms.id_n)
@@ -164,14 +153,14 @@ def test_every_field_is_read_back_for_every_atom_at_every_step(name: str, make: 
     assert not any(np.shares_memory(first["x"], arrays["x"]) for arrays in answer.snapshots[1:])
 
 
-def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, workers: Workers) -> None:
+def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, solver: Solver) -> None:
     """The gradient of a linear velocity field away from edges, within the rounding bound of a reproducing kernel."""
     case = make("static", rheo={"kernel": "RK1"}, compare=["grad/v"], rho={"constant": 1.3})
     ready, told = tell(case)
     slope_cc = np.array([[0.1, 0.2], [0.3, -0.4]])
     v_nc = np.zeros((len(ready.atoms), 3))
     v_nc[:, :2] = ready.atoms.x_nc[:, :2] @ slope_cc.T
-    got = solve(workers, replace(told, v_nc=v_nc)).arrays
+    got = solver(replace(told, v_nc=v_nc)).arrays
     middle_n = (np.abs(ready.atoms.x_nc[:, :2] - 6) < 2.5).all(axis=1)
     assert middle_n.any()
     given = problem_of(case.scene, ready.atoms, case.where, (0,))
@@ -183,10 +172,10 @@ def test_tensors_have_the_components_in_the_order_of_their_names(make: Make, wor
     assert np.all(np.abs(got["q.grad/v"] - slope_cc)[middle_n] <= bound_ncc[middle_n])
 
 
-def test_halting_does_not_change_the_run(make: Make, workers: Workers) -> None:
-    halted = solve(workers, tell(make("everything"))[1])
-    whole = solve(workers, tell(make("everything", evolve=BASE["evolve"] | {"compare_at": [12]}))[1])
-    stepped = solve(workers, tell(make("everything"), every_step=True)[1])
+def test_halting_does_not_change_the_run(make: Make, solver: Solver) -> None:
+    halted = solver(tell(make("everything"))[1])
+    whole = solver(tell(make("everything", evolve=BASE["evolve"] | {"compare_at": [12]}))[1])
+    stepped = solver(tell(make("everything"), every_step=True)[1])
     assert stepped.steps == tuple(range(13))
     for other in (whole, stepped):
         assert all(np.array_equal(halted.arrays[name], other.arrays[name]) for name in halted.arrays)
@@ -202,10 +191,10 @@ def test_run_continues_without_another_setup(make: Make) -> None:
 
 
 @pytest.mark.parametrize("name", ["plain", "everything", "heat", "solid-3d"])
-def test_two_ranks_give_what_one_gives(name: str, make: Make, workers: Workers) -> None:
+def test_two_ranks_give_what_one_gives(name: str, make: Make, solver: Solver) -> None:
     """Each lies within the reference's bound of the exact result, so they are at most two bounds apart."""
     case = make(name)
-    one, two = (solve(workers, tell(make(name, engine={"ranks": ranks}))[1]) for ranks in (1, 2))
+    one, two = (solver(tell(make(name, engine={"ranks": ranks}))[1]) for ranks in (1, 2))
     assert one.steps == two.steps
     scene = problem_of(case.scene, tell(case)[0].atoms, case.where, one.steps)
     bounds = predict(scene).bounds
@@ -217,7 +206,7 @@ def test_two_ranks_give_what_one_gives(name: str, make: Make, workers: Workers) 
             assert np.all(np.abs(other - ours[field]) <= 2 * bounds[at][field]), (field, one.steps[at])
 
 
-def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers) -> None:
+def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers, solver: Solver) -> None:
     told = tell(make("plain", engine={"ranks": 2}))[1]
     faults = {
         "no_such_command": ("refused", "Unknown command: no_such_command"),
@@ -230,7 +219,7 @@ def test_faults_of_ranks_cost_their_case_alone(make: Make, workers: Workers) -> 
     endless = replace(told, runs=(RunCommand("run 100000000 post no"),))
     got = workers.outcome(workers.submit(endless, 4.0), 4.0)
     assert isinstance(got, Failure) and got.verdict == "timeout"
-    assert solve(workers, told).steps == (0, 1, 10, 12)
+    assert solver(told).steps == (0, 1, 10, 12)
     end = time.monotonic() + 10
     while _ranks_left() and time.monotonic() < end:
         time.sleep(0.2)
@@ -244,7 +233,7 @@ def _ranks_left() -> list[str]:
     return [" ".join(words) for words in ranks if not Path(f"/proc/{words[-1]}").exists()]
 
 
-def test_reference_has_the_same_doubles(make: Make, workers: Workers) -> None:
+def test_reference_has_the_same_doubles(make: Make, solver: Solver) -> None:
     for name in ("everything", "heat", "solid-3d", "open"):
         case = make(name)
         ready, told = tell(case)
@@ -253,7 +242,7 @@ def test_reference_has_the_same_doubles(make: Make, workers: Workers) -> None:
             reference_side.model(case.scene, ready.atoms, case.where),
             reference_side.box(case.scene, ready.atoms),
         )
-        got, d = solve(workers, told).snapshots[0], case.scene.dimension
+        got, d = solver(told).snapshots[0], case.scene.dimension
         assert np.array_equal(state.x_nc, got["x"][:, :d])
         assert np.array_equal(state.v_nc, got["v"][:, :d])
         assert np.array_equal(state.solid_n, got["q.phase"] == 1)
@@ -269,7 +258,7 @@ def test_reference_has_the_same_doubles(make: Make, workers: Workers) -> None:
             assert np.array_equal(state.rho_n, np.where(state.solid_n, 0.9, 1.3))
 
 
-def test_gravity_is_exact(make: Make, workers: Workers) -> None:
+def test_gravity_is_exact(make: Make, solver: Solver) -> None:
     """A particle alone feels mass times the scene's vector, to the last bit."""
     lonely = {"lattice": "sq", "spacing": 4.0, "cells": [4, 4]}
     case = make(
@@ -281,7 +270,7 @@ def test_gravity_is_exact(make: Make, workers: Workers) -> None:
         forces=[{"style": "gravity", "vector": [0.3, -1.7]}],
         evolve=None,
     )
-    force_nc = solve(workers, tell(case)[1]).arrays["f"]
+    force_nc = solver(tell(case)[1]).arrays["f"]
     assert np.array_equal(force_nc, np.broadcast_to([1.3 * 0.3, 1.3 * -1.7, 0.0], force_nc.shape))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,12 +19,6 @@ from lammps_cases.verdict.judgement import evaluate
 pytestmark = pytest.mark.lammps
 ENGINE = EngineRecord(name="env", distribution="2025.7.22.4.0")
 WRITES = {"write_restart"}
-
-
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 1) as opened:
-        yield opened
 
 
 def restarted(name: str) -> PreparedCase:

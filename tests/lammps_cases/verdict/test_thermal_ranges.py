@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -16,12 +15,6 @@ from lammps_cases.scene import Scene, casefile
 
 pytestmark = pytest.mark.lammps
 VALUES = {"conductivity": (0.7, 0.3), "specific/heat": (1.5, 0.8), "Tfreeze": (0.75, 0.95), "latent/heat": (0.2, 0.5)}
-
-
-@pytest.fixture(scope="module")
-def workers() -> Iterator[Workers]:
-    with Workers(None, 1) as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

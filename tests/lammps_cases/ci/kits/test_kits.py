@@ -22,6 +22,7 @@ from lammps_cases.ci.kits.files import KITS, TEMPLATES, in_repository, in_shards
 from lammps_cases.engine import session
 from lammps_cases.run.shards import Costs
 from tests.support.action_runner import run_action
+from tests.support.faulty_lammps import faulty_lammps
 from tests.support.outcome import Outcome
 from tests.support.same_reports import assert_same
 
@@ -41,10 +42,6 @@ SCHEMAS = {
 }
 # A package named lammps that is the real one, but that takes another exponent.
 FAULTY = """
-__path__.append({real!r})
-exec(open({real!r} + "/__init__.py").read())
-_lammps = lammps
-
 class lammps(_lammps):
     def commands_string(self, text):
         return super().commands_string(text.replace("tait/general 2.3", "tait/general 2.31"))
@@ -279,12 +276,7 @@ def test_kit_for_reframe(written: Callable[..., Path], tmp_path: Path) -> None:
 
 @pytest.fixture
 def faulty(tmp_path: Path) -> Path:
-    package = tmp_path / "faulty" / "lammps"
-    package.mkdir(parents=True)
-    real = session.package_directory()
-    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
-    (package / "liblammps.so").symlink_to(real / "liblammps.so")
-    return package.parent
+    return faulty_lammps(tmp_path / "faulty", FAULTY)
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +13,13 @@ import pytest
 from lammps_cases.comparison.store import VARIABLE
 from lammps_cases.engine import installations, ranks
 from lammps_cases.engine.session import Answer, EngineCrashed
-from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import alarms, machines
 from lammps_cases.studies.mutation.alarms import AlarmRun, Kind
 from lammps_cases.studies.mutation.perturbed import PerturbedCase, in_order
+from tests.support.outcome import Solver
 
 pytestmark = pytest.mark.lammps
 
@@ -54,15 +54,8 @@ def test_names_move_no_bit_and_another_order_does(measured: dict[str, AlarmRun])
 
 
 @pytest.fixture(scope="module")
-def solved() -> Iterator[Callable[[PerturbedCase], Answer]]:
-    with Workers(None, 1) as workers:
-
-        def solve(perturbed: PerturbedCase) -> Answer:
-            answer = workers.outcome(workers.submit(perturbed.jobs[0], 60.0))
-            assert isinstance(answer, Answer), answer
-            return in_order(answer, perturbed.row_n)
-
-        yield solve
+def solved(solver: Solver) -> Callable[[PerturbedCase], Answer]:
+    return lambda perturbed: in_order(solver(perturbed.jobs[0]), perturbed.row_n)
 
 
 @pytest.mark.parametrize("kind", HERE)

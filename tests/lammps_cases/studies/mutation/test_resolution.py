@@ -19,6 +19,7 @@ from lammps_cases.studies.mutation import resolution
 from lammps_cases.studies.mutation.resolution import Resolution
 from lammps_cases.studies.mutation.scene_numbers import SceneNumber, numbers
 from lammps_cases.verdict.judgement import evaluate
+from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
 CASES = {case.name: case for case in casefile.load()}
@@ -179,12 +180,12 @@ def test_quick_cases_and_blind_ones_are_told_apart(measured: dict[str, Resolutio
 
 
 @pytest.mark.lammps
-def test_bound_of_the_law_is_the_resolution_of_its_speed_of_sound(measured: dict[str, Resolution]) -> None:
+def test_bound_of_the_law_is_the_resolution_of_its_speed_of_sound(
+    measured: dict[str, Resolution], solver: Solver
+) -> None:
     """P of linear goes with cs^2: red where twice the change exceeds the relative bound, less what rounding does."""
     ready = campaign.prepare(CASES[LAW])
-    with Workers(None, 1) as workers:
-        answer = workers.outcome(workers.submit(ready.jobs[0], 60.0))
-    arrays = evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[1]
+    arrays = evaluate(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE)[1]
     least = float((arrays["pressure.bound"] / np.abs(arrays["pressure.reference"])).min())
     quick = measured["cs"].quick
     assert quick is not None

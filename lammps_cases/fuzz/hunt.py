@@ -123,7 +123,7 @@ class Hunt:
             elif judging:
                 drawn, task = judging.popleft()
                 outcome = workers.outcome(task, JUDGING)
-                yield drawn, _record(drawn, outcome, judge.engine)
+                yield drawn, record_of(drawn, outcome, judge.engine)
             else:
                 return
 
@@ -183,7 +183,8 @@ class Hunt:
         DOCUMENT.write(self.folder / "fuzz.json", record)
 
 
-def _record(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
+def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
+    """Return the record of a scene that was judged, or whose judging failed."""
     return campaign.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import platformdirs
 import pytest
+import yaml
 
 from lammps_cases.cli import completion
 from lammps_cases.cli.main import COMMANDS, GROUPS
@@ -73,23 +74,23 @@ def test_names_are_kept_until_a_file_changes(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(completion, "ROOT", folder.parent)
     monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path))
     reads: list[int] = []
-    files = completion._files
+    load = yaml.load
 
-    def counted() -> Any:
+    def counted(*of: Any) -> Any:
         reads.append(1)
-        return files()
+        return load(*of)
 
-    monkeypatch.setattr(completion, "_files", counted)
+    monkeypatch.setattr(yaml, "load", counted)
     for _ in range(2):
         assert (completion.case_names()[0], completion.tag_names()) == ("one", {"small"})
     assert len(reads) == 1
     (folder / "two.yaml").write_text("name: two\n")
-    assert "two" in completion.case_names() and len(reads) == 2
-    (tmp_path / "completion.json").write_text('{"key": 5')
     assert "two" in completion.case_names() and len(reads) == 3
+    (tmp_path / "completion.json").write_text('{"key": 5')
+    assert "two" in completion.case_names() and len(reads) == 5
     (tmp_path / "completion.json").unlink()
     (tmp_path / "completion.json").mkdir()
-    assert "two" in completion.case_names() and len(reads) == 4
+    assert "two" in completion.case_names() and len(reads) == 7
 
 
 @pytest.mark.parametrize("shell", completion.STARTS)

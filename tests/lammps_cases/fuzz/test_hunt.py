@@ -40,14 +40,14 @@ def test_nothing_is_unexplained(tmp_path: Path) -> None:
 def test_what_is_red_is_kept_as_a_case_and_can_be_drawn_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, eos_ref_command: Run
 ) -> None:
-    judged = hunt._record
+    judged = hunt.record_of
 
     def faulty(drawn: Any, outcome: Any, engine: Any) -> CaseRecord:
         blame = Blame(field="f", stage="pair", step=0, atom=1, lammps=1.0, reference=2.0, bound=1e-9, outside=1, of=1)
         found = judged(drawn, outcome, engine)
         return found.model_copy(update={"verdict": "differs", "blame": blame}) if found.verdict == "exact" else found
 
-    monkeypatch.setattr(hunt, "_record", faulty)
+    monkeypatch.setattr(hunt, "record_of", faulty)
     scenes = ((k, draw(3, k).case.scene) for k in range(200))
     number = next(k for k, scene in scenes if scene.compare == ("pressure",) and scene.engine == type(scene.engine)())
     left = eos_ref_command("fuzz", "--seed", 3, "--draw", number, "--jobs", 1, "--out", tmp_path, "--json")

@@ -5,45 +5,48 @@ from __future__ import annotations
 import pytest
 
 from lammps_cases.cli import shared
-from lammps_cases.records import stages
 from lammps_cases.records.run_record import CaseRecord, RunRecord, Seconds
-from lammps_cases.records.stages import REST, stage, taken
+from lammps_cases.records.stages import REST, Stages
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    now = [0.0]
-    monkeypatch.setattr("time.process_time", lambda: now[0])
-    monkeypatch.setattr(stages, "_spent", {})
-    monkeypatch.setattr(stages, "_last", {"time": 0.0, "taken": 0.0})
-    return now
+def clock() -> list[float]:
+    return [0.0]
 
 
-def test_a_stage_within_another(clock: list[float]) -> None:
+@pytest.fixture
+def stages(clock: list[float]) -> Stages:
+    return Stages(lambda: clock[0])
+
+
+def test_a_stage_within_another(clock: list[float], stages: Stages) -> None:
     clock[0] += 1
-    with stage("comparison"):
+    with stages.stage("comparison"):
         clock[0] += 2
-        with stage("bounds"):
+        with stages.stage("bounds"):
             clock[0] += 4
         clock[0] += 8
-    with stage("writing"):
+    with stages.stage("writing"):
         clock[0] += 16
-    assert taken() == {"comparison": 10, "bounds": 4, "writing": 16, REST: 1}
+    assert stages.taken() == {"comparison": 10, "bounds": 4, "writing": 16, REST: 1}
     clock[0] += 32
-    assert taken() == {REST: 32}
+    assert stages.taken() == {REST: 32}
 
 
-def test_bounds_of_variants_are_theirs(clock: list[float]) -> None:
-    with pytest.raises(ZeroDivisionError), stage("comparison"), stage("variants"), stage("bounds"):
+def test_bounds_of_variants_are_theirs(clock: list[float], stages: Stages) -> None:
+    with pytest.raises(ZeroDivisionError), stages.stage("comparison"), stages.stage("variants"), stages.stage("bounds"):
         clock[0] += 3
         _ = 1 / 0
-    with stage("bounds"):
+    with stages.stage("bounds"):
         clock[0] += 1
-    assert taken() == {"variants": 3, "bounds": 1, "comparison": 0, REST: 0}
+    assert stages.taken() == {"variants": 3, "bounds": 1, "comparison": 0, REST: 0}
 
 
-def test_the_table_adds_up_and_names_lammps(clock: list[float]) -> None:
-    with stage("report"):
+def test_the_table_adds_up_and_names_lammps(
+    clock: list[float], stages: Stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lammps_cases.records.stages.taken", stages.taken)
+    with stages.stage("report"):
         clock[0] += 1
     clock[0] += 1
     times = Seconds(lammps=2.0, stages={"bounds": 4.0, REST: 3.0})

@@ -11,13 +11,14 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.comparison import prediction_keys
 from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records import folders
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.regression.acceptance import accept
-from lammps_cases.run import campaign, case_journal
+from lammps_cases.run import campaign
 from lammps_cases.run.merge import merge
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -179,7 +180,7 @@ def test_another_run_is_refused_in_one_line(cases: list[Case], tmp_path: Path, m
             run(others, out, resume=True, **options)
         assert "\n" not in str(refused.value)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(case_journal, "_code", lambda: "other")
+        patch.setattr(prediction_keys, "context", lambda root: "other")
         with pytest.raises(InputError, match="--resume: needs the code"):
             run(cases, out, resume=True)
     provenance = campaign.provenance

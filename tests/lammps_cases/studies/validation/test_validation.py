@@ -134,7 +134,8 @@ def test_a_quick_flow_agrees_is_drawn_and_is_not_run_again(
     def not_again(*_: object) -> None:
         raise AssertionError("run again")
 
-    monkeypatch.setattr(run, "_run", not_again)
+    monkeypatch.setattr(run, "by_reference", not_again)
+    monkeypatch.setattr(run, "in_worker", not_again)
     again = eos_ref_command("validate", "--quick", THICK.name, "--out", tmp_path, "--json")
     assert again.code == 0
     assert [each["seconds"] for each in json.loads(again.out)["runs"]] == [of.seconds for of in validated.runs]

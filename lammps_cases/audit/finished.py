@@ -106,6 +106,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     case = findings.case(case_name(dump))
     case.about = "a dump of your input deck: its columns against each other, at the end of a step"
     case.not_checked = audit.unchecked()
+    case.unchecked = dict(reversed(audit.reasons))
     case.source, case.reproduce = str(dump), shlex.join(["eos-ref", "audit", "--dump", str(dump), "--deck", str(deck)])
     case.seconds = Seconds(reference=time.perf_counter() - begin, total=time.perf_counter() - begin)
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()

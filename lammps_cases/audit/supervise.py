@@ -81,13 +81,13 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
         )
         raise InputError("deck", rule, where=str(deck))
     if findings.ended is not None and findings.ended.share is not None:
-        _take_share(case, findings.ended.share, options)
+        _take_share(case, findings, findings.ended.share, options)
     case.seconds.total = time.perf_counter() - begin
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
     return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
 
 
-def _take_share(case: CaseRecord, asked: PairShare, options: AuditOptions) -> None:
+def _take_share(case: CaseRecord, findings: Findings, asked: PairShare, options: AuditOptions) -> None:
     """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
     where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {asked.step}"
     own = replace(options, fields=("f",), steps=None, keep=None, suffix=None, progress=SILENT)
@@ -105,11 +105,13 @@ def _take_share(case: CaseRecord, asked: PairShare, options: AuditOptions) -> No
         if case.blame is None and second.blame is not None:
             case.blame = second.blame.model_copy(update={"step": asked.step, "run": asked.run})
     failure = failure.replace(f"{folder}/", "")
-    told = f"f with all that adds to it: {asked.reason}; compared is that {where}"
-    without = f"f: {asked.reason}; {where} it cannot be had ({failure})"
-    case.not_checked = [
-        line if not line.startswith("f: ") else told if compared else without for line in case.not_checked
-    ]
+    if compared:
+        of_forces = f"f with all that adds to it: {asked.reason}; compared is that {where}"
+        case.unchecked.pop("f", None)
+    else:
+        case.unchecked["f"] = f"{asked.reason}; {where} it cannot be had ({failure})"
+        of_forces = f"f: {case.unchecked['f']}"
+    case.not_checked = findings.not_checked(of_forces)
     case.verdict = worst([case.verdict, *(record.verdict for record in compared)])
     case.message = wording.message(case)
 

@@ -92,15 +92,16 @@ class Findings:
             **{name: value for name, value in row._asdict().items() if name != "natoms"},
         )
 
-    def _unchecked(self) -> list[str]:
-        """Return a line per field and reason, with the runs if others differ."""
+    def not_checked(self, of_forces: str = "") -> list[str]:
+        """Return a line per field and reason, with the runs if others differ; of forces the one given, if any."""
         several = len({run for runs in self.unchecked.values() for run in runs} | {c.run for c in self.checks}) > 1
         compared = {name for name, _ in self.fields}
         missed = [name for name in offered() if name in self.chosen - compared and self.checks]
-        return [
-            f"{name}: {reason}" + (f" (run {', '.join(map(str, runs))})" if several else "")
+        lines = [
+            (name, f"{name}: {reason}" + (f" (run {', '.join(map(str, runs))})" if several else ""))
             for (name, reason), runs in self.unchecked.items()
-        ] + [f"{name}: {NEVER_COMPARABLE}" for name in missed]
+        ] + [(name, f"{name}: {NEVER_COMPARABLE}") for name in missed]
+        return [of_forces if name == "f" and of_forces else line for name, line in lines]
 
     def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
         """Make the record; ``failure`` says how LAMMPS ended, if not well."""
@@ -136,7 +137,8 @@ class Findings:
             series=self.ended.series if self.ended else [],
             closed=self.ended.closed if self.ended else None,
             checks=self.checks,
-            not_checked=self._unchecked(),
+            not_checked=self.not_checked(),
+            unchecked=dict(reversed(self.unchecked)),
             explained_by=list(dict.fromkeys(explained)),
             **({"seconds": self.ended.seconds} if self.ended else {}),
         )

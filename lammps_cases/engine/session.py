@@ -42,6 +42,10 @@ class EngineRefused(RuntimeError):
     """LAMMPS stopped with an error of its own; the text is LAMMPS'."""
 
 
+class EngineLost(EngineRefused):
+    """LAMMPS took fewer atoms than it was given, and said nothing; the text is the harness'."""
+
+
 class EngineBroken(EngineRefused):
     """LAMMPS stopped with an error after which the instance must not be used again."""
 
@@ -326,7 +330,7 @@ def _create(lmp: Any, job: Job) -> None:
         None if job.v_nc is None else job.v_nc.ravel().tolist(),
     )
     if lmp.get_natoms() != n:
-        raise EngineRefused(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
+        raise EngineLost(f"LAMMPS kept {lmp.get_natoms():g} of {n} atoms: some lie outside the box")
     here = lmp.extract_global("nlocal")
     order_n = np.argsort(job.id_n)  # ids may be given in any order: that in which LAMMPS creates the atoms
     place_n = order_n[np.searchsorted(job.id_n, lmp.numpy.extract_atom("id")[:here], sorter=order_n)]

@@ -72,8 +72,7 @@ class View:
     @property
     def why_not(self) -> str:
         """Why there are no budgets."""
-        reasons = (line.removeprefix("f: ") for line in self.example.case.not_checked if line.startswith("f: "))
-        return next(reasons, "the forces of pairs are not known in this deck")
+        return self.example.case.unchecked.get("f", "the forces of pairs are not known in this deck")
 
     def logs(self) -> Iterator[tuple[ShippedLog, float | None, tuple[int, float] | None]]:
         """Go through the logs shipped: each with its first pressure, and its last step and deviation."""

@@ -29,13 +29,13 @@ class Reply:
 
     Attributes
     ----------
-    ended : how it ended
+    ended : how it ended; without atoms that LAMMPS left out, which it says nothing of, "lost"
     error : its error, or what it left when it died
     arrays : per-atom arrays at the end, by id
     log : the log of a deck
     """
 
-    ended: Literal["answered"] | Failed
+    ended: Literal["answered", "lost"] | Failed
     error: str = ""
     arrays: dict[str, Array] = field(default_factory=dict)
     log: str = ""
@@ -75,6 +75,8 @@ def ask(site: str | None, given: Input) -> Reply:
         lmp = session.open_lammps(site)
         try:
             return _job(lmp, given) if isinstance(given, Job) else _deck(lmp, given)
+        except session.EngineLost as error:
+            return Reply("lost", str(error))
         except session.EngineRefused as error:
             return Reply("refused", str(error))
         except UnicodeDecodeError as error:  # LAMMPS' module cannot read a message that breaks a character in two

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -45,15 +46,17 @@ def patch_pressure(x_nc: FloatArray, side: float, terms: int = 40) -> FloatArray
     return np.asarray(np.einsum("nk,nl,kl->n", sines_k, sines_l, weight))
 
 
+def _inviscid(sound: float, options: Options) -> dict[str, Any]:
+    """Return the scene of a fluid with no viscosity but what keeps it smooth."""
+    smooth = {"artificial_visc": ARTIFICIAL, "rho_damp": DAMPING * options.cut / 3 * sound}
+    return {"types": [fluid(cs=sound, viscosity=0.0)], "pair": smooth}
+
+
 def _patch(n: int, options: Options) -> Start:
     x_nc, omega = rows(0, n, n) - n / 2, 1.0 / n
-    scene = {
-        "types": [fluid(cs=PATCH_SOUND, viscosity=0.0)],
-        "pair": {"artificial_visc": ARTIFICIAL, "rho_damp": DAMPING * options.cut / 3 * PATCH_SOUND},
-    }
     return start(
         f"patch-{n}",
-        scene,
+        _inviscid(PATCH_SOUND, options),
         x_nc,
         (3.0 * n, 3.0 * n),
         (-3.0 * n, -3.0 * n),
@@ -139,17 +142,13 @@ def _drop(n: int, options: Options) -> Start:
     radius = radius_of(x_nc)
     B = 1 / radius
     pressure_n = 0.5 * (STRETCH**2 + 1) * (1 - (x_nc**2).sum(axis=1) / radius**2)
-    scene = {
-        "types": [fluid(cs=DROP_SOUND, viscosity=0.0)],
-        "pair": {"artificial_visc": ARTIFICIAL, "rho_damp": DAMPING * options.cut / 3 * DROP_SOUND},
-    }
     pull = Body(
         (f"-{B**2!r}*mass*x", f"-{B**2!r}*mass*y"),
         partial(_pull, B=B),
     )
     return start(
         f"drop-{n}",
-        scene,
+        _inviscid(DROP_SOUND, options),
         x_nc,
         (3 * radius, 3 * radius),
         (-3 * radius, -3 * radius),

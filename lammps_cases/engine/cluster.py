@@ -10,6 +10,7 @@ import atexit
 import contextlib
 import logging
 import multiprocessing
+import os
 import threading
 import warnings
 from collections.abc import Callable, Iterator
@@ -49,7 +50,7 @@ def used(scheduler: str) -> Iterator[None]:
 
 # --- inside a worker of the cluster
 
-_pools: dict[str | None, Any] = {}
+_pools: dict[tuple[str | None, str], Any] = {}
 _lock = threading.Lock()
 
 
@@ -60,11 +61,13 @@ class Answered:
     value: Any
 
 
-def relay(function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float) -> Answered | BaseException:
-    """Do a task in a process of this worker."""
+def relay(
+    memory: str, function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: float
+) -> Answered | BaseException:
+    """Do a task in a process of this worker, which may take the memory that was asked for."""
     from lammps_cases.engine.workers import Failure
 
-    workers = _workers(arguments[0])
+    workers = _workers(arguments[0], memory)
     future = workers.call(function, *arguments[1:], time_limit=time_limit)
     try:
         return Answered(future.result())
@@ -75,19 +78,20 @@ def relay(function: Callable[..., Any], arguments: tuple[Any, ...], time_limit: 
         return error
 
 
-def _workers(site: str | None) -> Any:
+def _workers(site: str | None, memory: str) -> Any:
     """Return the processes with this LAMMPS, as many as the worker has threads."""
     from distributed import get_worker
 
-    from lammps_cases.engine.workers import Workers
+    from lammps_cases.engine.workers import MEMORY, Workers
 
     with _lock:
-        if site not in _pools:
+        if (kind := (site, memory)) not in _pools:
+            os.environ[MEMORY] = memory
             # A nanny's child may start no processes unless it is told that it may; its own end with it.
             multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-            _pools[site] = Workers(site, get_worker().state.nthreads)
-            atexit.register(_pools[site].stop)
-        return _pools[site]
+            _pools[kind] = Workers(site, get_worker().state.nthreads)
+            atexit.register(_pools[kind].stop)
+        return _pools[kind]
 
 
 # --- in the parent
@@ -150,6 +154,8 @@ class ClusterPool:
     def _submit(self, future: Future[Any], task: tuple[Any, ...], left: int) -> None:
         from distributed import KilledWorker
 
+        from lammps_cases.engine.workers import MEMORY
+
         def settle(remote: Any) -> None:
             if remote.status == "error" and isinstance(remote.exception(), KilledWorker) and left > 1:
                 self._submit(future, task, left - 1)
@@ -163,7 +169,7 @@ class ClusterPool:
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of arguments that are large
-            remote = self._client.submit(relay, *task, pure=False)
+            remote = self._client.submit(relay, os.environ.get(MEMORY, ""), *task, pure=False)
         self._under_way[future] = remote
         remote.add_done_callback(settle)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import resource
 import signal
 import tempfile
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from concurrent.futures.process import BrokenProcessPool
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from pebble import ProcessExpired
 from pebble.pool.base_pool import PoolStatus
 
+from eos_ref.errors import InputError
 from lammps_cases.engine import cluster, forkserver, mpi, ranks
 from lammps_cases.engine.pool import OrderedPool
 from lammps_cases.engine.session import (
@@ -39,6 +41,7 @@ if TYPE_CHECKING:  # a worker process starts in half the time without pydantic
     from lammps_cases.records.run_record import Failed
 
 T = TypeVar("T")
+MEMORY = "EOS_REF_MEMORY"  # environment variable: memory of each process, in place of its share of the machine
 LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
 TAIL = 2**16  # bytes of that which are read
 RECYCLED = 5000  # tasks after which a process makes room for another: LAMMPS keeps some memory of every run
@@ -114,9 +117,40 @@ def _tail(file: Path) -> str:
 
 
 def memory_share(workers: int) -> int:
-    """Return how many bytes of memory each of some processes may take."""
+    """Return how many bytes of memory each of some processes may take: `MEMORY`, or its share of the machine."""
+    if text := os.environ.get(MEMORY):
+        return size(text)
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return int(0.8 * total / workers)
+
+
+def size(text: str) -> int:
+    """Return the bytes that a text as 4G stands for.
+
+    Raises
+    ------
+    InputError
+    """
+    found = re.fullmatch(r"(\d{1,15})([MGT])", text, re.ASCII)
+    if found is None or not (most := int(found[1]) << {"M": 20, "G": 30, "T": 40}[found[2]]) < 2**63:
+        raise InputError("memory", "must be a whole number of M, G or T bytes, as 4G", text)
+    return most
+
+
+@contextlib.contextmanager
+def limited(text: str) -> Iterator[None]:
+    """Give each process of the pools that begin within a block so much memory.
+
+    Raises
+    ------
+    InputError
+    """
+    size(text)
+    before, os.environ[MEMORY] = os.environ.get(MEMORY, ""), text
+    try:
+        yield
+    finally:
+        os.environ[MEMORY] = before
 
 
 class Workers:

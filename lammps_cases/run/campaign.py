@@ -223,7 +223,7 @@ class Campaign:
                     record, shown = judgement
                     if len(self.records) < KEPT:
                         self.records[record.case], drawn[record.case] = record, shown
-                self.judged.add(record.case)
+                self.judged.add(ready.case.name)
                 if self.store and len(self.judged) % KEPT == 0:
                     self.store.trim()
                 complaint = "" if record.as_expected else f"{record.verdict} {record.case}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ import pytest
 
 from lammps_cases.engine import cluster, installations
 from lammps_cases.engine.session import EngineMissing
-from lammps_cases.engine.workers import Workers
+from lammps_cases.engine.workers import Workers, limited
 from lammps_cases.records.progress import SILENT
 from lammps_cases.scene import casefile
 from lammps_cases.studies.chart import farmed, flows, laws
@@ -130,6 +131,15 @@ def test_flows_of_a_chart_are_timed_here_on_the_engine_asked_for(monkeypatch: py
     monkeypatch.setattr(flows, "converge", lambda flow, resolutions, site: [(cluster.address(), site)])
     with cluster.used("tcp://127.0.0.1:1"):
         assert set(flows.flows(True, "/opt/other")) == {("", "/opt/other")}
+
+
+def test_processes_there_have_the_memory_that_is_asked_for(steady: DaskCluster) -> None:
+    with cluster.used(steady.address), limited("3G"), Workers(None, 1) as workers:
+        assert workers.outcome(workers.call(memory, time_limit=60.0)) == 3 * 2**30
+
+
+def memory(site: str | None) -> int:
+    return resource.getrlimit(resource.RLIMIT_AS)[0]
 
 
 def test_faults_are_planted_in_the_same_cases(steady: DaskCluster) -> None:

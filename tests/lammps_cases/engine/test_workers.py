@@ -19,8 +19,9 @@ from typing import Any
 import pebble.pool.process
 import pytest
 
+from eos_ref import InputError
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused
-from lammps_cases.engine.workers import LARGEST, Failure, Workers
+from lammps_cases.engine.workers import LARGEST, Failure, Workers, limited, memory_share, size
 
 pytestmark = pytest.mark.slow
 LIMIT = 60.0
@@ -174,6 +175,22 @@ def flood(site: str | None) -> None:
         os.write(1, text)
     print(resource.getrlimit(resource.RLIMIT_FSIZE)[0], flush=True)
     os._exit(3)
+
+
+def memory(site: str | None) -> int:
+    return resource.getrlimit(resource.RLIMIT_AS)[0]
+
+
+def test_processes_have_the_memory_that_is_asked_for() -> None:
+    with limited("3G"), Workers(None, 1) as pool:
+        assert pool.outcome(pool.call(memory, time_limit=LIMIT)) == 3 * 2**30
+    assert memory_share(2) // 2 == memory_share(4) > 0, "again that of the machine"
+
+
+@pytest.mark.parametrize("text", ["4", "4g", "0.5G", "-1G", "G", "9999999T", "4GB", "\u0664G"])
+def test_a_memory_that_is_no_size_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="memory: must be a whole number of M, G or T bytes, as 4G, found"):
+        size(text)
 
 
 @pytest.mark.parametrize("read", [0, 1, 2])

@@ -126,9 +126,9 @@ class InBlocks(ArrayEvaluator):
 
     def _adopt(self, *names: str) -> None:
         """Take attributes of the particles from the blocks, as far as they have them."""
-        found = [{name: getattr(s, name)[b.own_k] for name in names if hasattr(s, name)} for b, s in self._each()]
-        for name in found[0]:
-            setattr(self, name, _stacked([each[name] for each in found]))
+        attributes = [{name: getattr(s, name)[b.own_k] for name in names if hasattr(s, name)} for b, s in self._each()]
+        for name in attributes[0]:
+            setattr(self, name, _stacked([each[name] for each in attributes]))
 
     def _each(self) -> Iterator[tuple[Block, Any]]:
         """Yield every block with its stages, moved and corrected, and with what the particles have now."""

@@ -52,8 +52,8 @@ class Search:
     def rows(self, first: int, last: int, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs with r < cut that some particles collect; see `directed_pairs`."""
         own = self.make(self.inside_nc[first:last])
-        found = own.sparse_distance_matrix(self._tree, self.wide, output_type="ndarray")
-        i, g = found["i"] + first, found["j"]
+        distances = own.sparse_distance_matrix(self._tree, self.wide, output_type="ndarray")
+        i, g = distances["i"] + first, distances["j"]
         j = self.of_g[g]
         image_pc = self.image_gc[g] + (self.outside_nc[i] - self.outside_nc[j])
         shift_pc = self.box.shift(image_pc)

@@ -304,10 +304,10 @@ def required(model: Model, wanted: Iterable[str]) -> tuple[str, ...]:
         See `of_model`.
     """
     ahead = [name for field in wanted for name in evaluated_for(model, field)]
-    found: set[str] = set()
+    names: set[str] = set()
     while ahead:
         name = ahead.pop()
-        if name not in found:
-            found.add(name)
+        if name not in names:
+            names.add(name)
             ahead += QUANTITIES[name].needs(model)
-    return tuple(name for name in order() if name in found)
+    return tuple(name for name in order() if name in names)

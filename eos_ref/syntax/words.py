@@ -178,7 +178,7 @@ def fix(text: str, style: str) -> Words:
     group = words.word("group-ID")
     if group != "all":
         words.fail(f"group of fix {style}", "must be all", group)
-    found = words.word("fix style")
-    if found != style:
-        words.fail("fix style", f"must be {style}", found)
+    given = words.word("fix style")
+    if given != style:
+        words.fail("fix style", f"must be {style}", given)
     return words

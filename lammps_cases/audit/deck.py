@@ -188,12 +188,12 @@ class Deck:
 
     def plain_actions(self) -> list[Action]:
         """Return those of `actions` whose vectors are plain numbers."""
-        found = []
+        actions = []
         for values in self.fixes.values():
             if values[3] in _FOLLOWED:
                 with contextlib.suppress(InputError):
-                    found.append(action(values))
-        return found
+                    actions.append(action(values))
+        return actions
 
 
 def between(values: Sequence[str]) -> str:

@@ -44,7 +44,7 @@ def effects(sample: ParticleSample, engine: str, run: int, step: int) -> list[Ef
     fields = needed_to_step(sample.model)
     own = replace(sample, actions=())  # of the model itself: gravity would hide what becomes of pair forces
     right = SampleEvaluation(own, fields)
-    found = []
+    records = []
     for entry in touching(sample, engine):
         if entry.model_variant is None or entry.model_variant.stages is None:
             continue
@@ -55,13 +55,13 @@ def effects(sample: ParticleSample, engine: str, run: int, step: int) -> list[Ef
             bound = np.asarray(error(sides[0]), float) + np.asarray(error(sides[1]), float)
             if effect := compare(a, b, bound):
                 particles, relative, factor = effect
-                found.append(
+                records.append(
                     EffectRecord(
                         finding=entry.id, field=field, run=run, step=step,
                         particles=particles, of=len(a), relative=relative, factor=factor,
                     )
                 )  # fmt: skip
-    return found
+    return records
 
 
 def compare(right: FloatArray, wrong: FloatArray, bound: FloatArray) -> tuple[int, float | None, float | None] | None:

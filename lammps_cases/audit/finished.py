@@ -89,13 +89,13 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     EngineMissing
     """
     begin = time.perf_counter()
-    found = list(_read(dump))
+    shots = list(_read(dump))
     findings, setups = described(deck, options)
     runs = [_run(k, setup) for k, setup in enumerate(setups.runs, 1)]
-    columns = printed.columns_of(dump, list(found[0].columns), setups.dumps, runs[0].setup)
+    columns = printed.columns_of(dump, list(shots[0].columns), setups.dumps, runs[0].setup)
     writing = _writing(columns.dump, runs)
     audit = _Audit(columns, options, findings)
-    for snapshot in found:
+    for snapshot in shots:
         if list(snapshot.columns) != list(columns.names):
             raise InputError("columns", "must be the same in every snapshot", snapshot.step, dump.name)
         frame = _frame(snapshot, writing, dump.name)
@@ -115,15 +115,15 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
 
 def _read(dump: Path) -> Sequence[FileSnapshot]:
     try:
-        found = list(snapshots(dump))
+        every = list(snapshots(dump))
     except InputError as error:
         raise error.at(str(dump)) from None
-    if not found:
+    if not every:
         raise InputError("dump", "must hold a snapshot", where=str(dump))
     for name in ("id", "type"):
-        if name not in found[0].columns:
-            raise InputError("columns", f"must hold {name}", " ".join(found[0].columns), str(dump))
-    return found
+        if name not in every[0].columns:
+            raise InputError("columns", f"must hold {name}", " ".join(every[0].columns), str(dump))
+    return every
 
 
 def _run(number: int, setup: RunSetup) -> Run:

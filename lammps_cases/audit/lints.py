@@ -112,7 +112,7 @@ def _speed(law: EOS, v_nc: Array) -> str:
 
 def _gravity(sample: ParticleSample) -> dict[str, str]:
     """Judge the speed of sound by the height of the fluid that gravity acts on, but along periodic axes."""
-    model, state, found = sample.model, sample.state, dict[str, str]()
+    model, state, lines = sample.model, sample.state, dict[str, str]()
     for action, acts_n in sample.actions:
         if action.style != "gravity":
             continue
@@ -124,12 +124,12 @@ def _gravity(sample: ParticleSample) -> dict[str, str]:
         height = float(np.ptp(state.x_nc[fluid_n] @ g_c)) / g if g > 0 and laws else 0.0
         fall = math.sqrt(g * height)
         if c < SLOW * fall:
-            found["gravity"] = (
+            lines["gravity"] = (
                 f"speed of sound {c:g} is {c / fall:.3g} times sqrt(g h) = {fall:.3g} (g = {g:g}, fluid of height "
                 f"{height:.4g}): expect its weight to compress it by {100 * (fall / c) ** 2:.2g} %; {SLOW:g} times "
                 "keep that at 1 %"
             )
-    return found
+    return lines
 
 
 def held(sample: ParticleSample) -> BoolArray:
@@ -142,18 +142,18 @@ def held(sample: ParticleSample) -> BoolArray:
 
 
 def _walls(sample: ParticleSample) -> dict[str, str]:
-    state, held_n, found = sample.state, held(sample), dict[str, str]()
+    state, held_n, lines = sample.state, held(sample), dict[str, str]()
     if held_n.any():
-        found["held"] = (
+        lines["held"] = (
             f"fix setforce 0 holds {held_n.sum()} particles of type {_types(state.type_n[held_n])} that are fluid: "
             "those of a wall must be solid (set ... rheo/status 1)"
         )
     if sample.model.fix.interface_reconstruct and not state.solid_n.any():
-        found["reconstruct"] = (
+        lines["reconstruct"] = (
             f"fix rheo has interface/reconstruct, but none of {len(state.type_n)} particles is solid: nothing is "
             "reconstructed (set ... rheo/status 1)"
         )
-    return found
+    return lines
 
 
 def _types(type_n: Array) -> str:

@@ -43,9 +43,9 @@ class _Reader(pickle.Unpickler):
         if (module, name) in NAMES:
             return super().find_class(module, name)
         if module in MODULES and "." not in name:
-            found = super().find_class(module, name)
-            if isinstance(found, type) and found.__module__ == module:
-                return found
+            cls = super().find_class(module, name)
+            if isinstance(cls, type) and cls.__module__ == module:
+                return cls
         raise Foreign(f"{module}.{name}"[:100])
 
 

@@ -69,11 +69,11 @@ def outlook(good: Good, engine: str, taken: int) -> tuple[OutlookRecord | None, 
         return None, []
     attempts = _Attempts(replace(good, sample=boxed(good.sample)), model, count)
     try:
-        found = _cause(attempts, engine, taken)
-        if found.cause != "findings":
-            return found, []
-        state = attempts.state_after(found.after or 0)
-        return found, effects(replace(good.sample, state=state), engine, good.run, good.step + (found.after or 0))
+        record = _cause(attempts, engine, taken)
+        if record.cause != "findings":
+            return record, []
+        state = attempts.state_after(record.after or 0)
+        return record, effects(replace(good.sample, state=state), engine, good.run, good.step + (record.after or 0))
     except InputError:  # the reference does not take the particles as they are
         return None, []
 

@@ -51,12 +51,12 @@ class DumpColumns:
         InputError
             A column that does not hold numbers, or none that are finite.
         """
-        found: dict[str, dict[int, Rounded]] = {}
+        components: dict[str, dict[int, Rounded]] = {}
         for name, part, form in zip(self.names, self.parts, self.formats, strict=True):
             if part is not None:
-                found.setdefault(part.quantity, {})[part.component] = number(snapshot.numbers(name), form)
+                components.setdefault(part.quantity, {})[part.component] = number(snapshot.numbers(name), form)
         whole: dict[str, Rounded] = {}
-        for quantity, parts in found.items():
+        for quantity, parts in components.items():
             rank = 1 if quantity in ("x", "v", "f") else QUANTITIES[quantity].rank if quantity in QUANTITIES else 0
             shape = (dimension,) * rank
             if all(k in parts for k in range(dimension**rank)):

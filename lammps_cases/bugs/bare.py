@@ -29,16 +29,16 @@ class Ending:
     @property
     def version(self) -> str:
         """Return the version that LAMMPS printed, with the number of its update."""
-        found = re.search(r"^LAMMPS \((.+)\)", self.output, re.M)
-        return found[1] if found else ""
+        match = re.search(r"^LAMMPS \((.+)\)", self.output, re.M)
+        return match[1] if match else ""
 
     @property
     def error(self) -> str:
         """Return LAMMPS' own error, the exception that it did not catch, or the signal that killed it."""
         if self.code < 0:
             return signal.Signals(-self.code).name
-        found = re.search(r"^(ERROR|Exception).*", self.output, re.M)
-        return found[0] if found else ""
+        match = re.search(r"^(ERROR|Exception).*", self.output, re.M)
+        return match[0] if match else ""
 
     def verdict(self, deck: BugDeck) -> str:
         """Return PASS or FAIL: what the deck printed, or whether LAMMPS refused what it must refuse."""
@@ -49,8 +49,8 @@ class Ending:
 
     def printed(self, name: str) -> str:
         """Return a number that the deck printed, empty if it did not come to that."""
-        found = re.search(rf"^{name} (\S+)", self.output, re.M)
-        return found[1] if found else ""
+        match = re.search(rf"^{name} (\S+)", self.output, re.M)
+        return match[1] if match else ""
 
 
 def program(engine: Engine) -> Path:
@@ -62,10 +62,10 @@ def program(engine: Engine) -> Path:
     """
     folder = library_folder(engine)
     places = (folder / "lmp", folder.parent / "bin" / "lmp", folder.parent / "lmp")
-    found = next((place for place in places if place.is_file()), None)
-    if found is None:
+    path = next((place for place in places if place.is_file()), None)
+    if path is None:
         raise EngineMissing(f"there is no program lmp beside the library in {folder}")
-    return found
+    return path
 
 
 def library_folder(engine: Engine) -> Path:

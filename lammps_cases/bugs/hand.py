@@ -89,8 +89,8 @@ def added(sim: Simulation) -> PairTerms | None:
     last = sim.rounded()
     stages: Any = copy.copy(last.evaluator)
     stages.__class__ = type("PairByPair", (_PairByPair, type(stages)), {})
-    found: PairTerms = stages.pair_terms(last.pair_input(last.force_pressure())._replace(virial=False))
-    return found if sim.model.pair.rho_damp else replace(found, drho_n=None)
+    terms: PairTerms = stages.pair_terms(last.pair_input(last.force_pressure())._replace(virial=False))
+    return terms if sim.model.pair.rho_damp else replace(terms, drho_n=None)
 
 
 def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces: bool = False) -> Sum:
@@ -181,28 +181,28 @@ def symbols(given: Sum) -> dict[str, float]:
     ``gx2`` and ``gy2`` are the gradient of the kernel at the pair of the particle of the number with particle 2, ``x2``
     and ``y2`` its distance vector.
     """
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for one in (given.particle, *(pair.other for pair in given.pairs)):
         values = {"m": one.mass, "rho": one.rho, "vx": one.v[0], "vy": one.v[1], **one.constants}
-        found |= {f"{name}{one.id}": number for name, number in values.items()}
+        numbers |= {f"{name}{one.id}": number for name, number in values.items()}
     for pair in given.pairs:
         values = {"r": pair.r, "W": pair.w, "x": pair.x[0], "y": pair.x[1]}
         values |= {"gx": pair.gradient[0], "gy": pair.gradient[1]}
-        found |= {f"{name}{pair.other.id}": number for name, number in values.items()}
-    return found
+        numbers |= {f"{name}{pair.other.id}": number for name, number in values.items()}
+    return numbers
 
 
 def calculate(formulas: Mapping[str, str], given: Sum) -> tuple[Line, ...]:
     """Evaluate formulas one after another, each of which may name those before it."""
-    known, lines = symbols(given), dict[str, Line]()
+    numbers, lines = symbols(given), dict[str, Line]()
     for name, formula in formulas.items():
 
         def number(word: re.Match[str]) -> str:
             if word[0] in lines:
                 return f"${{{word[0]}}}"
-            return repr(known[word[0]]) if known[word[0]] >= 0 else f"({known[word[0]]!r})"
+            return repr(numbers[word[0]]) if numbers[word[0]] >= 0 else f"({numbers[word[0]]!r})"
 
-        scope = known | {line.name: line.value for line in lines.values()}
+        scope = numbers | {line.name: line.value for line in lines.values()}
         result = float(eval(formula.replace("^", "**"), {"__builtins__": {}}, scope))  # of this package's own data
         lines[name] = Line(name, formula, re.sub(r"[A-Za-z]\w*", number, formula), result)
     return tuple(lines.values())

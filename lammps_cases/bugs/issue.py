@@ -16,11 +16,11 @@ from lammps_cases.records.wording import counted
 MOST_LINES = 8  # of LAMMPS' output that are quoted
 
 
-def text(report: Report, ending: Ending, known: Sequence[str] = KNOWN) -> str:
+def text(report: Report, ending: Ending, versions: Sequence[str] = KNOWN) -> str:
     """Return the text of a report, with what LAMMPS made of its deck."""
     sections = {
         "Summary": _summary(report),
-        "LAMMPS Version and Platform": _versions(report.finding, ending, known),
+        "LAMMPS Version and Platform": _versions(report.finding, ending, versions),
         "Expected Behavior": _expected(report, ending),
         "Actual Behavior": _actual(report, ending),
         "Steps to Reproduce": _steps(report, ending),
@@ -39,25 +39,25 @@ def _summary(report: Report) -> Iterable[str]:
         yield report.record.message
 
 
-def _versions(finding: Finding | None, ending: Ending, known: Sequence[str]) -> Iterable[str]:
+def _versions(finding: Finding | None, ending: Ending, versions: Sequence[str]) -> Iterable[str]:
     yield f"This report was made with LAMMPS ({ending.version}) on {platform.system()} {platform.machine()}."
     if finding is None:
         return
     yield ""
-    yield from _table(("version", ""), [(of, "bad" if of in finding.engines else "good") for of in known])
+    yield from _table(("version", ""), [(of, "bad" if of in finding.engines else "good") for of in versions])
     yield ""
-    yield turns(finding, known)
+    yield turns(finding, versions)
 
 
-def turns(finding: Finding, known: Sequence[str] = KNOWN) -> str:
+def turns(finding: Finding, versions: Sequence[str] = KNOWN) -> str:
     """Say which of the versions tried is the first bad one, which the last good one before, which the first after."""
-    bad = [version in finding.engines for version in known]
+    bad = [version in finding.engines for version in versions]
     if True not in bad:
         return "Good in every version tried."
     first, last = bad.index(True), len(bad) - 1 - bad[::-1].index(True)
-    before = f"the last good one {known[first - 1]}" if first else "no good one before it was tried"
-    after = f"good again from {known[last + 1]} on" if last + 1 < len(bad) else "still bad in the newest one tried"
-    return f"First bad version {known[first]}, {before}; {after}."
+    before = f"the last good one {versions[first - 1]}" if first else "no good one before it was tried"
+    after = f"good again from {versions[last + 1]} on" if last + 1 < len(bad) else "still bad in the newest one tried"
+    return f"First bad version {versions[first]}, {before}; {after}."
 
 
 def _expected(report: Report, ending: Ending) -> Iterable[str]:

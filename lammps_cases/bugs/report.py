@@ -165,15 +165,15 @@ def _of_number(
     """
     expected = predicted(case, number, step)
     ready = campaign.prepare(case)
-    told = job(case.scene, ready.atoms, plan(case.scene))
-    obtained = deck.word(told, number.field, number.atom, number.axes)
+    lammps_job = job(case.scene, ready.atoms, plan(case.scene))
+    obtained = deck.word(lammps_job, number.field, number.atom, number.axes)
     if not obtained:
         raise InputError("field", "cannot be read by LAMMPS' variables", number.field, case.name)
     terms = hand.terms(expected.problem, expected.step, number.atom)
     check = Check(obtained, repr(expected.value), expected.bound)
     if formulas:
         check = _by_hand(obtained, expected, hand.calculate(formulas, terms))
-    return deck.of_number(told, expected.step, check), terms
+    return deck.of_number(lammps_job, expected.step, check), terms
 
 
 def _by_hand(obtained: str, expected: ExpectedNumber, lines: Sequence[Line]) -> Check:
@@ -209,9 +209,9 @@ def _fields(case: Case, field: str, step: int) -> tuple[Problem, Any, Any]:
     """Return a field of the reference after a step, with its bound."""
     problem = problem_of(case.scene, campaign.prepare(case).atoms, case.where, (step,))
     problem = replace(problem, fields=(field,))
-    found = Predictor().predict(problem)
-    value_n = np.asarray(found.fields[0][field], float)
-    return problem, value_n, np.broadcast_to(found.bounds[0][field], value_n.shape)
+    prediction = Predictor().predict(problem)
+    value_n = np.asarray(prediction.fields[0][field], float)
+    return problem, value_n, np.broadcast_to(prediction.bounds[0][field], value_n.shape)
 
 
 def of_case(case: Case, engine: Engine) -> Report:
@@ -255,13 +255,13 @@ def _changing(names: Sequence[str], expected: ExpectedNumber, number: AtomNumber
 
 def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
     """Return the first number outside its bound that a deck can read, and its step."""
-    told = campaign.prepare(case).jobs[0]
+    job = campaign.prepare(case).jobs[0]
     last = case.scene.snapshots[-1]
     outside = [(field.field, field.worst_id, field.worst_step) for field in record.fields if field.outside]
     if record.blame:
         outside.insert(0, (record.blame.field, record.blame.atom, record.blame.step))
     for name, atom, at in outside:
-        if name in FIELDS and atom is not None and deck.word(told, name, atom, (0,) * FIELDS[name].quantity.rank):
+        if name in FIELDS and atom is not None and deck.word(job, name, atom, (0,) * FIELDS[name].quantity.rank):
             step = last if at is None else at
             axes = _axes(case, name, atom, step, record)
             return AtomNumber(field=name, atom=atom, axes=axes), step

@@ -100,17 +100,17 @@ def claims() -> tuple[Claim, ...]:
     InputError
         A file with an unknown key, or a claim twice.
     """
-    found: list[Claim] = []
+    every: list[Claim] = []
     for page, name in _FILES.items():
         file = _read(name, _File)
         rows = [{**row, "page": page, "section": section} for section, of in file.sections.items() for row in of]
-        found += _checked(rows, tuple[Claim, ...], name)
+        every += _checked(rows, tuple[Claim, ...], name)
     seen: set[str] = set()
-    for claim in found:
+    for claim in every:
         if claim.id in seen:
             raise InputError("claim", "must have an id of its own", claim.id)
         seen.add(claim.id)
-    return tuple(found)
+    return tuple(every)
 
 
 @functools.cache

@@ -179,16 +179,16 @@ def _listen_to_end(claim: Claim, record: CaseRecord, heard: _Heard) -> None:
     _weigh(claim, record, record.explained_by, None, heard)
 
 
-def _weigh(claim: Claim, record: CaseRecord, found: Sequence[str], of: FieldRecord | None, heard: _Heard) -> None:
+def _weigh(claim: Claim, record: CaseRecord, findings: Sequence[str], of: FieldRecord | None, heard: _Heard) -> None:
     """Take a difference for what it is: against the claim, or explained by something else."""
-    against = [entry for entry in found if entry in claim.refuted_by]
-    if against or not found:
+    against = [entry for entry in findings if entry in claim.refuted_by]
+    if against or not findings:
         text = own_words(record) if of is None else _numbers(of, record)
         heard.against.append(Evidence(record.case, of.field if of else "", text, tuple(against)))
         return
-    heard.others.update(found)
+    heard.others.update(findings)
     if of is None and claim.fields:
-        heard.silent.append(f"{record.case} gave no numbers ({', '.join(found)})")
+        heard.silent.append(f"{record.case} gave no numbers ({', '.join(findings)})")
     else:
         heard.shown.append((record, of))
 
@@ -254,13 +254,13 @@ class Summary:
 def summary(run: RunRecord) -> Summary | None:
     """Return the claims by the cases of a run; None if it has no case of any claim, as that of an audit."""
     judged = of_run([claim for claim in claims() if not claim.argument], run)
-    found = counts(judged)
+    count = counts(judged)
     refuted = tuple(one for one in judged if one.verdict == "does not hold")
-    if not refuted and not found.get("holds"):
+    if not refuted and not count.get("holds"):
         return None
     waiting = [one for one in judged if one.verdict == "not run"]
     probes = sum(any(pattern.startswith(PREFIX) for pattern in one.claim.cases) for one in waiting)
-    return Summary(refuted, found.get("holds", 0), len(waiting), probes, found.get("cannot be tested", 0))
+    return Summary(refuted, count.get("holds", 0), len(waiting), probes, count.get("cannot be tested", 0))
 
 
 def of_run(chosen: Sequence[Claim], run: RunRecord, known: Collection[str] | None = None) -> list[Judged]:
@@ -275,8 +275,8 @@ def worst(verdicts: Iterable[ClaimVerdict]) -> ClaimVerdict:
 
 def counts(judged: Iterable[Judged]) -> dict[ClaimVerdict, int]:
     """Count the claims of each verdict."""
-    found = Counter(one.verdict for one in judged)
-    return {verdict: found[verdict] for verdict in VERDICTS if found[verdict]}
+    count = Counter(one.verdict for one in judged)
+    return {verdict: count[verdict] for verdict in VERDICTS if count[verdict]}
 
 
 def refuted_by(columns: Sequence[Sequence[Judged]]) -> dict[Ground, int]:
@@ -286,7 +286,7 @@ def refuted_by(columns: Sequence[Sequence[Judged]]) -> dict[Ground, int]:
         of_cases = any(evidence.case and not evidence.case.startswith(PREFIX) for evidence in judged.evidence)
         ground: Ground = "page" if judged.claim.argument else "cases" if of_cases else "decks"
         grounds.setdefault(judged.claim.id, set()).add(ground)
-    first = Counter(min(found, key=GROUNDS.index) for found in grounds.values())
+    first = Counter(min(each, key=GROUNDS.index) for each in grounds.values())
     return {ground: first[ground] for ground in GROUNDS}
 
 
@@ -294,15 +294,15 @@ def of_all(columns: Sequence[Sequence[Judged]], broken: Sequence[str] = (), fail
     """Return the headline over the verdicts of some engines; ``broken`` names what crashed or ended unforeseen."""
     fallen = [one for of in columns for one in of if one.verdict == "does not hold"]
     unexplained = {one.claim.id for one in fallen if one.unexplained}
-    known = {one.claim.id for one in fallen} - unexplained
+    explained = {one.claim.id for one in fallen} - unexplained
     holding = {one.claim.id for of in columns for one in of if one.verdict == "holds"}
     new = [f"{_statements(unexplained, 'does not hold')}, unexplained"] if unexplained else []
     new += [f"{counted(len(broken), 'case')} broken or unforeseen"] if broken else []
     return headline(
         severities(finding for one in fallen for evidence in one.evidence for finding in evidence.findings),
         new,
-        differences=f"{_statements(known, 'does not hold')}, {'known' if unexplained else 'all known'}"
-        if known
+        differences=f"{_statements(explained, 'does not hold')}, {'known' if unexplained else 'all known'}"
+        if explained
         else "",
         same=_statements(holding, "holds"),
         fail_on=fail_on,

@@ -93,13 +93,13 @@ def _kept() -> dict[str, list[str]]:
         document = json.loads(kept.read_text(encoding="utf-8"))
         if document["key"] == key:
             return {name: list(map(str, document[name])) for name in ("cases", "tags")}
-    found = _read()
+    names = _read()
     with contextlib.suppress(OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
         made = kept.with_name(f"{kept.name}.{os.getpid()}")
-        made.write_text(json.dumps({"key": key, **found}), encoding="utf-8")
+        made.write_text(json.dumps({"key": key, **names}), encoding="utf-8")
         made.replace(kept)
-    return found
+    return names
 
 
 def _read() -> dict[str, list[str]]:

@@ -26,9 +26,9 @@ def doctor_command(engine: str, as_json: bool) -> int:
             json.dumps({"checks": [dict(zip(("ok", "what", "found"), c, strict=True)) for c in checks]}, indent=1)
         )
     else:
-        for ok, what, found in checks:
+        for ok, what, value in checks:
             click.secho(f"{'ok' if ok else 'MISSING':8s}", fg="green" if ok else "red", nl=False)
-            click.echo(f"{what:14s} {found}")
+            click.echo(f"{what:14s} {value}")
     return 0 if all(ok for ok, _, _ in checks) else 3
 
 

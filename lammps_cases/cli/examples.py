@@ -43,11 +43,11 @@ def examples_command(
     from lammps_cases.run import campaign
 
     chosen = installations.resolve(engine)
-    found = decks.decks(chosen, folder, names)
+    shipped = decks.decks(chosen, folder, names)
     shared.page_folder(out)
     with Bar(quiet=as_json) as bar:
         made = collect.collect(
-            found, chosen, out, campaign.command_line(), full=full, trust=trust or folder is None, progress=bar
+            shipped, chosen, out, campaign.command_line(), full=full, trust=trust or folder is None, progress=bar
         )
         page.write(made, out)
     if as_json:

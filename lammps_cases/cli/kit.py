@@ -137,5 +137,5 @@ def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
     costs = Costs(seconds={case.name: slowest[case.name] for case in cases if case.name in slowest})
     seconds = costs.of(case.name for case in cases)
     busy = [sum(seconds[case] for case in shard) for shard in balanced(seconds, shards)]
-    known = f"{len(costs.seconds)} of {counted(len(cases), 'case')} measured"
-    return costs, f"{counted(shards, 'shard')} of {min(busy):.1f} to {max(busy):.1f} s, {known}"
+    share = f"{len(costs.seconds)} of {counted(len(cases), 'case')} measured"
+    return costs, f"{counted(shards, 'shard')} of {min(busy):.1f} to {max(busy):.1f} s, {share}"

@@ -43,10 +43,10 @@ def say(names: Sequence[str], as_json: bool) -> None:
     from eos_ref.errors import unknown
     from lammps_cases.findings import LEDGER, accepted_cases
 
-    known = [entry.id for entry in LEDGER]
+    ids = [entry.id for entry in LEDGER]
     for name in names:
-        if name not in known:
-            raise unknown("finding", name, known)
+        if name not in ids:
+            raise unknown("finding", name, ids)
     chosen = [entry for entry in LEDGER if not names or entry.id in names]
     shown_by = accepted_cases()
     if as_json:

@@ -39,8 +39,8 @@ def shrink_command(
     from lammps_cases.scene import casefile
     from lammps_cases.shrink import shrink
 
-    if finding and finding not in (known := [entry.id for entry in LEDGER]):
-        raise unknown("finding", finding, known)
+    if finding and finding not in (ids := [entry.id for entry in LEDGER]):
+        raise unknown("finding", finding, ids)
     cases = casefile.select(casefile.load(paths), (name,))
     if len(cases) > 1:
         raise InputError("case", f"must be one, this name selects {len(cases)}", name)

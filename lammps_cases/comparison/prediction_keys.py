@@ -116,25 +116,25 @@ def _version(library: str) -> str:
 
 def cpuinfo() -> dict[str, str]:
     """Return what Linux says of the first processor, by key; nothing on other systems."""
-    known: dict[str, str] = {}
+    facts: dict[str, str] = {}
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
             key, _, value = line.partition(":")
-            known.setdefault(key.strip(), value.strip())
+            facts.setdefault(key.strip(), value.strip())
     except OSError:
         pass
-    return known
+    return facts
 
 
 def processor() -> str:
     """Return the processor as far as it decides which instructions are used, and the C library with its functions."""
-    known = cpuinfo()
-    flags = set(known.get("flags", known.get("Features", "")).split())
+    facts = cpuinfo()
+    flags = set(facts.get("flags", facts.get("Features", "")).split())
     try:
-        libc = os.confstr("CS_GNU_LIBC_VERSION") or "" if known else ""
+        libc = os.confstr("CS_GNU_LIBC_VERSION") or "" if facts else ""
     except (OSError, ValueError):
         libc = ""
-    name = known.get("model name", platform.machine())
+    name = facts.get("model name", platform.machine())
     return ", ".join(filter(None, (name, " ".join(i for i in INSTRUCTIONS if i in flags), libc)))
 
 

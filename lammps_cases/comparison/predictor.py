@@ -46,8 +46,8 @@ class Predictor:
 
         def compute() -> Arrays:
             stages, stepping = made or (None, Simulation)
-            found = predict(problem, stages, stepping, seed)
-            return _rows("value", found.fields) | _rows("bound", found.bounds)
+            prediction = predict(problem, stages, stepping, seed)
+            return _rows("value", prediction.fields) | _rows("bound", prediction.bounds)
 
         arrays = self._recall(("prediction", self._name(problem), made, seed), compute)
         return Prediction(*(tuple(_columns(of, problem, arrays)) for of in ("value", "bound")))
@@ -94,8 +94,8 @@ class Predictor:
 
     def _name(self, problem: Problem) -> str:
         """Return the fingerprint of a scene, taken once."""
-        for known, name in self._named:
-            if known is problem:
+        for named, name in self._named:
+            if named is problem:
                 return name
         self._named.append((problem, fingerprint(problem)))
         return self._named[-1][1]
@@ -121,7 +121,7 @@ class Predictor:
 
 
 def _rows(name: str, steps: Any) -> Arrays:
-    return {f"{name} {k} {f}": np.asarray(array) for k, found in enumerate(steps) for f, array in found.items()}
+    return {f"{name} {k} {f}": np.asarray(array) for k, arrays in enumerate(steps) for f, array in arrays.items()}
 
 
 def _columns(name: str, problem: Problem, arrays: Arrays) -> list[Fields]:

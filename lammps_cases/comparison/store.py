@@ -95,13 +95,13 @@ class Store:
 
 def _files(folder: Path) -> list[tuple[int, int, str]]:
     """Return the time of last use, size and path of every file, those half-written included."""
-    found = []
+    files = []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             with contextlib.suppress(OSError):
                 state = entry.stat()
-                found.append((state.st_mtime_ns, state.st_size, entry.path))
-    return found
+                files.append((state.st_mtime_ns, state.st_size, entry.path))
+    return files
 
 
 def packed(name: str, arrays: Arrays) -> bytes:

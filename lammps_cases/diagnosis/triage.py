@@ -102,13 +102,13 @@ class _Diagnosis:
         begin = work.left
         scene = self.cases[records[0].case].scene if records[0].case in self.cases else None
         if scene is None or records[0].twin or records[0].blame is None:
-            found = [_Part(_group(records), list(records))]
+            parts = [_Part(_group(records), list(records))]
         elif scene.whole_model:
-            found = list(self._of_model(records, work))
+            parts = list(self._of_model(records, work))
         else:
-            found = list(self._of_laws(records))
+            parts = list(self._of_laws(records))
         self.left -= begin - max(work.left, 0.0)
-        return found
+        return parts
 
     def _of_laws(self, records: Sequence[CaseRecord]) -> Iterator[_Part]:
         rest = list(records)

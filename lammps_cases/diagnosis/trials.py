@@ -269,11 +269,11 @@ def _adding_up(effects: FloatArray, difference: FloatArray) -> list[tuple[int, i
     largest = np.argsort(-np.abs(difference))[:COMPONENTS]
     effects, difference = effects[:, largest], difference[largest]
     size = np.abs(difference).max(initial=0.0)
-    found: list[tuple[float, int, int]] = []
+    sums: list[tuple[float, int, int]] = []
     for a, effect in enumerate(effects[:-1]):
         left = np.abs(effects[a + 1 :] - (difference - effect)).max(axis=1)
-        found += [(float(left[b]), a, a + 1 + int(b)) for b in np.flatnonzero(left <= SUMMED * size)]
-    return [(a, b) for _, a, b in sorted(found)[:PAIRED]]
+        sums += [(float(left[b]), a, a + 1 + int(b)) for b in np.flatnonzero(left <= SUMMED * size)]
+    return [(a, b) for _, a, b in sorted(sums)[:PAIRED]]
 
 
 def _of_one_target(single: Sequence[Change]) -> Iterator[Tried]:
@@ -295,6 +295,6 @@ def red_case(
         for name_of in in_step_order(problem.fields):
             if not np.all(excess(*sides(problem, name_of, snapshots[at], prediction, at))[1] <= 1):
                 until = replace(problem, steps=problem.steps[: at + 1])
-                known = Prediction(prediction.fields[: at + 1], prediction.bounds[: at + 1])
-                return RedCase(name, until, snapshots, name_of, base, known, seed)
+                so_far = Prediction(prediction.fields[: at + 1], prediction.bounds[: at + 1])
+                return RedCase(name, until, snapshots, name_of, base, so_far, seed)
     return None

@@ -113,13 +113,13 @@ def _pressures(
         return ()
     ranks = sorted({1, *(log.ranks for log in logs)})
     asked = [(count, None) for count in ranks] + [(1, True)]
-    found = []
+    pressures = []
     for count, newton in asked:
         task = workers.call(first_pressure, deck.path, count, newton, time_limit=LIMIT)
         outcome = workers.outcome(task, LIMIT)
         how = "on" if newton else "as in the deck"
         if isinstance(outcome, Failure):
-            found.append(FirstPressure(count, how, None, outcome.message))
+            pressures.append(FirstPressure(count, how, None, outcome.message))
         else:
-            found.append(FirstPressure(count, how, outcome))
-    return tuple(found)
+            pressures.append(FirstPressure(count, how, outcome))
+    return tuple(pressures)

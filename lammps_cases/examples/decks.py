@@ -47,16 +47,16 @@ def decks(engine: Engine, folder: Path | None, names: Sequence[str] = ()) -> lis
     if folder is None:
         rule = "are not installed with this LAMMPS: give the folder examples/rheo of its sources, --from DIR"
         raise InputError("example decks", rule, engine.name)
-    found = [_deck(path, folder) for path in sorted({*folder.glob("*/in.*"), *folder.glob("in.*")}) if path.is_file()]
-    if not found:
+    every = [_deck(path, folder) for path in sorted({*folder.glob("*/in.*"), *folder.glob("in.*")}) if path.is_file()]
+    if not every:
         raise InputError(
             "example decks", "must lie as in.* in the folder or its subfolders", str(folder), "option --from"
         )
-    present = [deck.name for deck in found]
+    present = [deck.name for deck in every]
     for name in names:
         if name not in present:
             raise InputError("example", f"must be one of {', '.join(present)}{nearest(name, present)}", name)
-    return [deck for deck in found if not names or deck.name in names]
+    return [deck for deck in every if not names or deck.name in names]
 
 
 def _deck(path: Path, folder: Path) -> ExampleDeck:

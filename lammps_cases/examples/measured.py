@@ -22,18 +22,20 @@ MARKS = "<!-- measured -->", "<!-- end -->"
 
 def rows(examples: Examples) -> list[dict[str, Any]]:
     """Return a row for every run that a closed solution was compared with, LAMMPS' own and those of logs among them."""
-    found: list[dict[str, Any]] = []
+    deviations: list[dict[str, Any]] = []
     for example in examples.examples:
         own = {"deck": example.name, "lammps": examples.engine.distribution}
-        found.extend(
+        deviations.extend(
             own | {"run": part.name, "step": part.step, "away": part.deviation, "adds": part.contribution}
             for part in balance.parts(example.case)
         )
         for log in example.logs:
             away = balance.log_deviation(example.case.closed, log.columns)
             if away is not None:
-                found.append(own | {"run": f"log of {log.version}", "step": away[0], "away": away[1], "adds": None})
-    return found
+                deviations.append(
+                    own | {"run": f"log of {log.version}", "step": away[0], "away": away[1], "adds": None}
+                )
+    return deviations
 
 
 def table(measured: Iterable[dict[str, Any]]) -> str:
@@ -55,9 +57,9 @@ def page(text: str, measured: Iterable[dict[str, Any]]) -> str:
 
 def main(report: str) -> None:
     """Keep the rows of a report, and write the document."""
-    found = rows(DOCUMENT.read(Path(report) / NAME))
-    write_atomically(FILE, json.dumps(found, indent=1) + "\n")
-    write_atomically(PAGE, page(PAGE.read_text(encoding="utf-8"), found))
+    measured = rows(DOCUMENT.read(Path(report) / NAME))
+    write_atomically(FILE, json.dumps(measured, indent=1) + "\n")
+    write_atomically(PAGE, page(PAGE.read_text(encoding="utf-8"), measured))
 
 
 if __name__ == "__main__":

@@ -79,9 +79,9 @@ def accepted_cases() -> dict[str, list[str]]:
 
 def severities(names: Iterable[str], ledger: Sequence[Finding] = LEDGER) -> dict[str, Severity]:
     """Return findings with their severities, each once, the most severe first; one that is in no ledger is severe."""
-    known: dict[str, Severity] = {entry.id: entry.severity for entry in ledger}
-    found: dict[str, Severity] = {name: known.get(name, "high") for name in names}
-    return dict(sorted(found.items(), key=lambda item: SEVERITIES.index(item[1])))
+    of_ledger: dict[str, Severity] = {entry.id: entry.severity for entry in ledger}
+    chosen: dict[str, Severity] = {name: of_ledger.get(name, "high") for name in names}
+    return dict(sorted(chosen.items(), key=lambda item: SEVERITIES.index(item[1])))
 
 
 def applicable(problem: Problem, lists: bool = False) -> list[Finding]:

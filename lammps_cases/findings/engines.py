@@ -24,7 +24,7 @@ def nearest(version: str) -> str:
     A version that is none is taken for the newest.
     """
     try:
-        before = [known for known in KNOWN if Version(known) <= Version(version)]
+        before = [one for one in KNOWN if Version(one) <= Version(version)]
     except InvalidVersion:
         return NEWEST
     return before[-1] if before else KNOWN[0]
@@ -32,7 +32,7 @@ def nearest(version: str) -> str:
 
 def since(engines: tuple[str, ...]) -> str:
     """Return the first of some known engines, with a word if none before it was tried; empty of none."""
-    first = next((known for known in KNOWN if known in engines), "")
+    first = next((one for one in KNOWN if one in engines), "")
     return f"{first} or before" if first == KNOWN[0] else first
 
 

@@ -107,12 +107,12 @@ def unbounded(x: Array, undefined: BoolArray) -> Array:
     return Rounded(x.value, np.where(undefined, UNDEFINED, x.error)) if isinstance(x, Rounded) else x
 
 
-def _places(wanted: IntArray, known: IntArray) -> IntArray:
-    """Row of ``known`` that equals each row of ``wanted``; -1 where there is none."""
-    names, name = np.unique(np.concatenate([known, wanted]), axis=0, return_inverse=True)
+def _places(wanted: IntArray, rows: IntArray) -> IntArray:
+    """Return the row of ``rows`` that equals each row of ``wanted``; -1 where there is none."""
+    names, name = np.unique(np.concatenate([rows, wanted]), axis=0, return_inverse=True)
     place = np.full(len(names), -1)
-    place[name.ravel()[: len(known)]] = np.arange(len(known))
-    return place[name.ravel()[len(known) :]]
+    place[name.ravel()[: len(rows)]] = np.arange(len(rows))
+    return place[name.ravel()[len(rows) :]]
 
 
 class CountingSteps(Simulation):

@@ -54,9 +54,9 @@ class NormalOfLastPair(FollowingLists):
         """Return the sums, the gradient from what LAMMPS' loop over its list leaves."""
         own = self.gradw
         self.gradw = self._left() if self.lists else own
-        found = super().color_sums(volume_n)
+        sums = super().color_sums(volume_n)
         self.gradw = own
-        return found
+        return sums
 
     def _left(self) -> Axes:
         """Return for every pair the gradient that the last pair of its list has on the same side."""

@@ -31,11 +31,11 @@ class StatusOfLayers(CountingSteps):
 
     def output(self, field: str) -> Any:
         """Fields as they are, with fewer particles in the layer."""
-        found = super().output(field)
+        values = super().output(field)
         if field != "status" or "surface" not in self.fields:
-            return found
+            return values
         met_n = self.evaluator.meets_as_first(value(self.fields["surface"]) == 1)
-        return where((value(found) == LAYER) & ~met_n, float(BULK), found)
+        return where((value(values) == LAYER) & ~met_n, float(BULK), values)
 
 
 def shows_layers(problem: Problem) -> bool:

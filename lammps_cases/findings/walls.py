@@ -142,9 +142,9 @@ class PartsInSlots(AccelerationsOfOldImages):
     def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
         """Return all terms, of which the first sums, those of pressure, are kept pair by pair."""
         self.recording, self.parts_pc = True, ()
-        found = super().pair_terms(*fields, **options)
+        terms = super().pair_terms(*fields, **options)
         self.recording = False
-        return found
+        return terms
 
     def total(self, term_p: Any) -> Any:
         """Return the sum of a term of the pairs."""
@@ -225,12 +225,12 @@ class GradientOfSecond(FollowingLists):
 
     def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
         """Return all terms as they are, and the pressure force kept from exchanged gradients."""
-        found, own = super().pair_terms(*fields, **options), self.g
+        terms, own = super().pair_terms(*fields, **options), self.g
         exchanged_p = (self.forward_p >= 0) & (self.backward_p < 0) & (self.reverse_p >= 0)
         self.g, self.exchanged = [where(exchanged_p, -g_a[self.reverse_p], g_a) for g_a in own], True
         kept = super().pair_terms(*fields, **options)
         self.g, self.exchanged = own, False
-        return replace(found, pressure_force_nc=kept.pressure_force_nc)
+        return replace(terms, pressure_force_nc=kept.pressure_force_nc)
 
 
 def keeps_corrected_forces(problem: Problem) -> bool:

@@ -104,10 +104,10 @@ def _limits(ready: PreparedCase) -> tuple[float, float, float]:
     """
     model, state = _problem(ready.case.scene, ready.atoms)
     speed = float(np.abs(state.v_nc).max(initial=0.0))
-    found = numbers(model, state, 1.0)
-    sound = max(found.c, float(model.cs.max()))
+    limits = numbers(model, state, 1.0)
+    sound = max(limits.c, float(model.cs.max()))
     lacking = min(_lacking(*side) for side in ready.sides)
-    return lacking / max(found.fraction, 4 * sound / found.h), speed, sound
+    return lacking / max(limits.fraction, 4 * sound / limits.h), speed, sound
 
 
 def _lacking(scene: Scene, atoms: Atoms) -> float:

@@ -101,16 +101,16 @@ def taken(content: Any, node: Node | None = None, place: str = "", optional: boo
         return set() if optional else {f"{place}=null"}
     if values_of(branch) is not None:
         return {f"{place}={_word(content)}"}
-    found = {place} if place else set()
+    places = {place} if place else set()
     if isinstance(content, dict):
         for key, value in content.items():
             child = branch["properties"][key]
-            found |= taken(value, child, below(place, key), key not in branch.get("required", ()))
+            places |= taken(value, child, below(place, key), key not in branch.get("required", ()))
     elif isinstance(content, list | tuple):
         nodes = members(branch)
         for k, value in enumerate(content):
-            found |= taken(value, nodes[min(k, len(nodes) - 1)], place)
-    return found
+            places |= taken(value, nodes[min(k, len(nodes) - 1)], place)
+    return places
 
 
 def branch_of(content: Any, node: Node) -> Node:

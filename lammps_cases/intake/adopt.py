@@ -137,21 +137,21 @@ def _against_known(run: RunRecord, folder: Path, baselines: Path) -> tuple[str, 
     side = outcomes.of_run(run, folder)
     changes = {}
     for identity in sorted(baselines.glob(f"[!.]*/{baseline.IDENTITY}")):
-        known = baseline.read(identity.parent)
-        if known.engine.distribution != run.engine.distribution:
-            changes[identity.parent.name] = compare(_shared(known, side), side, Policy())
+        accepted = baseline.read(identity.parent)
+        if accepted.engine.distribution != run.engine.distribution:
+            changes[identity.parent.name] = compare(_shared(accepted, side), side, Policy())
     if not changes:
         return "", {}, ()
-    changed = {name: len(found.different) for name, found in changes.items()}
+    changed = {name: len(change.different) for name, change in changes.items()}
     nearest = min(changed, key=lambda name: (changed[name], -list(changed).index(name)))
     grouped = groups.groups(changes[nearest].different)
     sides = nearest.removeprefix("lammps-"), run.engine.distribution
     return nearest, changed, tuple(group.sentence(*sides) for group in grouped)
 
 
-def _shared(known: Side, side: Side) -> Side:
+def _shared(accepted: Side, side: Side) -> Side:
     """Return a baseline with those cases alone that the other side was asked."""
-    return replace(known, cases={name: case for name, case in known.cases.items() if name in side.cases})
+    return replace(accepted, cases={name: case for name, case in accepted.cases.items() if name in side.cases})
 
 
 # --- the repository

@@ -121,13 +121,13 @@ def _render(pages: Sequence[Page], reports: Path) -> str:
     holding = {page.path.parent for page in pages}
     shown = [page for page in pages if holding.isdisjoint(page.path.parent.parents)]  # others are runs of a page's own
     sections = [(kind, [page for page in shown if page.command == kind.command]) for kind in KINDS]
-    present = [(kind, found) for kind, found in sections if found]
+    present = [(kind, group) for kind, group in sections if group]
     return frame.page(
         frame.SHARED,
         "index",
         last.status if last else "",
         last=last,
-        contents=[(kind.command, f"{kind.heading} ({len(found)})") for kind, found in present],
+        contents=[(kind.command, f"{kind.heading} ({len(group)})") for kind, group in present],
         sections=present,
         files=[(name, path.relative_to(reports)) for path, name in _files(reports).items()],
         shown=_shown,
@@ -164,7 +164,7 @@ def _written(path: Path) -> int:
 def _pages(reports: Path) -> Iterator[Page]:
     """Read the heads of the pages, whole runs and the newest first."""
     whole = {*kept.whole_runs(reports).entries(), *kept.whole_claims(reports).entries()}
-    found = []
+    pages = []
     for path in _paths(reports):
         try:
             with path.open("rb") as file:
@@ -179,8 +179,8 @@ def _pages(reports: Path) -> Iterator[Page]:
         if says["command"] == "report" and place.parts[0].startswith("audit-"):
             says["command"] = "audit"
         says["date"] = says["date"] or time.strftime("%Y-%m-%dT%H:%M", time.gmtime(_written(path) / 1e9))
-        found.append(Page(place, **says, whole=path.parent in whole))
-    yield from sorted(found, key=_order, reverse=True)
+        pages.append(Page(place, **says, whole=path.parent in whole))
+    yield from sorted(pages, key=_order, reverse=True)
 
 
 def _order(page: Page) -> tuple[bool, tuple[str, int], Path]:

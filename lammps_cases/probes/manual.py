@@ -160,9 +160,9 @@ def _against(probe: ManualProbe, reply: Reply, other: Reply) -> Mismatch | None:
     if probe.lacks:
         return Mismatch(kind="logged", text=probe.lacks) if probe.lacks in reply.log else None
     if probe.measured:
-        found, expected, within = (float(reply.arrays[name][0]) for name in run.MEASURED)
-        inside = abs(found - expected) <= within
-        return None if inside else Mismatch(kind="measured", fields=[probe.measured], values=[found, expected, within])
+        value, expected, within = (float(reply.arrays[name][0]) for name in run.MEASURED)
+        inside = abs(value - expected) <= within
+        return None if inside else Mismatch(kind="measured", fields=[probe.measured], values=[value, expected, within])
     if probe.same is None:
         bad = [name for name, values_n in reply.arrays.items() if not np.isfinite(values_n).all()]
         return Mismatch(kind="not finite", fields=bad) if bad else None

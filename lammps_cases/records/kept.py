@@ -71,8 +71,8 @@ class Shelf:
 
     def entries(self) -> list[Path]:
         """Return the complete reports, the newest first."""
-        found = self.folder.glob(f"*/{self.mark}")
-        return sorted((mark.parent for mark in found if is_entry(mark.parent)), key=begun, reverse=True)
+        marks = self.folder.glob(f"*/{self.mark}")
+        return sorted((mark.parent for mark in marks if is_entry(mark.parent)), key=begun, reverse=True)
 
     def _interrupted(self) -> dict[str, Path]:
         """Return by engine the newest report that can be gone on with, and that nobody makes now."""

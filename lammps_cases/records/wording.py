@@ -259,10 +259,10 @@ def engine(who: EngineRecord) -> str:
     compiler = f"compiled by {who.compiler}" if who.compiler else ""
     mpi = "without MPI" if who.mpi == "serial" else f"with {who.mpi}" if who.mpi else ""
     library = f"library {who.library_sha256[:HASH]}" if who.library_sha256 else ""
-    known = [
+    facts = [
         part for part in (library, "" if who.release else who.git, " ".join(filter(None, (compiler, mpi)))) if part
     ]
-    return ", ".join([f"LAMMPS {who.distribution}".rstrip() + dated + named, *known])
+    return ", ".join([f"LAMMPS {who.distribution}".rstrip() + dated + named, *facts])
 
 
 # --- what happened in a case, in a sentence
@@ -292,8 +292,8 @@ def outlook(case: CaseRecord) -> str:
     )
     if of.cause == "findings":
         bugs, these = ("bugs", "these") if len(of.findings) > 1 else ("bug", "this")
-        known = f"unstable because of the known {bugs} {listed(of.findings)}"
-        return f"{known}: {runs_on}, and with {these} runs away after {after}"
+        why = f"unstable because of the known {bugs} {listed(of.findings)}"
+        return f"{why}: {runs_on}, and with {these} runs away after {after}"
     if of.cause == "not understood":
         return f"not understood: {runs_on}"
     away = f"the reference runs away as well after {after} {from_there}"

@@ -92,5 +92,5 @@ def _first(field: FieldRecord) -> tuple[int, int] | None:
 
 def _git(text: str) -> tuple[str, str, str]:
     """Return branch, revision and commit of what LAMMPS says of its git, each empty if there is none."""
-    found = re.fullmatch(r"(\S+) / (\S+) / ([0-9a-f]{40})", text)
-    return (found[1], found[2], found[3]) if found else ("", "", "")
+    match = re.fullmatch(r"(\S+) / (\S+) / ([0-9a-f]{40})", text)
+    return (match[1], match[2], match[3]) if match else ("", "", "")

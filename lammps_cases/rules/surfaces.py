@@ -14,8 +14,8 @@ BULK, SURFACE, SPLASH = 0, 1, 2
 
 def class_n(at: Evaluated) -> Any:
     """Return the surface classes, (n,); all bulk without surface detection."""
-    found = at.sim.surface.class_n
-    return np.zeros(at.evaluator.n) if found is None else found
+    classes_n = at.sim.surface.class_n
+    return np.zeros(at.evaluator.n) if classes_n is None else classes_n
 
 
 def _of(which: int, style: str) -> Any:

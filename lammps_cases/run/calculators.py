@@ -93,8 +93,8 @@ class RheoCalculator(Calculator):  # type: ignore[misc]
             LAMMPS gave no answer.
         """
         super().calculate(atoms, properties, system_changes)
-        found = self._evaluated(particles(self.atoms, self.scene))
-        self.results = {name: padded(found[field]) for name, field in FIELDS_OF.items()}
+        fields = self._evaluated(particles(self.atoms, self.scene))
+        self.results = {name: padded(fields[field]) for name, field in FIELDS_OF.items()}
 
     @abstractmethod
     def _evaluated(self, atoms: Atoms) -> dict[str, Any]:
@@ -113,11 +113,11 @@ class EosRefCalculator(RheoCalculator):
 
     def __init__(self, settings: Scene | Model, findings: Sequence[str] = ()) -> None:
         super().__init__(settings)
-        known = {entry.id: entry.model_variant for entry in LEDGER if entry.model_variant}
+        variants = {entry.id: entry.model_variant for entry in LEDGER if entry.model_variant}
         for name in findings:
-            if name not in known:
-                raise unknown("finding with a variant of the particle model", name, known)
-        self.variants = [known[name] for name in findings]
+            if name not in variants:
+                raise unknown("finding with a variant of the particle model", name, variants)
+        self.variants = [variants[name] for name in findings]
         self.simulation: Simulation | None = None
 
     def _evaluated(self, atoms: Atoms) -> dict[str, Any]:

@@ -93,10 +93,10 @@ class CaseJournal:
         entry = Entry(record=record, arrays={path.name: _hash(path) for path in self._arrays(record.case)})
         write_atomically(self._entries / f"{record.case}.json", entry.model_dump_json(by_alias=True))
 
-    def records(self, known: Mapping[str, CaseRecord] = MappingProxyType({})) -> dict[str, CaseRecord]:
+    def records(self, read: Mapping[str, CaseRecord] = MappingProxyType({})) -> dict[str, CaseRecord]:
         """Return the cases that are judged by their names, those known unread; drop what no entry vouches for."""
-        found = dict(known)
-        vouched = {path for case in known for path in (self._entries / f"{case}.json", *self._arrays(case))}
+        records = dict(read)
+        vouched = {path for case in read for path in (self._entries / f"{case}.json", *self._arrays(case))}
         for path in sorted({*self._entries.glob("*.json")} - vouched):
             try:
                 entry = Entry.model_validate_json(path.read_bytes())
@@ -104,7 +104,7 @@ class CaseJournal:
                 continue
             arrays = self._arrays(entry.record.case)
             if {file.name: _hash(file) for file in arrays} == entry.arrays:
-                found[entry.record.case] = entry.record
+                records[entry.record.case] = entry.record
                 vouched |= {path, *arrays}
         kept = (self._entries, self.folder / "fields")
         for path in self.folder.rglob("*"):
@@ -112,7 +112,7 @@ class CaseJournal:
             unvouched = path.parent in kept and path not in vouched and path != self._start
             if (half_written or unvouched) and path.is_file():
                 path.unlink(missing_ok=True)
-        return found
+        return records
 
     def lost(self, records: Mapping[str, CaseRecord]) -> list[str]:
         """Return the cases that were judged and whose entries or arrays are there no more."""

@@ -132,14 +132,14 @@ def _read_with_ase(content: bytes, path: Path, where: str) -> dict[str, Any]:
 
     try:
         atoms: Any = ase.io.read(io.StringIO(content.decode("utf-8")), index=0, format="extxyz")
-        found = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
+        arrays = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:
-                found[name] = np.asarray(atoms.arrays[name]).astype(kind)
-                if found[name].ndim != 1:
+                arrays[name] = np.asarray(atoms.arrays[name]).astype(kind)
+                if arrays[name].ndim != 1:
                     raise ValueError(f"{name} must hold one number per particle")
-        if "type" in found and np.any(found["type"] != atoms.arrays["type"]):
+        if "type" in arrays and np.any(arrays["type"] != atoms.arrays["type"]):
             raise ValueError("types must be whole numbers")
     except Exception as error:  # ASE raises many kinds for a broken file
         raise InputError("extxyz", f"cannot be read: {str(error) or type(error).__name__}", path.name, where) from None
-    return found
+    return arrays

@@ -342,16 +342,16 @@ def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str
     from lammps_cases.scene.lammps_files import read_data, read_dump
 
     if isinstance(positions, FromData):
-        found = read_data(folder / positions.file, scene, positions.periodic, case.where)
+        arrays = read_data(folder / positions.file, scene, positions.periodic, case.where)
     else:
         named = positions.columns.model_dump(exclude_none=True)
-        found = read_dump(folder / positions.file, scene, positions.step, named, case.where)
+        arrays = read_dump(folder / positions.file, scene, positions.step, named, case.where)
     solid_t = np.array([False, *(t.phase == "solid" for t in scene.types)])
-    for k in np.flatnonzero(found.get("solid", False) != solid_t.take(found["type"], mode="clip")):
-        if "solid" in found:
-            rule = f"of type {found['type'][k]} must be that of the particles of the file"
-            raise InputError("phase", rule, "solid" if found["solid"][k] else "fluid", f"{case.where}, atom {k + 1}")
-    return found
+    for k in np.flatnonzero(arrays.get("solid", False) != solid_t.take(arrays["type"], mode="clip")):
+        if "solid" in arrays:
+            rule = f"of type {arrays['type'][k]} must be that of the particles of the file"
+            raise InputError("phase", rule, "solid" if arrays["solid"][k] else "fluid", f"{case.where}, atom {k + 1}")
+    return arrays
 
 
 def _check_tilt_of_file(case: Case, tilt: tuple[float, ...]) -> None:

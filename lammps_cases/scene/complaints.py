@@ -164,12 +164,12 @@ def complaints(error: ValidationError, content: Any, source: Source) -> list[Com
     made = content if isinstance(content, Combination) else None
     content, under, labels = (content, (), ()) if made is None else (made.content, ("scene",), made.labels)
     case = made.case if made and labels else ""
-    found: dict[tuple[Keys, str], list[Complaint]] = {}
+    grouped: dict[tuple[Keys, str], list[Complaint]] = {}
     for each in error.errors(include_url=False):
         keys, alternative = _keys(each["loc"], content, each["type"])
-        found.setdefault((keys[: alternative[0]], alternative[1]), []).append(_complaint(each, (*under, *keys)))
+        grouped.setdefault((keys[: alternative[0]], alternative[1]), []).append(_complaint(each, (*under, *keys)))
     best: dict[Keys, list[list[Complaint]]] = {}
-    for (place, _), of_alternative in found.items():
+    for (place, _), of_alternative in grouped.items():
         best.setdefault(place, []).append(of_alternative)
     wrong: list[Complaint] = []
     for alternatives in best.values():  # of a value that may be this or that: what is the least trouble
@@ -304,10 +304,10 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
             hint, key = _meant(each.keys, missing, allowed)
             first.append(replace(each, rule=each.rule + hint))
             meant.add(key)
-    known = [each for each in every if each.kind != "extra_forbidden" and each.keys not in meant]
+    others = [each for each in every if each.kind != "extra_forbidden" and each.keys not in meant]
     # A list that is too short has perhaps but bad members.
-    above = {each.keys[:at] for each in known for at in range(len(each.keys))}
-    rest = [each for each in known if each.kind != "too_short" or each.keys not in above]
+    above = {each.keys[:at] for each in others for at in range(len(each.keys))}
+    rest = [each for each in others if each.kind != "too_short" or each.keys not in above]
     return [each for part in (first, rest) for each in sorted(part, key=lambda each: each.mark)]
 
 

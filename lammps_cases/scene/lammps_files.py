@@ -102,12 +102,12 @@ def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, st
         As `read_data`; or there is no such snapshot or column.
     """
     with _at(f"{where}, {path.name}"):
-        found = list(snapshots(path))
-        if not found:
+        every = list(snapshots(path))
+        if not every:
             raise InputError("dump", "must hold a snapshot")
-        of_step = found if step is None else [one for one in found if one.step == step]
+        of_step = every if step is None else [one for one in every if one.step == step]
         if not of_step:
-            raise InputError("positions.step", f"must be one of {', '.join(str(one.step) for one in found)}", step)
+            raise InputError("positions.step", f"must be one of {', '.join(str(one.step) for one in every)}", step)
         return arrays(of_step[-1], named) | _box(of_step[-1], scene)
 
 
@@ -241,15 +241,15 @@ def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]
     order_n = np.argsort(id_n, kind="stable")
     if len(np.unique(id_n)) != len(id_n):
         raise InputError("id", "must differ from particle to particle")
-    found = {"x": np.stack([number(axis) for axis in "xyz"], axis=1), "type": snapshot.numbers("type", int)}
+    values = {"x": np.stack([number(axis) for axis in "xyz"], axis=1), "type": snapshot.numbers("type", int)}
     for name in ("rho", "energy"):
         if name in named or name in snapshot.columns:
-            found[name] = number(named.get(name, name))
+            values[name] = number(named.get(name, name))
     if all(f"v{axis}" in snapshot.columns for axis in "xyz"):
-        found["v"] = np.stack([number(f"v{axis}") for axis in "xyz"], axis=1)
+        values["v"] = np.stack([number(f"v{axis}") for axis in "xyz"], axis=1)
     if "status" in snapshot.columns:
-        found["solid"] = snapshot.numbers("status", int) & SOLID != 0
-    return {name: values_n[order_n] for name, values_n in found.items()}
+        values["solid"] = snapshot.numbers("status", int) & SOLID != 0
+    return {name: values_n[order_n] for name, values_n in values.items()}
 
 
 def _text(path: Path) -> str:

@@ -133,11 +133,11 @@ class Twin:
 
     def back(self, snapshot: Fields, step: int) -> Fields:
         """Return the fields of the twin as the original should have them."""
-        found = self.in_place(snapshot)
+        fields = self.in_place(snapshot)
         for field, added_c in self._added(step).items():
-            if field in found and added_c.any():
-                found[field] = found[field] - added_c
-        return found
+            if field in fields and added_c.any():
+                fields[field] = fields[field] - added_c
+        return fields
 
     def in_place(self, fields: Fields) -> Fields:
         """Return the fields of the twin in the original's order and units; what holds for bounds too."""
@@ -145,12 +145,12 @@ class Twin:
 
     def rounding(self, returned: Fields, step: int) -> Fields:
         """Return the largest rounding error of `back`: of displacement and difference, and of a period added later."""
-        atoms, d, found = self.atoms, self.scene.dimension, {}
+        atoms, d, errors = self.atoms, self.scene.dimension, {}
         for field, added_c in self._added(step).items():
             if field in returned and added_c.any():
                 period_c = (atoms.high_c - atoms.low_c)[:d] if field == "x" else 0.0
-                found[field] = 2 * UNIT * (np.abs(returned[field]) + np.abs(added_c) + period_c)
-        return found
+                errors[field] = 2 * UNIT * (np.abs(returned[field]) + np.abs(added_c) + period_c)
+        return errors
 
     def _added(self, step: int) -> dict[str, FloatArray]:
         time = step * self.scene.evolve.timestep if self.scene.evolve else 0.0

@@ -91,6 +91,6 @@ def rule_broken(scene: Scene) -> tuple[str, ...]:
 def _kind(record: CaseRecord) -> str:
     """Return what is the same of two errors that differ in numbers alone; of a process that died, how it did."""
     if record.ended in ("crashed", "timeout"):
-        found = _ENDING.search(record.engine_error)
-        return found[0] if found else ""
+        match = _ENDING.search(record.engine_error)
+        return match[0] if match else ""
     return _NUMBER.sub("#", record.engine_error)

@@ -95,8 +95,8 @@ def fewer_particles(content: Content, fails: Fails) -> Content:
     count = 1
     while count < n:
         near = sorted(order[:count])
-        if found := next((c for c in _with_lower_counts(content, count) if fails(only_particles(c, near))), None):
-            content, rows = found, near
+        if smaller := next((c for c in _with_lower_counts(content, count) if fails(only_particles(c, near))), None):
+            content, rows = smaller, near
             break
         count *= 2
     rows = _without_parts(rows, lambda kept: fails(only_particles(content, kept)) is not None)

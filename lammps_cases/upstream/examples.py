@@ -67,10 +67,12 @@ def _example(case: casefile.Case) -> UpstreamExample:
     atoms = build(case, scene.eos(case.where))
     job = commands.job(scene, atoms, plan(scene))
     (field,), last = scene.compare, scene.snapshots[-1]
-    found = Predictor().predict(problem_of(scene, atoms, case.where, (last,)), seed=seed(f"{case.name}/moved runs"))
-    value = np.asarray(found.fields[0][field])
+    prediction = Predictor().predict(
+        problem_of(scene, atoms, case.where, (last,)), seed=seed(f"{case.name}/moved runs")
+    )
+    value = np.asarray(prediction.fields[0][field])
     at = tuple(int(k) for k in np.unravel_index(int(np.abs(value).argmax()), value.shape))
-    bound = float(np.broadcast_to(found.bounds[0][field], value.shape)[at])
+    bound = float(np.broadcast_to(prediction.bounds[0][field], value.shape)[at])
     check = Check(deck.word(job, field, at[0] + 1, at[1:]), repr(float(value[at])), bound)
     made = deck.of_number(job, last, check)
     about = (f"# {case.about}", f"# {field} of atom {at[0] + 1} after {last} steps, by eos-ref's reference")

@@ -145,12 +145,12 @@ def expected(test: ForceTest, predictor: Predictor) -> Expected:
 def _predicted(test: ForceTest, predictor: Predictor) -> Iterator[tuple[Stage, str, FloatArray, FloatArray]]:
     """Yield what the reference predicts for every stage and field, with its bound."""
     for stage in STAGES[test.program]:
-        found = predictor.predict(problem(test, stage), seed=seed(f"{test.case.name}/moved runs"))
+        prediction = predictor.predict(problem(test, stage), seed=seed(f"{test.case.name}/moved runs"))
         for field in compared(test):
             if field == COLUMNS:
-                yield stage, field, *_reduced(test, found)
+                yield stage, field, *_reduced(test, prediction)
                 continue
-            value, bound = (np.asarray(of[0][field]) for of in (found.fields, found.bounds))
+            value, bound = (np.asarray(of[0][field]) for of in (prediction.fields, prediction.bounds))
             bound = shown(test, field, np.broadcast_to(bound, value.shape))
             value = shown(test, field, value)
             if field == "x" and not np.all((value >= test.atoms.low_c) & (value < test.atoms.high_c)):
@@ -176,10 +176,10 @@ def table(test: ForceTest, fields: Mapping[str, Any]) -> FloatArray:
     return np.concatenate(columns, axis=1)
 
 
-def _reduced(test: ForceTest, found: Prediction) -> tuple[FloatArray, FloatArray]:
+def _reduced(test: ForceTest, prediction: Prediction) -> tuple[FloatArray, FloatArray]:
     """Return the reduced columns with their bounds: a sum rounds once for every term, in any order."""
-    fields = found.fields[0]
-    of_fields = {name: np.broadcast_to(found.bounds[0][name], np.shape(fields[name])) for name in test.job.outputs}
+    fields = prediction.fields[0]
+    of_fields = {name: np.broadcast_to(prediction.bounds[0][name], np.shape(fields[name])) for name in test.job.outputs}
     table_nk, bound_nk = table(test, fields), table(test, of_fields)
     of_squares = (bound_nk * (2 * np.abs(table_nk) + bound_nk)).sum(axis=0)
     of_sum = of_squares + 2 * (len(table_nk) + 1) * EPS * (table_nk**2).sum(axis=0)

@@ -100,8 +100,8 @@ def failed_checks(program: Path, file: Path, lines: Mapping[int, str]) -> set[st
     )
     _, *failures = FAILURE.split(done.stdout)
     failed = set[str]()
-    for line, told in zip(failures[1::3], failures[2::3], strict=True):
-        trace = TRACE.search(told)
+    for line, output in zip(failures[1::3], failures[2::3], strict=True):
+        trace = TRACE.search(output)
         failed.add(trace[1] if trace else lines.get(int(line), ""))
     ended = done.returncode in (0, 1) and "[  PASSED  ]" in done.stdout and bool(done.returncode) == bool(failed)
     if not ended or "" in failed:
@@ -118,17 +118,17 @@ def replayed(chosen: Iterable[ForceTest], folder: Path, workers: Workers, engine
     InputError
         LAMMPS does not run a test.
     """
-    predictor, found = Predictor(), dict[str, By]()
+    predictor, findings = Predictor(), dict[str, By]()
     for test in chosen:
-        seen = workers.outcome(workers.call(replay, Commands.of(test), str(folder), time_limit=TIME_LIMIT))
-        if isinstance(seen, Failure):
-            raise InputError("test", f"must run: {seen.message}", test.name)
+        looks = workers.outcome(workers.call(replay, Commands.of(test), str(folder), time_limit=TIME_LIMIT))
+        if isinstance(looks, Failure):
+            raise InputError("test", f"must run: {looks.message}", test.name)
         numbers = expected(test, predictor)
-        found[test.name] = {
-            stage.checks[field]: explained(test, stage, field, seen[stage.name], engine, predictor)
-            for stage, field in failing(test, numbers, seen)
+        findings[test.name] = {
+            stage.checks[field]: explained(test, stage, field, looks[stage.name], engine, predictor)
+            for stage, field in failing(test, numbers, looks)
         }
-    return found
+    return findings
 
 
 def measure(tree: Path) -> Measured:
@@ -147,13 +147,13 @@ def measure(tree: Path) -> Measured:
         who = workers.outcome(workers.identify())
         if isinstance(who, Failure):
             raise InputError("engine", f"must start: {who.message}", where=str(tree))
-        found = replayed(shipped(), folder, workers, who["distribution"])
+        findings = replayed(shipped(), folder, workers, who["distribution"])
         for test in shipped():
             failed = failed_checks(folder / test.program, folder / f"{test.name}.yaml", untraced(tree))
-            if failed != set(found[test.name]):
-                other = sorted(failed ^ set(found[test.name]))
+            if failed != set(findings[test.name]):
+                other = sorted(failed ^ set(findings[test.name]))
                 raise InputError("test program", "must fail where LAMMPS' Python module does", other, test.name)
-    return Measured(lammps=who["distribution"], tests=dict(found))
+    return Measured(lammps=who["distribution"], tests=dict(findings))
 
 
 def measured() -> Measured:

@@ -123,18 +123,18 @@ class Trial:
 
     def _furthest(self, first: Blame, listed: Sequence[Finding]) -> Beyond | None:
         order = in_step_order(self.problem.fields)
-        known = tuple(entry.id for entry in listed)
+        ids = tuple(entry.id for entry in listed)
 
         def place(left: Blame) -> tuple[int, int]:
             return self.problem.steps.index(left.step or 0), order.index(left.field)
 
         def rank(names: tuple[str, ...]) -> tuple[tuple[int, int], bool, int]:
-            return place(self._left[names]), names == known, -len(names)
+            return place(self._left[names]), names == ids, -len(names)
 
         if not self._left:
             return None
         names = max(self._left, key=rank)
-        if names != known and place(self._left[names]) <= place(first):
+        if names != ids and place(self._left[names]) <= place(first):
             return None
         return Beyond(findings=list(names), blame=self._left[names])
 

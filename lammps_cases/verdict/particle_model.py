@@ -121,5 +121,5 @@ def reason(
     first = first_outside(problem, compare_all(problem, id_n, snapshots, prediction), id_n)
     if first is None:
         return None
-    found = Trial(problem, snapshots, id_n, prediction, random, predictor).explain(engine, first)
-    return Reason(first, found.beyond, found.entries)
+    explanation = Trial(problem, snapshots, id_n, prediction, random, predictor).explain(engine, first)
+    return Reason(first, explanation.beyond, explanation.entries)

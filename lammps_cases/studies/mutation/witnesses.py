@@ -238,8 +238,8 @@ def _row(rule: Rule, examined: Sequence[CaseRules]) -> RuleRow:
     return RuleRow(
         rule.name,
         rule.sentence,
-        {d: tuple(one.case for one in found) for d, found in of.items()},
-        {d: len({one.scene for one in found}) for d, found in of.items()},
+        {d: tuple(one.case for one in cases) for d, cases in of.items()},
+        {d: len({one.scene for one in cases}) for d, cases in of.items()},
         sum(bool(one.counts.get(rule.name)) for one in examined),
     )
 

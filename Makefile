@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 TWINS ?= --tag quick
 FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
+SOAK ?= 20000
+SOAKED ?= $(or $(TMPDIR),/tmp)/eos-ref-soak
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
@@ -12,7 +14,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser kills environment slurm unittest check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate quick fast test browser kills soak environment slurm unittest check bench claims docs versions engines power judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 14
@@ -56,6 +58,9 @@ check: $(READY) ## lint, format, types, direction of imports
 
 kills: $(READY) ## kill runs 300 times at random moments and resume them (an hour)
 	$(BIN)/python -m pytest -s -m kills tests/lammps_cases/run
+
+soak: $(READY) ## 20 000 cases in one campaign, here and through Dask (an hour); SOAK=2000 for fewer
+	EOS_REF_SOAK='$(SOAK)' $(BIN)/python -m pytest -s -m soak tests/lammps_cases/run --basetemp '$(SOAKED)'
 
 environment: $(READY) ## the tests of full disks, which need root
 	$(BIN)/python -m pytest -m root tests/lammps_cases/run

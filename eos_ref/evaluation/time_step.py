@@ -335,6 +335,10 @@ class Simulation:
         for _ in range(steps):
             self.step(dt)
 
+    def again(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
+        """Return the last evaluation once more, by an evaluator of its own."""
+        return self._evaluated_in(lambda array: array, evaluator, self.evaluated.x_nc)
+
     def rounded(self, evaluator: MakeEvaluator = ArrayEvaluator) -> Simulation:
         """Return the last evaluation once more in `Rounded` arrays: every field with its rounding bound."""
         x_nc = Rounded(self.evaluated.x_nc, self.evaluated_in.rounding(self.model.cut))

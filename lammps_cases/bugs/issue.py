@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 
 from lammps_cases.bugs.bare import Ending
 from lammps_cases.bugs.deck import DATA, DECK
-from lammps_cases.bugs.hand import ParticleValues, Sum
 from lammps_cases.bugs.report import Report
+from lammps_cases.comparison.pair_sums import ParticleValues, Sum
 from lammps_cases.findings import KNOWN, Finding
 from lammps_cases.records.wording import counted
 

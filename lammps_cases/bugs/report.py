@@ -19,7 +19,9 @@ from eos_ref.syntax.manual import FIRST, Manual
 from lammps_cases.bugs import deck, hand
 from lammps_cases.bugs.deck import BugDeck, Check
 from lammps_cases.bugs.demonstration import AtomNumber, case_of, demonstrations, smaller
-from lammps_cases.bugs.hand import Line, Sum
+from lammps_cases.bugs.hand import Line
+from lammps_cases.comparison import pair_sums
+from lammps_cases.comparison.pair_sums import Sum
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.installations import Engine
@@ -169,7 +171,7 @@ def _of_number(
     obtained = deck.word(lammps_job, number.field, number.atom, number.axes)
     if not obtained:
         raise InputError("field", "cannot be read by LAMMPS' variables", number.field, case.name)
-    terms = hand.terms(expected.problem, expected.step, number.atom)
+    terms = pair_sums.terms(expected.problem, expected.step, number.atom)
     check = Check(obtained, repr(expected.value), expected.bound)
     if formulas:
         check = _by_hand(obtained, expected, hand.calculate(formulas, terms))

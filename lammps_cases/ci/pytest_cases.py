@@ -23,6 +23,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, fails
 from lammps_cases.report.annotations import case_lines
+from lammps_cases.report.drawn import beside_file, split
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -86,7 +87,10 @@ class CaseJudge:
             return campaign.unjudged(ready, judged, self.engine)
         record, arrays = judged
         if arrays and self.folder:
+            arrays, beside = split(arrays)
             write_arrays(self.folder / "fields" / f"{record.case}.npz", arrays)
+            if beside:
+                write_arrays(beside_file(self.folder / "fields", record.case), beside)
         return record
 
     def accepts(self, record: CaseRecord) -> bool:

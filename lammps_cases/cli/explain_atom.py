@@ -11,8 +11,8 @@ import click
 import numpy as np
 
 from eos_ref.errors import InputError
-from lammps_cases.bugs.hand import PairContribution, Sum, terms
 from lammps_cases.cli import shared
+from lammps_cases.comparison.pair_sums import Sum, added_up, terms
 from lammps_cases.records.wording import counted, number
 from lammps_cases.run.campaign import prepare
 from lammps_cases.scene.casefile import Case
@@ -56,20 +56,6 @@ def _sum(case: Case, atom: int, step: int) -> Sum:
     if not np.array_equal(atoms.id_n, np.arange(1, len(atoms) + 1)):
         raise InputError("case", "must number its particles from 1 on", case.name, "option --atom")
     return terms(problem_of(case.scene, atoms, case.where, case.scene.snapshots), step, atom, len(atoms) ** 2, True)
-
-
-def added_up(pairs: Sequence[PairContribution]) -> dict[str, Any]:
-    """Return the sums over pairs, of what these add."""
-    sums: dict[str, Any] = {}
-    for name in ("force", "pressure_force"):
-        vectors = [getattr(pair, name) for pair in pairs if getattr(pair, name)]
-        if vectors:
-            sums[name] = [sum(column) for column in zip(*vectors, strict=True)]
-    for name in ("drho", "heat"):
-        values = [getattr(pair, name) for pair in pairs if getattr(pair, name) is not None]
-        if values:
-            sums[name] = sum(values)
-    return sums
 
 
 def _show(case: Case, given: Sum, step: int) -> None:

@@ -7,7 +7,8 @@ again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,12 +18,23 @@ import numpy.typing as npt
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, precise_setup, predict, visit, wanted
+from lammps_cases.comparison.trajectory import (
+    Fields,
+    Prediction,
+    Problem,
+    halted,
+    precise_setup,
+    predict,
+    visit,
+    wanted,
+)
 
 Made = tuple[type[ArrayEvaluator], type[Simulation]]  # the stages and the stepping of a variant
 Arrays = dict[str, npt.NDArray[Any]]
+ALL = sys.maxsize
 
 
 @dataclass
@@ -40,13 +52,16 @@ class Predictor:
     stored: int = 0
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
     _named: list[tuple[Problem, str]] = field(default_factory=list, repr=False)
+    _halts: dict[str, dict[int, Simulation]] = field(default_factory=dict, repr=False)
 
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
         """Return fields and bounds, of the reference or a variant; see `lammps_cases.comparison.trajectory.predict`."""
 
         def compute() -> Arrays:
             stages, stepping = made or (None, Simulation)
-            prediction = predict(problem, stages, stepping, seed)
+            large = len(problem.state.x_nc) > pair_sums.LARGEST
+            halts = None if made or large else self._halts.setdefault(self._name(problem), {})
+            prediction = predict(problem, stages, stepping, seed, halts)
             return _rows("value", prediction.fields) | _rows("bound", prediction.bounds)
 
         arrays = self._recall(("prediction", self._name(problem), made, seed), compute)
@@ -72,6 +87,19 @@ class Predictor:
             return {f: np.asarray(x) for f, x in precise_setup(problem).items()}
 
         return self._recall(("precise", self._name(problem)), compute)
+
+    def pair_sums(self, problem: Problem, looks: Sequence[tuple[int, int]]) -> Arrays:
+        """Return the pairs of particles, each a step and a row; see `lammps_cases.comparison.pair_sums.columns`."""
+
+        def compute() -> Arrays:
+            halts = self._halts.get(self._name(problem)) or halted(problem, problem.steps)
+            by_step: dict[int, list[int]] = {}
+            for step, row in looks:
+                by_step.setdefault(step, []).append(row)
+            of = [(s, one) for s, rows in by_step.items() for one in pair_sums.sums(halts[s], rows, ALL, forces=True)]
+            return pair_sums.columns(of)
+
+        return self._recall(("pair sums", self._name(problem), tuple(looks)), compute)
 
     def names(self, what: str, problem: Problem, compute: Callable[[], list[str]], seed: int) -> list[str]:
         """Return names that follow from a scene and a seed, such as those of formulas it cannot tell apart."""

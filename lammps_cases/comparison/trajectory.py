@@ -8,6 +8,7 @@ add their spread (`lammps_cases.comparison.rounded_input`).
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -129,6 +130,7 @@ def predict(
     evaluator: type[ArrayEvaluator] | None = None,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
+    halts: dict[int, Simulation] | None = None,
 ) -> Prediction:
     """Return the fields at some steps with their bounds.
 
@@ -139,6 +141,8 @@ def predict(
         own stages, compiled if the scene is large enough to be worth loading them.
     seed : int
         Of the random signs of the moved runs.
+    halts : dict
+        Takes the simulation as it is at every step (`as_it_is`).
     """
     fields, steps, last = problem.fields, problem.steps, problem.steps[-1]
     count = _in_blocks(problem)
@@ -148,6 +152,8 @@ def predict(
     values, own, sizes = [], [], Sizes()
     for step in visit(sim, steps, problem.timestep, problem.stops):
         values.append({field: sim.output(field).copy() for field in fields})
+        if halts is not None:
+            halts[step] = as_it_is(sim)
         with stage("bounds"):
             errors = sim.rounded(bounding)
             sizes.add(errors)
@@ -162,6 +168,20 @@ def predict(
                 spread.update({f: spread[f] + more[f] for f in fields})
     bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
     return Prediction(tuple(values), bounds)
+
+
+def as_it_is(sim: Simulation) -> Simulation:
+    """Return a simulation that stays where it is when this one goes on; without the pairs, which take most memory."""
+    halt = copy.copy(sim)
+    halt.state = replace(sim.state)  # steps make new arrays of all they change
+    del halt.evaluator
+    return halt
+
+
+def halted(problem: Problem, steps: Sequence[int]) -> dict[int, Simulation]:
+    """Run a scene; return it as it is at some steps."""
+    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
+    return {step: as_it_is(sim) for step in visit(sim, steps, problem.timestep, problem.stops)}
 
 
 def evaluations(problem: Problem) -> int:

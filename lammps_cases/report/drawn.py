@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.report import plots
 
+SIDES = ("lammps", "reference", "bound")
+
 
 @dataclass(frozen=True)
 class WorstAtom:
@@ -29,20 +32,24 @@ class WorstAtom:
 
 @dataclass(frozen=True)
 class Drawn:
-    """The data that the page draws a case from, as JSON; the fields in it; exact numbers of worst atoms."""
+    """The data that the page draws a case from, as JSON; the fields in it; exact numbers of worst atoms.
+
+    ``more``: the other steps of fields but that in which a difference enters, whose steps are in the data.
+    """
 
     data: Markup | None = None
+    more: Markup | None = None
     fields: tuple[str, ...] = ()
     worst: tuple[WorstAtom, ...] = ()
 
 
-def drawn(case: CaseRecord, arrays: plots.Arrays) -> Drawn:
-    """Return what is shown of the arrays of a case (none: no arrays)."""
+def drawn(case: CaseRecord, arrays: plots.Arrays, beside: plots.Arrays = MappingProxyType({})) -> Drawn:
+    """Return what is shown of the arrays of a case (none: no arrays), and of those `split` puts beside them."""
     # A case without fields was not compared in this run: a file of its name is left over from an earlier one.
     at_hand = bool(case.fields) and "id" in arrays and bool(arrays["id"].size)
     reduced = one_per_atom({name: np.asarray(arrays[name]) for name in sorted(arrays)}) if at_hand else None
     differences = {} if reduced is None else plots.differences(reduced)
-    data = plots.payload(case, reduced, differences)
+    data, more = plots.payload(case, reduced, differences, beside)
     fields = tuple((data or {}).get("fields", ()))
     # Of the model only the field in which a difference enters: it has a dozen.
     stepped = any(record.steps for record in case.fields)
@@ -52,6 +59,7 @@ def drawn(case: CaseRecord, arrays: plots.Arrays) -> Drawn:
         exact_numbers = [name for name, (difference_n, _) in differences.items() if difference_n.any()]
     return Drawn(
         None if data is None else embedded(data),
+        embedded(more) if more else None,
         fields,
         tuple(_worst(case, reduced, name, *differences[name]) for name in exact_numbers) if reduced else (),
     )
@@ -59,8 +67,29 @@ def drawn(case: CaseRecord, arrays: plots.Arrays) -> Drawn:
 
 def drawn_from(case: CaseRecord, fields: Path) -> Drawn:
     """Return what is shown of the arrays of a case in the folder ``fields``."""
-    path = fields / f"{case.case}.npz"
-    return drawn(case, read_arrays(path) if case.fields and path.is_file() else {})
+    files = (fields / f"{case.case}.npz", beside_file(fields, case.case))
+    return drawn(case, *(read_arrays(path) if case.fields and path.is_file() else {} for path in files))
+
+
+def beside_file(fields: Path, case: str) -> Path:
+    """Return the file of what the page shows of a case beside its arrays, of a name that no case has."""
+    return fields / f"{case}@page.npz"
+
+
+def split(arrays: plots.Arrays) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the arrays of ``fields/CASE.npz``, and what the page shows besides: other steps, pairs.
+
+    Of vectors and tensors at other steps the component closest to its bound.
+    """
+    own = {name: values for name, values in arrays.items() if not name.startswith("@")}
+    beside = {name: values for name, values in arrays.items() if name.startswith("@")}
+    for name in [name for name in beside if " lammps " in name]:
+        names = [name.replace(" lammps ", f" {side} ") for side in SIDES]
+        sides = [np.asarray(beside[each], float) for each in names]
+        if sides[0].ndim > 1:
+            ratio_n = excess(*sides)[1]
+            beside |= {of: worst_component(values, ratio_n) for of, values in zip(names, sides, strict=True)}
+    return own, beside
 
 
 def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
@@ -68,7 +97,7 @@ def one_per_atom(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArra
     reduced = dict(arrays)
     for name in arrays:
         field, _, side = name.rpartition(".")
-        sides = [f"{field}.{of}" for of in ("lammps", "reference", "bound")]
+        sides = [f"{field}.{of}" for of in SIDES]
         if side != "lammps" or arrays[name].ndim == 1 or not all(of in arrays for of in sides):
             continue
         lammps_n, reference_n, bound_n = (np.asarray(arrays[of], float) for of in sides)

@@ -25,6 +25,7 @@ ASSETS = Path(__file__).parent / "assets"
 HISTORY_CSS = Path(__file__).parent.parent / "history" / "assets" / "history.css"
 ROWS = 200  # checks of an audit listed per case
 LISTED = 1000  # cases that the page lists: a browser opens twice as many in two seconds
+WHOLE = 100  # cases of a run whose fields are all drawn at all steps
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ def render(
         scripts=[frame.PACKED, ASSETS / "plots.js"],
         unpacked=[plotly],
         plotly=plotly,
+        whole=len(run.cases) <= WHOLE,
         run=run,
         of_run=of_run,
         wording=wording,

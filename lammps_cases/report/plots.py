@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
@@ -30,16 +31,26 @@ CHECKS = 600  # looks of an audit embedded per case
 SINGLE = np.finfo(np.float32)
 CURVE, VALUE, SIZE = 20, 14, 8  # binary digits of a curve, of a value, and of a size on a logarithmic scale
 GRID = 200  # points of a curve
+NEIGHBOURS = 40  # nearest ones listed of an atom
 
 
-def payload(case: CaseRecord, arrays: Arrays | None, by_field: Differences) -> dict[str, Any] | None:
-    """Return what the page needs to draw a case, as JSON data; None if there is nothing to draw."""
+def payload(
+    case: CaseRecord, arrays: Arrays | None, by_field: Differences, beside: Arrays = MappingProxyType({})
+) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """Return what the page needs to draw a case, as JSON data, and more of it that a long page leaves out.
+
+    None if there is nothing to draw. ``beside`` are the arrays of other steps and of pairs.
+    """
     data: dict[str, Any] = {}
+    more: dict[str, Any] = {}
     if arrays is not None:
-        data |= _atoms(case, arrays, by_field)
+        data, more = _atoms(case, arrays, by_field, beside)
+        if first := more.pop(data.get("first", ""), None):
+            data["fields"][data["first"]] |= first
+        data |= _pairs(beside)
     if case.checks:
         data["checks"] = _checks(case.checks)
-    return data or None
+    return data or None, more
 
 
 def differences(arrays: Arrays) -> Differences:
@@ -95,13 +106,18 @@ def offsets(case: CaseRecord, type_n: npt.NDArray[Any], rho_n: FloatArray) -> Fl
     return delta_n
 
 
-def _atoms(case: CaseRecord, arrays: Arrays, by_field: Differences) -> dict[str, Any]:
-    """Return what is drawn of the atoms of a case; nothing of a model case whose fields all have the same bits."""
+def _atoms(
+    case: CaseRecord, arrays: Arrays, by_field: Differences, beside: Arrays
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what is drawn of the atoms of a case; nothing of a model case whose fields all have the same bits.
+
+    And of every field the other steps.
+    """
     stepped = {record.field: record for record in case.fields if record.steps}
     law = "pressure" in by_field and not stepped
     fields = _drawn_fields(case, by_field, ["pressure"] if law else [])
     if stepped and not fields:
-        return {}
+        return {}, {}
     type_n, rho_n = arrays["type"], np.asarray(arrays["rho"], float)
     ratio_n = np.max([by_field[field][1] for field in fields], axis=0) if fields else np.zeros(rho_n.shape)
     picked = thinned(ratio_n, rho_n, type_n, MODEL_ATOMS if stepped else ATOMS)
@@ -115,7 +131,7 @@ def _atoms(case: CaseRecord, arrays: Arrays, by_field: Differences) -> dict[str,
         data["rho"] = _column(rho_n[picked])
     if "e" in arrays:
         data["energy"] = _column((rho_n * arrays["e"])[picked])
-    return data
+    return data, _other_steps(beside, fields, picked)
 
 
 def _drawn_fields(case: CaseRecord, by_field: Differences, always: list[str]) -> list[str]:
@@ -148,6 +164,7 @@ def _of_model(case: CaseRecord, arrays: Arrays, fields: list[str], picked: npt.N
     data: dict[str, Any] = {
         "steps": {record.field: record.worst_step for record in case.fields if record.steps and record.field in fields},
         "other": "twin" if case.twin else "reference",
+        "compared": len({at.step for record in case.fields for at in record.steps}),
         "first": _first(case, fields),
     }
     if "phase.lammps" in arrays:
@@ -184,6 +201,46 @@ def _field(arrays: Arrays, field: str, picked: npt.NDArray[np.intp], model: bool
         "bound": _column(bound_n, digits),
         "scale": scale_of(lammps_n),
     }
+
+
+def _other_steps(beside: Arrays, fields: list[str], picked: npt.NDArray[np.intp]) -> dict[str, Any]:
+    """Return the other steps of every field drawn, by field and step, of the atoms drawn."""
+    others: dict[str, Any] = {}
+    for name in sorted(name for name in beside if " lammps " in name):
+        step, field = name.removeprefix("@").split(" lammps ")
+        if field in fields:
+            sides = {f"{field}.{side}": beside[f"@{step} {side} {field}"] for side in ("lammps", "reference", "bound")}
+            others.setdefault(field, {"at": {}})["at"][step] = _field(sides, field, picked, True)
+    return others
+
+
+def _pairs(beside: Arrays) -> dict[str, Any]:
+    """Return the nearest pairs of the atoms that are looked at, with what each adds, and the sums over all pairs."""
+    if "@pairs step" not in beside:
+        return {}
+    of = {name.removeprefix("@pairs "): values for name, values in beside.items() if name.startswith("@pairs ")}
+    names, begin_k = of["names"].tolist(), np.cumsum(of["count"]) - of["count"]
+    shown_k = np.minimum(of["count"], NEIGHBOURS)
+    rows = np.concatenate([np.arange(a, a + n) for a, n in zip(begin_k, shown_k, strict=True)]).astype(int)
+    # Where all of the force is of pressure, once will do.
+    columns = [k for k, name in enumerate(names) if not name.startswith("pressure_force") or not _same(of, names, k)]
+    return {
+        "pairs": {
+            **{name: of[name].tolist() for name in ("atom", "step", "count")},
+            "shown": shown_k.tolist(),
+            "names": [names[k] for k in columns],
+            "id": _column(of["id"][rows]),
+            "r": _column(of["r"][rows], VALUE),
+            "pair": [_column(of["pair"][rows, k], SIZE) for k in columns],
+            "sum": [_column(of["sum"][:, k], VALUE) for k in columns],
+        }
+    }
+
+
+def _same(of: Arrays, names: list[str], k: int) -> bool:
+    """Return whether pressure makes all of the force along an axis."""
+    force = names.index(names[k].removeprefix("pressure_"))
+    return bool(np.array_equal(of["pair"][:, k], of["pair"][:, force]))
 
 
 def _curves(case: CaseRecord, arrays: Arrays) -> list[dict[str, Any]]:

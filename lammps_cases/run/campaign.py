@@ -309,15 +309,18 @@ def report(
     site: str | None, folder: Path, ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, store: Store | None
 ) -> tuple[CaseRecord, Drawn]:
     """Task: judge a case, write its arrays and its entry in the journal, and take from them what the page shows."""
-    from lammps_cases.report.drawn import drawn
+    from lammps_cases.report.drawn import beside_file, drawn, split
 
     with stage("comparison"):
         record, arrays = judge(site, ready, outcomes, engine, store)
     with stage("report"):
-        shown = drawn(record, arrays)
+        arrays, beside = split(arrays)
+        shown = drawn(record, arrays, beside)
     if arrays:
         with stage("writing"):
             write_arrays(folder / "fields" / f"{record.case}.npz", arrays)
+            if beside:
+                write_arrays(beside_file(folder / "fields", record.case), beside)
         if not record.as_expected and ready.case.scene.whole_model and ready.twin is None:
             from lammps_cases.diagnosis import answers as kept
 
@@ -335,6 +338,7 @@ def judge(
     from lammps_cases.comparison.prediction_keys import current
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.verdict.exercise import exercised
+    from lammps_cases.verdict.looks import pair_arrays
     from lammps_cases.verdict.outcome import blank_record
 
     predictor = Predictor(store if store and current(store) else None)
@@ -355,6 +359,10 @@ def judge(
         if searched and (reason := first_step_outside(site, ready, engine.distribution, predictor)):
             record.blame, record.beyond = reason.first, reason.beyond
             record.message = wording.message(record)
+    with contextlib.suppress(Exception), stage("pairs"):
+        if compared:
+            steps = ready.twin.steps if ready.twin else ready.case.scene.snapshots
+            arrays |= pair_arrays(record, *ready.sides[0], ready.case.where, steps, predictor)
     record.exercises = exercises
     if record.unexercised:
         record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first

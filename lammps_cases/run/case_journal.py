@@ -129,7 +129,7 @@ class CaseJournal:
             shutil.rmtree(self.folder / folder, ignore_errors=True)
 
     def _arrays(self, case: str) -> list[Path]:
-        names = (f"{case}.npz", f"{case}@steps.npz")
+        names = (f"{case}.npz", f"{case}@page.npz", f"{case}@steps.npz")
         return [path for name in names if (path := self.folder / "fields" / name).is_file()]
 
 

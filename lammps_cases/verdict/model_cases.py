@@ -112,7 +112,8 @@ def judge_model(
     reason = Reason(judged.first, judged.beyond, judged.entries) if judged.first else None
     if reason := _with_news(reason, first_input_outside(inputs, atoms.id_n)):
         record.blame, record.beyond = reason.first, reason.beyond
-    return field_arrays(atoms.within(problem.box_at(scene.snapshots[-1])), answer.arrays, comparisons)
+    in_box = atoms.within(problem.box_at(scene.snapshots[-1]))
+    return field_arrays(in_box, answer.arrays, comparisons, judged.table)
 
 
 def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor: Predictor) -> Reason | None:

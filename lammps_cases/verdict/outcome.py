@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -177,8 +177,14 @@ def first_input_outside(comparisons: Sequence[tuple[int, Comparison]], id_n: Any
     return next(outside, None)
 
 
-def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Arrays:
-    """Return the arrays of ``fields/CASE.npz``: the atoms, their box, and both sides and the bound of fields."""
+def field_arrays(
+    atoms: Atoms, got: Arrays, comparisons: list[Comparison], table: Mapping[str, Sequence[Comparison]] | None = None
+) -> Arrays:
+    """Return the arrays of ``fields/CASE.npz``: the atoms, their box, and both sides and the bound of fields.
+
+    And those of fields that differ at the other steps of a ``table``, by names such as ``@10 lammps f``
+    (`lammps_cases.report.drawn.split`).
+    """
     arrays: Arrays = {name: got[name] for name in ("id", "type", "x", "v", "rho")}
     arrays["mass"] = atoms.mass_n
     arrays["box"] = np.stack([atoms.low_c, atoms.high_c, *[atoms.tilt] * any(atoms.tilt)])
@@ -188,4 +194,11 @@ def field_arrays(atoms: Atoms, got: Arrays, comparisons: list[Comparison]) -> Ar
         arrays[f"{name}.lammps"] = comparison.lammps_n
         arrays[f"{name}.reference"] = comparison.reference_n
         arrays[f"{name}.bound"] = comparison.bound_n
+    for record in (comparison.record for comparison in comparisons):
+        if not (table and record.steps and record.max_abs):
+            continue
+        for at, other in zip(record.steps, table[record.field], strict=True):
+            if at.step != record.worst_step:
+                sides = {"lammps": other.lammps_n, "reference": other.reference_n, "bound": other.bound_n}
+                arrays |= {f"@{at.step} {side} {record.field}": values for side, values in sides.items()}
     return arrays

@@ -30,7 +30,10 @@ from lammps_cases.verdict.model_mistakes import unseen_in_model
 
 @dataclass(frozen=True)
 class ModelVerdict:
-    """Comparisons of a case, one per field with its worst step; what explains them; the blame, and what is left."""
+    """Comparisons of a case, one per field with its worst step; what explains them; the blame, and what is left.
+
+    ``table`` has the comparisons of all steps.
+    """
 
     comparisons: list[Comparison]
     entries: list[Finding]
@@ -38,6 +41,7 @@ class ModelVerdict:
     first: Blame | None
     beyond: Beyond | None
     lint: list[str]
+    table: dict[str, list[Comparison]]
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ def judge(
             _add_digits_lost(predictor.precise(problem), table, comparisons)
     with stage("mistakes"):
         lint = _unseen(problem, random, predictor) if problem.steps[0] == 0 else []
-    return ModelVerdict(comparisons, entries, unseen, first, explanation.beyond, lint)
+    return ModelVerdict(comparisons, entries, unseen, first, explanation.beyond, lint, table)
 
 
 def _contained(entry: Finding, entries: Sequence[Finding]) -> bool:

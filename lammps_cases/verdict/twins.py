@@ -97,7 +97,7 @@ def _judge_twin(
     comparisons = [over_steps(table[field], steps) for field in in_step_order(one.problem.fields)]
     record.fields = [comparison.record for comparison in comparisons]
     record.verdict = worst([field.verdict for field in record.fields])
-    return field_arrays(twin.atoms, answers[0].arrays, comparisons)
+    return field_arrays(twin.atoms, answers[0].arrays, comparisons, table)
 
 
 def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predictor) -> tuple[_Side, _Side]:

@@ -120,6 +120,7 @@ const Plots = (() => {
       paper_bgcolor: look.paper, plot_bgcolor: look.paper, margin: { l: 60, r: 14, t: 34, b: 46 },
       font: { color: look.ink, size: 12, family: "system-ui, 'Liberation Sans', Arial, sans-serif" },
       hoverlabel: { align: "left", bgcolor: look.panel, bordercolor: look.axis, font: { color: look.ink } }, hovermode: "closest",
+      uirevision: "same", // zoom and camera stay when the step changes
       legend: { orientation: "h", x: 0, y: 1.01, yanchor: "bottom", bgcolor: "rgba(0,0,0,0)", font: { size: 11 } }, ...extra,
     };
   }
@@ -253,7 +254,7 @@ const Plots = (() => {
     const traces = [...outline(data, look), particles(data, finite, text, shown, plain(name))];
     if (others.length) traces.push(particles(data, others, text, { size: 9, symbol: "x", color: OUTSIDE }, "not finite"));
     const note = others.length ? `${others.length} not finite: orange crosses` : "";
-    return { title: `Particles: ${plain(name)} of LAMMPS`, note, traces, layout: particleLayout(data, look) };
+    return { title: `Particles: ${plain(name)} of LAMMPS${data.steps ? `, step ${data.steps[name]}` : ""}`, note, traces, layout: particleLayout(data, look) };
   }
 
   function ratioFigure(data, name, look) {
@@ -271,7 +272,7 @@ const Plots = (() => {
     return { title: "Particles: difference/bound", note, traces, layout: particleLayout(data, look) };
   }
 
-  // ---- the particle model: a field at its worst step
+  // ---- the particle model: a field at one of its steps
 
   const LOWEST = -6; // decades of difference/bound below which the colour stays the same
 
@@ -281,10 +282,11 @@ const Plots = (() => {
 
   function heat(field, look) {
     // Blue inside the bound, orange to dark red beyond it, each by decades; grey without any difference.
-    const finite = field.ratio.filter((v) => v > 0 && Number.isFinite(v)).map(Math.log10);
+    const every = Object.values(field.at).flatMap((at) => at.ratio); // one scale for all steps
+    const finite = every.filter((v) => v > 0 && Number.isFinite(v)).map(Math.log10);
     const top = Math.max(1, Math.ceil(Math.max(...finite, 0)));
     const low = Math.min(-1, Math.max(LOWEST, Math.floor(Math.min(...finite, 0))));
-    const outside = Math.max(...field.ratio) > 1;
+    const outside = Math.max(...every) > 1;
     const cmax = outside ? top : 0;
     const bound = (0 - low) / (cmax - low);
     const inside = look.dark ? ["#16324a", "#6cb6ee"] : ["#d6e6f5", "#2474b5"];
@@ -405,13 +407,73 @@ const Plots = (() => {
     for (const key of ["x", "id", "type", "rho", "energy", "phase"]) if (key in data) data[key] = column(data[key], data.n);
     if (data.box) data.box = numbers(data.box);
     if (data.rho) data.delta = data.rho.map((rho, i) => (rho - (data.rho0[data.type[i]] ?? NaN)) / data.rho0[data.type[i]]);
-    for (const field of Object.values(data.fields ?? {})) {
-      for (const key of ["lammps", "difference", "bound"]) field[key] = column(field[key], data.n);
-      derive(field);
+    const more = JSON.parse(article.querySelector("script.more")?.textContent ?? "{}");
+    for (const [name, field] of Object.entries(data.fields ?? {})) {
+      Object.assign(field, more[name]);
+      const { lammps, difference, bound, scale } = field;
+      field.worst = data.steps?.[name] ?? 0;
+      field.at = { ...field.at, [field.worst]: { lammps, difference, bound, scale } };
+      for (const at of Object.values(field.at)) {
+        for (const key of ["lammps", "difference", "bound"]) at[key] = column(at[key], data.n);
+        derive(at);
+      }
     }
+    at(data);
+    if (data.pairs) data.pairs = looks(data.pairs);
     for (const law of data.laws ?? []) for (const key of ["x", "p"]) law[key] = column(law[key], GRID);
     if (data.checks) for (const key of ["step", "run", "type", "ratio"]) data.checks[key] = numbers(data.checks[key]);
     return data;
+  }
+
+  function at(data, step) {
+    // Show every field at a step, or at its worst one.
+    for (const [name, field] of Object.entries(data.fields ?? {})) {
+      const shown = step in field.at ? step : field.worst;
+      Object.assign(field, field.at[shown]);
+      if (data.steps) data.steps[name] = Number(shown);
+    }
+  }
+
+  function looks(pairs) {
+    // The pairs of one atom after one step each; they come in columns.
+    const count = pairs.shown.reduce((sum, more) => sum + more, 0);
+    const id = column(pairs.id, count), r = column(pairs.r, count);
+    const terms = column(pairs.pair, count), sums = column(pairs.sum, pairs.atom.length);
+    let begin = 0;
+    return pairs.atom.map((atom, k) => {
+      const rows = [...Array(pairs.shown[k]).keys()].map((row) => begin + row);
+      begin += pairs.shown[k];
+      return {
+        atom, step: pairs.step[k], count: pairs.count[k], sum: sums.map((of) => of[k]),
+        names: pairs.names.map((name) => name.replace("pressure_force", "of pressure").replace("force ", "f_")),
+        pairs: rows.map((row) => ({ id: id[row], r: r[row], adds: terms.map((of) => of[row]) })),
+      };
+    });
+  }
+
+  function slider(article, data, name) {
+    const steps = Object.keys(data.fields[name].at).map(Number).sort((a, b) => a - b);
+    const all = steps.length === data.compared;
+    const kept = all ? "" : `; ${data.compared} were compared: eos-ref run ${article.dataset.case} draws all`;
+    const says = () => `${data.steps[name]}${data.steps[name] === data.fields[name].worst ? " (the worst)" : ""} of ${steps.join(", ")}${kept}`;
+    const label = element("label", "choice step", "Step ");
+    const input = element("input");
+    Object.assign(input, { type: "range", min: 0, max: steps.length - 1, step: 1, disabled: steps.length < 2 });
+    const shown = element("output");
+    const show = () => {
+      input.value = steps.indexOf(data.steps[name]);
+      input.setAttribute("aria-valuetext", says());
+      shown.textContent = says();
+    };
+    input.addEventListener("input", () => {
+      article.querySelector(".plots").dataset.step = steps[input.value];
+      at(data, steps[input.value]);
+      show();
+      redraw(article, data, name);
+    });
+    label.append(input, shown);
+    show();
+    return label;
   }
 
   function choice(article, names, chosen) {
@@ -446,19 +508,59 @@ const Plots = (() => {
     Plotly.addTraces(plot, { type: spots[0][0].type ?? "scatter", ...places, mode: "markers", name: "pinned", hoverinfo: "skip", showlegend: false, marker });
   }
 
-  function pinned(name, data, at) {
-    const box = element("div", "atom scroll");
-    const kind = data.phase ? (data.phase[at] ? ", solid" : ", fluid") : "";
-    box.append(element("h4", "", `Atom ${data.id[at]}, type ${data.type[at]}${kind}, at ${data.x.map((column) => short(column[at], 5)).join(", ")}`));
+  function rows(table, headings, body, links) {
+    // A table of numbers, the first column of names; ``links``: atoms that a click on the name pins.
+    const line = (part, tag, values, link) => values.reduce((row, text, k) => {
+      const cell = element(tag, k ? "number" : "", k || !link ? text : "");
+      if (!k && link) cell.append(Object.assign(element("button", "neighbour", text), { type: "button" }));
+      row.append(cell);
+      return row;
+    }, part.insertRow());
+    line(table.createTHead(), "th", headings);
+    const part = table.createTBody();
+    body.forEach((values, k) => line(part, "td", values, links?.[k]));
+    return (values) => line(table.createTFoot(), "td", values);
+  }
+
+  function neighbours(data, look) {
+    const part = element("section");
+    const whose = data.other === "twin" ? "the original run, by the reference" : "the reference";
+    const box = element("div", "scroll neighbours");
+    box.tabIndex = 0;
     const table = element("table", "fields");
-    const line = (part, tag, values) => values.reduce((row, text, k) => (row.append(element(tag, k ? "number" : "", text)), row), part.insertRow());
-    line(table.createTHead(), "th", ["field", ...sides(data), "|difference|", "bound", "difference/bound"]);
-    const body = table.createTBody();
-    for (const [name, field] of Object.entries(data.fields)) {
-      line(body, "td", [name, short(field.lammps[at]), short(field.reference[at]), ...[field.difference, field.bound, field.ratio].map((column) => rough(column[at]))]);
-    }
+    const nearest = look.pairs.length < look.count ? `, the nearest ${look.pairs.length} of which are listed` : "";
+    const caption = `${look.count} ${look.count === 1 ? "neighbour" : "neighbours"} at step ${look.step}${nearest}, and what each pair adds (${whose})`;
+    const body = look.pairs.map(({ id, r, adds }) => [String(id), short(r, 4), ...adds.map(rough)]);
+    const foot = rows(table, ["particle", "r", ...look.names], body, look.pairs.map(({ id }) => data.id.includes(id)));
+    foot(["sum", "", ...look.sum.map((value) => short(value, 4))]);
     box.append(table);
-    if (!data.rho && !data.checks) box.append(element("p", "note", "its neighbours, and what each pair adds: "), element("code", "", `eos-ref explain ${name} --atom ${data.id[at]}`));
+    part.append(element("h4", "", caption), box);
+    return part;
+  }
+
+  function pinned(name, data, field, at) {
+    const box = element("div", "atom");
+    const kind = data.phase ? (data.phase[at] ? ", solid" : ", fluid") : "";
+    const part = element("section");
+    part.append(element("h4", "", `Atom ${data.id[at]}, type ${data.type[at]}${kind}, at ${data.x.map((column) => short(column[at], 5)).join(", ")}`));
+    const table = element("table", "fields"), scroll = element("div", "scroll");
+    const body = Object.entries(data.fields).map(([name, field]) => [
+      name, ...(data.steps ? [String(data.steps[name])] : []), short(field.lammps[at]), short(field.reference[at]),
+      ...[field.difference, field.bound, field.ratio].map((column) => rough(column[at])),
+    ]);
+    rows(table, ["field", ...(data.steps ? ["step"] : []), ...sides(data), "|difference|", "bound", "difference/bound"], body);
+    scroll.append(table);
+    part.append(scroll);
+    box.append(part);
+    if (!data.steps) return box;
+    const step = data.steps[field], kept = (data.pairs ?? []).filter(({ atom }) => atom === data.id[at]);
+    const look = kept.find((one) => one.step === step) ?? kept[0];
+    if (look) box.append(neighbours(data, look));
+    if (look?.step !== step) {
+      const words = element("p", "note", `Its neighbours at step ${step}, and what each pair adds: `);
+      words.append(element("code", "", `eos-ref explain ${name} --atom ${data.id[at]} --step ${step}`));
+      box.append(words);
+    }
     return box;
   }
 
@@ -467,12 +569,38 @@ const Plots = (() => {
     panel.querySelector(".atom")?.remove();
     const found = at >= 0;
     panel.dataset.atom = found ? data.id[at] : "";
-    if (found) panel.prepend(pinned(article.dataset.case, data, at));
+    if (found) panel.querySelector("figure").before(pinned(article.dataset.case, data, panel.dataset.field, at));
     for (const plot of panel.querySelectorAll(".plot")) ring(plot, at, theme(false));
     article.dispatchEvent(new CustomEvent("pinned"));
   }
 
-  async function draw(article, { name, atom, print = false, show = false } = {}) {
+  function pinAgain(article, data) {
+    const { atom } = article.querySelector(".plots").dataset;
+    pin(article, data, atom ? data.id.indexOf(Number(atom)) : -1);
+  }
+
+  function drawing(data, name, print) {
+    // The figures, each trace with the atoms of its points.
+    const index = new Map(name ? hover(data, name).map((text, i) => [text, i]) : []);
+    const found = figures(data, name, theme(print));
+    for (const { traces } of found) for (const trace of traces) if (Array.isArray(trace.text)) trace.customdata = trace.text.map((text) => index.get(text));
+    return found;
+  }
+
+  function entitle(caption, { title, note }) {
+    caption.replaceChildren(title, ...(note ? [element("small", "", note)] : []));
+  }
+
+  function redraw(article, data, name) {
+    const boxes = article.querySelectorAll(".plots figure");
+    drawing(data, name, false).forEach((figure, k) => {
+      entitle(boxes[k].querySelector("figcaption"), figure);
+      Plotly.react(boxes[k].querySelector(".plot"), figure.traces, figure.layout);
+    });
+    pinAgain(article, data);
+  }
+
+  async function draw(article, { name, atom, step, print = false, show = false } = {}) {
     const data = load(article);
     if (!data) return;
     await ready();
@@ -484,31 +612,34 @@ const Plots = (() => {
     const field = names.includes(wanted) ? wanted : data.first ?? (names.includes("pressure") ? "pressure" : names[0]);
     if (field) panel.dataset.field = field;
     if (atom !== undefined) panel.dataset.atom = atom;
+    if (step !== undefined) panel.dataset.step = step;
+    if (panel.dataset.step) at(data, panel.dataset.step);
     for (const button of article.querySelectorAll(".pick")) button.setAttribute("aria-pressed", String(button.dataset.field === field));
     if (names.length > 1) panel.append(choice(article, names, field));
+    if (data.steps && field && data.compared > 1) panel.append(slider(article, data, field));
     if (data.id) {
       const thinned = data.id.length < data.natoms ? ": the worst by difference/bound, the others evenly by density" : "";
       panel.append(element("p", "note", `${data.id.length} of ${data.natoms} atoms shown in the plots${thinned}. A click on an atom pins it.`));
     }
-    const index = new Map(field ? hover(data, field).map((text, i) => [text, i]) : []);
-    for (const { title, note, traces, layout } of figures(data, field, theme(print))) {
+    for (const { title, note, traces, layout } of drawing(data, field, print)) {
       const figure = element("figure");
-      const caption = element("figcaption", "", title);
-      if (note) caption.append(element("small", "", note));
-      const plot = element("div", "plot");
+      const caption = element("figcaption"), plot = element("div", "plot");
+      entitle(caption, { title, note });
       figure.append(caption, plot);
       panel.append(figure);
       const buttons = layout.scene ? ["orbitRotation", "pan3d", "resetCameraDefault3d"] : ["zoom2d", "pan2d", "resetScale2d"];
       // Before printing the window still has its own width: draw for the paper's.
       const size = print ? { width: 640, height: 400, autosize: false } : {};
-      for (const trace of traces) if (Array.isArray(trace.text)) trace.customdata = trace.text.map((text) => index.get(text));
       Plotly.newPlot(plot, traces, { ...layout, ...size }, { responsive: true, displaylogo: false, modeBarButtons: [["toImage", ...buttons]] });
       plot.on("plotly_click", ({ points }) => {
         const at = points[0].customdata;
         if (at !== undefined) pin(article, data, data.id[at] === Number(panel.dataset.atom) ? -1 : at);
       });
     }
-    if (data.id) pin(article, data, panel.dataset.atom ? data.id.indexOf(Number(panel.dataset.atom)) : -1);
+    panel.onclick = ({ target }) => {
+      if (target.matches(".neighbour")) pin(article, data, data.id.indexOf(Number(target.textContent)));
+    };
+    if (data.id) pinAgain(article, data);
     if (show) panel.scrollIntoView({ block: "nearest" });
   }
 

@@ -1,4 +1,4 @@
-// The table of cases (sort, filter, group), the copy buttons, and what is shown by the URL: #case=NAME&field=f&atom=37 a
+// The table of cases (sort, filter, group), the copy buttons, and what is shown by the URL: #case=NAME&field=f&step=0&atom=37 a
 // case, #find=words&verdict=pass&tag=quick&sort=atoms&down a part of the table, #finding=ID a part of the page.
 "use strict";
 (() => {
@@ -183,7 +183,8 @@
     link(article.querySelector(".next"), at < 0 ? undefined : shown[at + 1]);
     window.scrollTo(0, 0);
     article.querySelector("h2").focus({ preventScroll: true });
-    Plots.draw(article, { name: state.get("field") ?? undefined, atom: state.get("atom") ?? undefined });
+    const asks = (name) => state.get(name) ?? undefined;
+    Plots.draw(article, { name: asks("field"), step: asks("step"), atom: asks("atom"), show: state.has("step") || state.has("atom") });
   }
 
   async function copy(button) {
@@ -246,8 +247,9 @@
     else if (button) Plots.draw(button.closest("article"), { name: button.dataset.field, show: true });
   });
   document.addEventListener("pinned", ({ target }) => {
-    const { field, atom } = target.querySelector(".plots").dataset;
-    const state = new URLSearchParams({ case: target.dataset.case, ...(field ? { field } : {}), ...(atom ? { atom } : {}) });
+    const { field, step, atom } = target.querySelector(".plots").dataset;
+    const given = Object.entries({ case: target.dataset.case, field, step, atom }).filter(([, value]) => value);
+    const state = new URLSearchParams(given);
     history.replaceState(null, "", `#${state}`);
   }, true);
   document.addEventListener("keydown", (event) => {

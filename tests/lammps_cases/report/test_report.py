@@ -36,6 +36,7 @@ from lammps_cases.records.run_record import (
 )
 from lammps_cases.report import agreement, drawn, findings, markdown, page, plots, write_report
 from lammps_cases.scene.fields import in_step_order
+from tests.support.browser import browser
 
 HOSTILE = "<img src=x onerror=alert(1)> | `b` </script><script>alert(2)</script> \x1b[31m & ]]> *x*"
 NAME = HOSTILE.replace("/", "")  # of a case, which is that of a file
@@ -138,6 +139,19 @@ def ended() -> list[CaseRecord]:
     ]
 
 
+def beside(arrays: dict[str, Any]) -> dict[str, Any]:
+    """The other step of each field, with half the difference in all components; two pairs of atom 4 after step 0."""
+    found = dict(arrays)
+    for field, step in {"grad/v": 0, "f": 10, "pressure": 0}.items():
+        lammps, reference, bound = (arrays[f"{field}.{side}"] for side in ("lammps", "reference", "bound"))
+        sides = {"lammps": (lammps + reference) / 2, "reference": reference, "bound": bound}
+        found |= {f"@{step} {side} {field}": values for side, values in sides.items()}
+    found |= {"@pairs step": [0], "@pairs atom": [4], "@pairs count": [2], "@pairs id": [7, 9], "@pairs r": [0.5, 0.75]}
+    found |= {"@pairs names": ["force x", "pressure_force x", "drho"], "@pairs sum": [[3.0, 3.0, -0.25]]}
+    found["@pairs pair"] = [[1.0, 1.0, 0.5], [2.0, 2.0, -0.75]]
+    return drawn.split({key: np.asarray(values) for key, values in found.items()})[1]
+
+
 def model(folder: Path, name: str, dimension: int) -> CaseRecord:
     """A case of the particle model: a force outside its bound from step 0 on, a gradient from step 1 on."""
     count = 60
@@ -180,6 +194,7 @@ def model(folder: Path, name: str, dimension: int) -> CaseRecord:
             )
         )
     files.write_arrays(folder / "fields" / f"{name}.npz", arrays)
+    files.write_arrays(drawn.beside_file(folder / "fields", name), beside(arrays))
     values = {"lammps": 1.5, "reference": 0.5, "bound": 1e-14}
     first = Blame(field="f", stage="pair", step=0, atom=4, outside=1, of=count, **values)
     laws = _laws(EOSTable((WATER,)))
@@ -291,7 +306,7 @@ class Page(HTMLParser):
         self.data: dict[str, Any] = {}
         self.scripts = 0
         self._case = ""
-        self._inside: str | None = None
+        self._inside = ""
         self.feed(html)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -301,14 +316,14 @@ class Page(HTMLParser):
             self._case = attributes["data-case"] or ""
         if tag == "script":
             self.scripts += 1
-            self._inside = attributes.get("type", "text/javascript")
+            self._inside = attributes.get("class") or ""
 
     def handle_endtag(self, tag: str) -> None:
         if tag == "script":
-            self._inside = None
+            self._inside = ""
 
     def handle_data(self, data: str) -> None:
-        if self._inside == "application/json":
+        if self._inside == "data":
             self.data[self._case] = json.loads(data)
 
 
@@ -458,7 +473,7 @@ def test_no_curve_for_a_law_outside_its_domain() -> None:
     )
     side = {f"pressure.{name}": np.ones(3) for name in ("lammps", "reference", "bound")}
     arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3), **side}
-    data = plots.payload(case, arrays, plots.differences(arrays))
+    data, _ = plots.payload(case, arrays, plots.differences(arrays))
     assert data is not None and data["laws"] == []
 
 
@@ -474,7 +489,7 @@ def test_extreme_states_are_packed(parameter: float) -> None:
     arrays |= {"rho": np.tile(rho_n, len(laws)), "e": np.ones(count)}
     arrays |= {f"pressure.{side}": arrays["rho"] for side in ("lammps", "reference", "bound")}
     case = CaseRecord(case="x", verdict="pass", laws=laws)
-    data = plots.payload(case, arrays, plots.differences(arrays))
+    data, _ = plots.payload(case, arrays, plots.differences(arrays))
     assert data is not None and json.loads(drawn.embedded(data)) == data
     assert {law["type"] for law in data["laws"]} >= {1, 2, 3, 4}
 
@@ -490,7 +505,8 @@ def test_hostile_text_stays_text(parsed: Page, html: str, run: RunRecord) -> Non
     assert "<img" not in html.lower()
     assert "<script>alert" not in html
     assert not any(name.startswith("on") for _, attributes in parsed.elements for name in attributes)
-    assert parsed.scripts == 4 + len(parsed.data)
+    others = html.count('<script type="application/json" class="more">')  # other steps
+    assert parsed.scripts == 4 + len(parsed.data) + others
     text = (Path("x") / markdown.summary(findings.outcome(run, FINDINGS))).as_posix()
     assert "<img" not in text and "<script" not in text
     assert drawn.embedded({"a": "</script><!--"}).count("<") == 0
@@ -534,12 +550,54 @@ def test_vectors_and_tensors_are_drawn_by_their_worst_component(parsed: Page, fo
         np.testing.assert_array_equal(column(data, "phase"), phase_n)
 
 
+def test_other_steps_and_pairs_of_a_case(parsed: Page, folder: Path) -> None:
+    data = parsed.data["model.flat"]
+    assert list(data["fields"]["f"]["at"]) == ["10"] and data["compared"] == 2
+    assert "at" not in data["fields"]["pressure"]  # of other fields beside the data, which a long page leaves out
+    at = data["fields"]["f"]["at"]["10"]
+    with np.load(folder / "fields" / "model.flat.npz") as arrays:
+        lammps_nc, reference_nc = arrays["f.lammps"], arrays["f.reference"]
+    largest = np.abs((lammps_nc + reference_nc) / 2 - reference_nc).max(axis=1)
+    np.testing.assert_allclose(np.abs(numbers(at["difference"], 60)), largest, rtol=2.0**-plots.SIZE)
+    pairs = data["pairs"]
+    assert (pairs["atom"], pairs["step"], pairs["count"], pairs["shown"]) == ([4], [0], [2], [2])
+    assert pairs["names"] == ["force x", "drho"]  # all of the force is of pressure
+    assert [numbers(column, 2).tolist() for column in pairs["pair"]] == [[1.0, 2.0], [0.5, -0.75]]
+    assert [numbers(column, 1).tolist() for column in pairs["sum"]] == [[3.0], [-0.25]]
+
+
+def test_a_long_page_has_the_other_steps_of_one_field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = model(tmp_path, "m", 2)
+    record = RunRecord(engine=EngineRecord(), reference={}, cases=[case])
+
+    def more() -> list[Any]:
+        write_report(record, tmp_path, FINDINGS)
+        html = unpacked((tmp_path / "report.html").read_text())
+        return [json.loads(text) for text in re.findall(r'class="more">(.*?)</script>', html)]
+
+    (kept,) = more()
+    assert {name: list(of["at"]) for name, of in kept.items()} == {"grad/v": ["0"], "pressure": ["0"]}
+    monkeypatch.setattr(page, "WHOLE", 0)
+    assert more() == []
+    case.verdict = "differs"  # of one that is not accepted all are kept
+    assert more() == [kept]
+
+
+def test_only_the_nearest_pairs_are_listed() -> None:
+    of = {"step": [0, 1], "atom": [1, 2], "count": [50, 1], "id": np.arange(51), "r": np.arange(51.0)}
+    of |= {"names": ["drho"], "pair": np.arange(51.0)[:, None], "sum": [[1225.0], [50.0]]}
+    found = plots._pairs({f"@pairs {name}": np.asarray(values) for name, values in of.items()})["pairs"]
+    assert found["shown"] == [plots.NEIGHBOURS, 1] and found["count"] == [50, 1]
+    assert numbers(found["id"]).tolist() == [*range(plots.NEIGHBOURS), 50]
+    assert numbers(found["sum"][0]).tolist() == [1225.0, 50.0]
+
+
 def test_digits_that_decide_are_kept() -> None:
     case = CaseRecord(case="x", verdict="differs")
     bound_n = np.array([1.0, 2.0, 3.0]) / 3
     arrays = {"id": np.arange(3), "type": np.ones(3), "x": np.zeros((3, 3)), "rho": np.ones(3)}
     arrays |= {"f.lammps": np.nextafter(bound_n, 2), "f.reference": np.zeros(3), "f.bound": bound_n}
-    data = plots.payload(case, arrays, plots.differences(arrays))
+    data, _ = plots.payload(case, arrays, plots.differences(arrays))
     assert data is not None
     assert np.all(numbers(data["fields"]["f"]["difference"]) > numbers(data["fields"]["f"]["bound"]))
     np.testing.assert_array_equal(numbers(plots._column([1e-300, 2e-300], plots.SIZE)), [1e-300, 2e-300])
@@ -680,11 +738,46 @@ def test_an_address_opens_a_field_and_an_atom(run: RunRecord, folder: Path, tmp_
     assert re.search(r'data-field="pressure" aria-pressed="true"', dom) and "Atom 4, type" in dom
     row = re.search(r"<td[^>]*>f</td>((?:<td[^>]*>[^<]*</td>)*)", dom[dom.index("Atom 4, type") :])
     assert row is not None
-    lammps, reference = (float(text) for text in re.findall(r"<td[^>]*>([^<]*)", row[1])[:2])
+    lammps, reference = (float(text) for text in re.findall(r"<td[^>]*>([^<]*)", row[1])[1:3])
     at = np.abs(lammps_nc - reference_nc)[3].argmax()
     digits = 2.0**-plots.VALUE + 2.0**-plots.SIZE + 1e-5  # binary ones of value and difference, decimal ones shown
     assert lammps == pytest.approx(lammps_nc[3, at], rel=digits)
     assert reference == pytest.approx(reference_nc[3, at], rel=digits, abs=digits * abs(lammps_nc[3, at]))
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_step_and_neighbours_by_keys_and_clicks(run: RunRecord, folder: Path, tmp_path: Path) -> None:
+    step = "document.querySelector('article:not([hidden]) .step input')"
+    box = "document.querySelector('.atom')?.innerText"
+    titles = "[...document.querySelectorAll('figcaption')].map((each) => each.firstChild.textContent).join()"
+    spot = "document.querySelectorAll('.js-plotly-plot')[2].data.findLast((one) => one.customdata)"
+    with browser(tmp_path) as page:
+        page.open(f"{(folder / 'report.html').as_uri()}#case=model.flat&field=f&step=10&atom=4")
+        page.wait(f"{box}?.includes('Atom 4')")
+        assert page.value("document.querySelector('.plots').getBoundingClientRect().top < innerHeight")
+        assert page.value(titles).count("step 10") == 4 and page.value(f"{step}.value") == "1"
+        after = page.value(f"{spot}.y.join()")
+        assert "explain model.flat --atom 4 --step 10" in page.value(box)  # its pairs are kept of step 0 alone
+        page.value(f"{step}.focus()")
+        page.press("ArrowLeft")
+        page.wait("location.hash === '#case=model.flat&field=f&step=0&atom=4'")
+        assert page.value(titles).count("step 0") == 4 and page.value(f"{spot}.y.join()") != after
+        assert page.value(f"{step}.getAttribute('aria-valuetext')").startswith("0 (the worst) of 0, 10")
+        said = page.value(box)
+        assert "2 neighbours at step 0, and what each pair adds (the reference)" in said and "explain" not in said
+        rows = page.value("[...document.querySelectorAll('.neighbours tr')].map((row) => row.innerText.trim())")
+        assert [row.split() for row in rows[1:]] == [
+            ["7", "0.5", "1", "0.5"],
+            ["9", "0.75", "2", "-0.75"],
+            ["sum", "3", "-0.25"],
+        ]
+        page.value("document.querySelector('.neighbour').click()")
+        page.wait("location.hash === '#case=model.flat&field=f&step=0&atom=7'")
+        assert "Atom 7" in page.value(box)
+        page.press("ArrowLeft")  # at its end: no other case is opened
+        assert page.value("location.hash").startswith("#case=model.flat")
+        assert page.complaints == []
 
 
 @pytest.mark.slow

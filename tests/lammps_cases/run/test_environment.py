@@ -54,7 +54,8 @@ def test_a_folder_in_the_making_that_is_removed_is_no_report(tmp_path: Path) -> 
         campaign.run_cases(cases, Engine(), 1, out, progress=Removes(folders.making(out)), resume=False)
     assert "\n" not in str(raised.value) and not out.exists()
     run = campaign.run_cases(cases, Engine(), 1, out, resume=True)
-    assert len(run.cases) == len(cases) == len(list((out / "fields").iterdir()))
+    arrays = [path for path in (out / "fields").iterdir() if "@" not in path.name]
+    assert len(run.cases) == len(cases) == len(arrays)
 
 
 def test_a_current_folder_that_is_removed_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

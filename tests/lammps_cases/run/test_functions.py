@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import inspect
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -17,8 +18,10 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases import audit, compare, run
+from lammps_cases.pages.packed import unpacked
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import read_run
+from lammps_cases.report.drawn import beside_file
 from lammps_cases.run import tables
 from lammps_cases.run.results import Result
 from lammps_cases.run.tables import VALUE_COLUMNS
@@ -93,6 +96,26 @@ def test_a_temporary_report_goes_with_its_result() -> None:
     assert (folder / "run.json").exists()
     del result
     assert not folder.exists()
+
+
+def test_the_page_has_the_pairs_of_explain_and_is_made_again(
+    ran: Result, tmp_path: Path, eos_ref_command: Callable[..., Outcome]
+) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(ran.folder, again)
+    assert eos_ref_command("report", again).code == 0
+    made = [unpacked((folder / "report.html").read_text()) for folder in (ran.folder, again)]
+    first, second = (re.findall(r'class="(?:data|more)">(.*?)</script>', html) for html in made)
+    assert first == second and len(first) == 3  # of both cases, and the other steps of one
+    beside = read_arrays(beside_file(ran.folder / "fields", CASES[0]))
+    field = next(field for field in ran.record.cases[0].fields if field.field == "f")
+    looked = list(zip(beside["@pairs step"].tolist(), beside["@pairs atom"].tolist(), strict=True))
+    at = looked.index((field.worst_step, field.worst_id))
+    words = ("--atom", str(field.worst_id), "--step", str(field.worst_step), "--json")
+    explained = json.loads(eos_ref_command("explain", CASES[0], *words).out)
+    names = beside["@pairs names"].tolist()
+    assert beside["@pairs sum"][at][: names.index("force y") + 1].tolist() == explained["sum"]["force"]
+    assert beside["@pairs count"][at] == explained["count"] > 0
 
 
 def test_tables_of_a_run(ran: Result) -> None:

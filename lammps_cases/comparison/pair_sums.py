@@ -1,0 +1,218 @@
+"""What the pairs of a particle add: its neighbours after a step by the reference, and the terms of its sums."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.parameters import Model, PairTerms, State
+from lammps_cases.comparison.trajectory import Problem, halted
+
+MOST_PAIRS = 12  # that are printed; the nearest ones
+LARGEST = 20_000  # particles of a scene whose pairs are listed beside its verdict
+
+
+@dataclass(frozen=True)
+class ParticleValues:
+    """A particle as the reference has it at the step of the number.
+
+    ``constants`` are those of its type (rhoeq, cs, and of one that carries energy kappa and cv) and its energy E.
+    """
+
+    id: int
+    type: int
+    solid: bool
+    x: tuple[float, ...]
+    v: tuple[float, ...]
+    mass: float
+    rho: float
+    pressure: float
+    constants: dict[str, float]
+
+
+@dataclass(frozen=True)
+class PairContribution:
+    """A pair: the other particle, the distance vector to it, the kernel and its gradient.
+
+    With what the pair adds to the particle's force (``pressure_force``: by pressure and artificial viscosity), rate of
+    density and heat flow, as far as the model has them and they were asked for.
+    """
+
+    other: ParticleValues
+    x: tuple[float, ...]
+    r: float
+    w: float
+    gradient: tuple[float, ...]
+    force: tuple[float, ...] = ()
+    pressure_force: tuple[float, ...] = ()
+    drho: float | None = None
+    heat: float | None = None
+
+
+@dataclass(frozen=True)
+class Sum:
+    """The particle of a number, its nearest pairs, and how many there are.
+
+    ``force_with_fixes`` is the force after fixes that add to it or set it, of models that have them.
+    """
+
+    particle: ParticleValues
+    pairs: tuple[PairContribution, ...]
+    count: int
+    force_with_fixes: tuple[float, ...] = ()
+
+
+class _PairByPair(ArrayEvaluator):
+    """Stages whose sums over pairs are left as their terms."""
+
+    def total(self, term_p: Any) -> Any:
+        return term_p
+
+
+def added(last: Simulation) -> PairTerms | None:
+    """Return what every pair adds to the particle it is listed for, (p, ...), in an evaluation of plain arrays.
+
+    None if it is without forces. At the end of a step velocities and densities are further on than they were then.
+    """
+    if last.pressure_force_nc is None:
+        return None
+    stages: Any = copy.copy(last.evaluator)
+    stages.__class__ = type("PairByPair", (_PairByPair, type(stages)), {})
+    terms: PairTerms = stages.pair_terms(last.pair_input(last.force_pressure())._replace(virial=False))
+    unit = last.units.of
+    return PairTerms(
+        terms.force_nc / unit("f"),
+        terms.pressure_force_nc / unit("f"),
+        terms.drho_n / unit("drho") if last.model.pair.rho_damp else None,
+        None if terms.heat_n is None else terms.heat_n / unit("heatflow"),
+    )
+
+
+def terms(problem: Problem, step: int, atom: int, most: int = MOST_PAIRS, forces: bool = False) -> Sum:
+    """Return pairs of a particle after a step, nearest first; with ``forces`` what each of them adds."""
+    return sums(halted(problem, (step,))[step], (atom - 1,), most, forces)[0]
+
+
+def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: bool = False) -> list[Sum]:
+    """Return the same of some particles of a simulation that has halted."""
+    state, evaluator = sim.state, _evaluator(sim)
+    evaluator.move(state.x_nc)
+    evaluator.correct(state.rho_n)
+    pressure_n = np.asarray(evaluator.pressure(state.rho_n, state.energy_n))
+    last = sim.again() if forces else None
+    adds = added(last) if last else None
+    met: Any = last.evaluator if last and adds else evaluator  # whose pairs are listed
+
+    def particle(n: int) -> ParticleValues:
+        return ParticleValues(
+            n + 1,
+            int(state.type_n[n]),
+            bool(state.solid_n[n]),
+            tuple(map(float, state.x_nc[n])),
+            tuple(map(float, state.v_nc[n])),
+            float(evaluator.mass_n[n]),
+            float(state.rho_n[n]),
+            float(pressure_n[n]),
+            _constants(sim.model, int(state.type_n[n])) | _energy(state, n),
+        )
+
+    def pair(p: int) -> PairContribution:
+        x, gradient = (tuple(float(of_p[p]) for of_p in of) for of in (met.x, met.g))
+        return PairContribution(
+            particle(int(met.j[p])), x, float(met.r[p]), float(met.w[p]), gradient, *_added(adds, p)
+        )
+
+    def one(row: int) -> Sum:
+        own = np.flatnonzero(met.i == row)
+        nearest = own[np.argsort(met.r[own], kind="stable")][:most]
+        acted = tuple(map(float, sim.output("f")[row])) if adds is not None and sim.model.forces else ()
+        return Sum(particle(row), tuple(pair(int(p)) for p in nearest), len(own), acted)
+
+    return [one(row) for row in rows]
+
+
+def added_up(pairs: Sequence[PairContribution]) -> dict[str, Any]:
+    """Return the sums over pairs, of what these add."""
+    sums: dict[str, Any] = {}
+    for name in ("force", "pressure_force"):
+        vectors = [getattr(pair, name) for pair in pairs if getattr(pair, name)]
+        if vectors:
+            sums[name] = [sum(column) for column in zip(*vectors, strict=True)]
+    for name in ("drho", "heat"):
+        values = [getattr(pair, name) for pair in pairs if getattr(pair, name) is not None]
+        if values:
+            sums[name] = sum(values)
+    return sums
+
+
+def columns(looks: Sequence[tuple[int, Sum]]) -> dict[str, npt.NDArray[Any]]:
+    """Return looks at particles, each with its step, as arrays: one row a look, or one a pair, look by look.
+
+    ``pair``, ``sum``: vectors over the columns that ``names`` are of, such as ``force x``.
+    """
+    pairs = [pair for _, each in looks for pair in each.pairs]
+    names = _names(pairs)
+    added = [added_up(each.pairs) for _, each in looks]
+    return {
+        "step": np.array([step for step, _ in looks], int),
+        "row": np.array([each.particle.id - 1 for _, each in looks], int),
+        "count": np.array([each.count for _, each in looks], int),
+        "other": np.array([pair.other.id - 1 for pair in pairs], int),
+        "r": np.array([pair.r for pair in pairs], float),
+        "names": np.array(list(names), str),
+        "pair": np.array([[_part(vars(pair), *at) for at in names.values()] for pair in pairs], float),
+        "sum": np.array([[_part(each, *at) for at in names.values()] for each in added], float),
+    }
+
+
+def _names(pairs: Sequence[PairContribution]) -> dict[str, tuple[str, int | None]]:
+    """Return what pairs add, component by component, with where `PairContribution` has it."""
+    if not pairs:
+        return {}
+    names: dict[str, tuple[str, int | None]] = {}
+    for name in ("force", "pressure_force"):
+        names |= {f"{name} {axis}": (name, k) for k, axis in enumerate("xyz"[: len(getattr(pairs[0], name))])}
+    return names | {name: (name, None) for name in ("drho", "heat") if getattr(pairs[0], name) is not None}
+
+
+def _part(of: Mapping[str, Any], name: str, axis: int | None) -> float:
+    if name not in of:
+        return 0.0  # a particle without neighbours
+    return float(of[name] if axis is None else of[name][axis])
+
+
+def _evaluator(sim: Simulation) -> ArrayEvaluator:
+    """Return an evaluator that is ready for the state of a simulation."""
+    state = sim.state
+    evaluator = ArrayEvaluator(sim.model, sim.box, state.type_n, state.solid_n)
+    if state.mass_n is not None:
+        evaluator.weigh(state.mass_n)
+    return evaluator
+
+
+def _added(adds: PairTerms | None, p: int) -> tuple[Any, ...]:
+    """Return what a pair adds, as the last fields of `PairContribution`."""
+    if adds is None:
+        return ()
+    vectors = [tuple(map(float, of[p])) for of in (adds.force_nc, adds.pressure_force_nc)]
+    return *vectors, *(None if of is None else float(of[p]) for of in (adds.drho_n, adds.heat_n))
+
+
+def _constants(model: Model, of_type: int) -> dict[str, float]:
+    law = model.eos.laws[of_type - 1]
+    constants = {"rhoeq": law.rho0, "cs": law.cs}
+    if model.thermal is not None:
+        thermal = model.thermal[of_type - 1]
+        constants |= {"kappa": thermal.conductivity, "cv": thermal.specific_heat}
+    return constants
+
+
+def _energy(state: State, n: int) -> dict[str, float]:
+    return {} if state.energy_n is None else {"E": float(state.energy_n[n])}

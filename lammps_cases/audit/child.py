@@ -105,7 +105,7 @@ def audit(task: AuditTask, connection: Connection) -> DeckEnd:
     arrays, last = watch.final()
     seconds = Seconds(lammps=watch.lammps_seconds, reference=watch.sample_seconds, total=time.perf_counter() - begin)
     questions, (cause, ahead) = watch.questions, watch.outlook()
-    warnings, margins = questions.lines(), questions.stability
+    warnings, margins = [*questions.lines(), *watch.unbudgeted()], questions.stability
     mistaken, (series, solution) = (HYPHEN,) if questions.mistaken else (), watch.series()
     return DeckEnd(
         watch.done, watch.runs, seconds, warnings, margins, arrays, last, refused, cause, ahead,

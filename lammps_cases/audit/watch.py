@@ -29,7 +29,7 @@ from lammps_cases.audit.deck import Action, Deck, between, hyphens
 from lammps_cases.audit.effects import effects, of_pressure, touching
 from lammps_cases.audit.fields import leans_open
 from lammps_cases.audit.options import AuditOptions, PairShare, RunFacts, SampleRow, SampleRows
-from lammps_cases.audit.outlook import RUNAWAY, Good, mach, outlook
+from lammps_cases.audit.outlook import RUNAWAY, Good, mach, model_with_forces, outlook
 from lammps_cases.audit.pressure import PressureSample
 from lammps_cases.audit.rerun import looks, reruns
 from lammps_cases.audit.warn import SOLID, Questions
@@ -331,6 +331,18 @@ class DeckWatch:
         entries = [entry for entry in touching(self._good.sample, self.engine) if entry.id in self._harmful]
         series = reruns(self._first, steps, self.options.every, entries)
         return series, closed(self._first, looks(steps, self.options.every)) if series else None
+
+    def unbudgeted(self) -> list[str]:
+        """Say why there is no budget, or no run of the reference, though budgets are asked for."""
+        if not self.options.budgets or self.options.fields == fields.PRESSURE:
+            return []
+        if self._good is None:
+            return ["--budgets: nothing is followed, as forces are not compared in any run"]
+        if model_with_forces(self._good.sample) is None:
+            groups = ", ".join(dict.fromkeys(f"{a.style} on {a.group}" for a, _ in self._good.sample.actions))
+            why = f"forces act on groups that are not of types ({groups})"
+            return [f"--budgets: the reference does not run on from the first look, as {why}"]
+        return []
 
     def outlook(self) -> tuple[OutlookRecord | None, list[EffectRecord]]:
         """Return why LAMMPS ended a run before its time; nothing if it did not, or if nothing can be said."""

@@ -34,7 +34,13 @@ def say(cases: Sequence[Case], atom: int, step: int | None, as_json: bool) -> No
     (case,) = cases
     given = _sum(case, atom, _step(case, step))
     if as_json:
-        document = {"case": case.name, "step": _step(case, step), **asdict(given), "sum": added_up(given.pairs)}
+        document = {
+            "case": case.name,
+            "step": _step(case, step),
+            **_run(case),
+            **asdict(given),
+            "sum": added_up(given.pairs),
+        }
         click.echo(json.dumps(document, indent=1))
     else:
         _show(case, given, _step(case, step))
@@ -50,16 +56,21 @@ def _step(case: Case, step: int | None) -> int:
 
 
 def _sum(case: Case, atom: int, step: int) -> Sum:
-    atoms = prepare(case).atoms
+    scene, atoms = prepare(case).sides[0]
     if atom not in atoms.id_n:
         raise InputError("atom", f"must be an id of the {len(atoms)} particles", atom, "option --atom")
     if not np.array_equal(atoms.id_n, np.arange(1, len(atoms) + 1)):
         raise InputError("case", "must number its particles from 1 on", case.name, "option --atom")
-    return terms(problem_of(case.scene, atoms, case.where, case.scene.snapshots), step, atom, len(atoms) ** 2, True)
+    return terms(problem_of(scene, atoms, case.where, scene.snapshots), step, atom, len(atoms) ** 2, True)
+
+
+def _run(case: Case) -> dict[str, str]:
+    """Return which of the two runs of a twin is shown."""
+    return {"run": "original"} if case.scene.twin else {}
 
 
 def _show(case: Case, given: Sum, step: int) -> None:
-    own = given.particle
+    own, twin = given.particle, case.scene.twin
     where = ", ".join(number(x, DIGITS) for x in own.x)
     kind = "solid" if own.solid else "fluid"
     click.secho(f"{case.name}, particle {own.id} after {counted(step, 'step')}", bold=True)
@@ -67,6 +78,8 @@ def _show(case: Case, given: Sum, step: int) -> None:
         f"type {own.type}, {kind}, at {where}; m {number(own.mass, DIGITS)}, rho {number(own.rho, DIGITS)}, "
         f"P {number(own.pressure, DIGITS)}; {counted(given.count, 'neighbour')}"
     )
+    if twin:
+        shared.show(f"of the original of the two runs that are compared; {twin.kind} makes the other, its twin")
     sums, axes = added_up(given.pairs), "xyz"[: len(own.x)]
     names: dict[str, tuple[str, int | None]]
     names = {f"f_{axis}": ("force", k) for k, axis in enumerate(axes)} if "force" in sums else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import sys
@@ -144,6 +145,8 @@ def start_fork_server() -> None:
 def page_folder(out: Path) -> None:
     """Make the folder of a command that leaves a page, before anything takes long.
 
+    What is still empty when the command ends, interrupted, is taken away again.
+
     Raises
     ------
     InputError
@@ -153,12 +156,21 @@ def page_folder(out: Path) -> None:
 
     if (out / "run.json").exists():
         raise InputError("output folder", "must not be the report of a run", str(out))
+    made = [path for path in (out, *out.parents) if not path.exists()]
     try:
         out.mkdir(parents=True, exist_ok=True)
+        click.get_current_context().call_on_close(lambda: _remove_empty(made))
         with tempfile.TemporaryFile(dir=out):
             pass
     except OSError as error:
         raise InputError("output folder", f"cannot be written: {error.strerror}", str(out)) from None
+
+
+def _remove_empty(made: Iterable[Path]) -> None:
+    """Remove folders in which there is nothing, the innermost first."""
+    with contextlib.suppress(OSError):  # from the first on in which there is something
+        for path in made:
+            path.rmdir()
 
 
 def finish(run: RunRecord, directory: Path, as_json: bool, changes: Iterable[str] = ()) -> int:

@@ -537,6 +537,9 @@ def read_run(directory: Path) -> RunRecord:
     InputError
         No run.json there, one of another schema, or a case whose name is none of a file.
     """
+    if directory.is_file():
+        rule = "must be the folder of a report, not a file in it"
+        raise InputError("run", rule, where=f"{directory}; the folder is {directory.parent}")
     return _named(_DOCUMENT.read(directory / "run.json"), directory)
 
 

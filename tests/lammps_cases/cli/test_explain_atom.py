@@ -10,6 +10,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.trajectory import visit, wanted
 from lammps_cases.run.campaign import prepare
 from lammps_cases.scene import casefile
@@ -44,6 +45,20 @@ def test_as_a_table(eos_ref_command: Callable[..., Outcome]) -> None:
     out = eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5", "--step", "0").out
     assert out.startswith("forces.all.quintic.2d, particle 5 after 0 steps") and "of pressure x" in out
     assert out.rstrip().splitlines()[-1].split()[0] == "sum"
+
+
+def test_of_a_twin_the_original_is_shown(eos_ref_command: Callable[..., Outcome]) -> None:
+    words = ("explain", "twins.fluid.translate", "--atom", "5")
+    said = "of the original of the two runs that are compared; translate makes the other, its twin"
+    assert said in " ".join(eos_ref_command(*words).out.split())
+    document = json.loads(eos_ref_command(*words, "--json").out)
+    (case,) = (case for case in casefile.load() if case.name == words[1])
+    twin = prepare(case).twin
+    assert twin is not None and document["run"] == "original"
+    problem = problem_of(twin.scene, twin.atoms, case.where, (document["step"],))
+    own = pair_sums.terms(problem, document["step"], 5).particle  # its places lie on the grid of both runs
+    assert document["particle"]["x"] == list(own.x)
+    assert "twin" not in eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
 
 
 def test_fixes_that_change_the_force(eos_ref_command: Callable[..., Outcome]) -> None:

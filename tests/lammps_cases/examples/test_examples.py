@@ -129,6 +129,32 @@ def test_lammps_is_nearer_to_the_reference_than_any_change_takes_that(name: str)
 
 
 @pytest.mark.lammps
+@pytest.mark.parametrize(
+    ("line", "pairs", "why"),
+    [
+        (
+            "group some id 1:9\nfix 5 some gravity 0.1 vector 0 -1 0\nrun 20",
+            "rheo 3.0",
+            "the reference does not run on from the first look, as forces act on groups that are not of types "
+            "(gravity on some)",
+        ),
+        ("run 20", "hybrid/overlay soft 1.0 rheo 3.0", "nothing is followed, as forces are not compared"),
+        ("fix 5 all gravity 0.1 vector 0 -1 0\nrun 20", "rheo 3.0", None),
+    ],
+)
+def test_what_budgets_leave_out_is_said(tmp_path: Path, line: str, pairs: str, why: str | None) -> None:
+    text = (DECKS / "in.vortices").read_text().replace("run             200", line)
+    text = text.replace("pair_style      rheo 3.0", f"pair_style {pairs}")
+    if "hybrid" in pairs:
+        text = text.replace("pair_coeff      * *", "pair_coeff * * rheo\npair_coeff * * soft 0.1")
+    (tmp_path / "in.deck").write_text(text)
+    case = audit_deck(tmp_path / "in.deck", AuditOptions(every=20, budgets=True, trust=True)).record.cases[0]
+    lines = [warning for warning in case.warnings if warning.startswith("--budgets: ")]
+    assert len(lines) == (why is not None) and (why is None or why in lines[0])
+    assert bool(case.series) == (why is None)
+
+
+@pytest.mark.lammps
 def test_of_several_runs_the_last_one_is_run_again(tmp_path: Path) -> None:
     text = (DECKS / "in.plates").read_text().replace("run             200", "run 20\nrun 40")
     (tmp_path / "in.deck").write_text(text)

@@ -148,6 +148,14 @@ def test_the_record_of_a_run_is_not_written_over(tmp_path: Path, eos_ref_command
     assert (tmp_path / "report" / "run.json").read_bytes() == record
 
 
+@pytest.mark.parametrize("words", [(), ("--dashboard", "x.json"), ("--news",)])
+def test_the_folder_is_asked_for_not_the_record(tmp_path: Path, eos_ref_command: Run, words: tuple[str, ...]) -> None:
+    write_run(run(), tmp_path / "report")
+    done = eos_ref_command("report", tmp_path / "report" / "run.json", *words)
+    assert done.code == 2 and "run: must be the folder of a report, not a file in it" in done.err
+    assert f"the folder is {tmp_path / 'report'}" in done.err and not Path("x.json").exists()
+
+
 def test_news_are_not_written_to_a_dashboard(tmp_path: Path, eos_ref_command: Run) -> None:
     done = eos_ref_command("report", tmp_path, "--news", "--dashboard", tmp_path / "run.json")
     assert done.code == 2 and "--dashboard: cannot be combined with --news" in done.err

@@ -11,12 +11,12 @@ from lammps_cases.cli import completion
 from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option
 from lammps_cases.records.progress import Bar
 
-SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
+SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
 
 
 @click.command("chart")
 @click.argument("sections", nargs=-1, type=click.Choice(SECTIONS))
-@click.option("--quick", is_flag=True, help="Fewer methods, regimes and resolutions: about a minute.")
+@click.option("--quick", is_flag=True, help="Fewer methods, regimes and resolutions: a minute or two.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default="reports/chart", show_default=True, help="Folder of the chart."
 )
@@ -29,28 +29,39 @@ SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows")
 )
 @launcher_option
 @cluster_option_with("search the worst errors of the laws; all that is timed is run on this machine")
+@click.option("--pysph", metavar="PYTHON", help="A Python that has PySPH: one more of the whole codes.")
 @click.option("--save-costs", is_flag=True, help='Keep the laws\' times as those by which method="auto" chooses.')
 @json_option
 def chart_command(
-    sections: tuple[str, ...], quick: bool, out: Path, engines: tuple[str, ...], save_costs: bool, as_json: bool
+    sections: tuple[str, ...],
+    quick: bool,
+    out: Path,
+    engines: tuple[str, ...],
+    pysph: str | None,
+    save_costs: bool,
+    as_json: bool,
 ) -> int:
     """Measure how accurate and how fast LAMMPS, the reference and its alternative methods are, and draw it.
 
-    SECTIONS: laws, sums, kernels, searches, timestep, flows; all by default. Writes report.html, chart.json,
+    SECTIONS: laws, sums, kernels, searches, timestep, flows, codes; all by default. Writes report.html, chart.json,
     points.csv, convergence.csv and figures/ as SVG and PNG. Of several engines the pictures lay the frontiers over each
     other; each but the first has its own chart in a folder below.
 
     \b
     Example:  eos-ref chart --quick
               eos-ref chart laws flows --out reports/chart
+              eos-ref chart codes --pysph ~/pysph/bin/python
               eos-ref chart kernels --engine env --engine path:~/lammps/build
     """
+    from eos_ref.errors import InputError
     from lammps_cases.run.campaign import command_line
-    from lammps_cases.studies.chart import collect, page, record
+    from lammps_cases.studies.chart import codes, collect, page, record
 
+    if pysph and sections and "codes" not in sections:
+        raise InputError("--pysph", "must come with the section codes", pysph)
     with Bar(quiet=as_json) as bar:
         first, *others = engines or ("env",)
-        chart = collect.collect(sections, quick, out, command_line(), bar, first)
+        chart = collect.collect(sections, quick, out, command_line(), bar, first, pysph)
         charts = [collect.beside(engine, sections, quick, out, bar) for engine in others]
         if charts:
             page.write(chart, out, charts)
@@ -65,6 +76,12 @@ def chart_command(
         best = sum(not p.dominated_by for panel in section.panels for p in panel.points)
         total = sum(len(panel.points) for panel in section.panels)
         flows = f", {len({run.flow for run in section.flows})} flows" if section.flows else ""
-        click.echo(f"{section.title:28s} {total:4d} points, {best} on a frontier{flows} ({section.seconds:.0f} s)")
+        if section.codes:
+            for row in codes.rows(section.codes):
+                click.echo("{:16s} {:8s} {:12s} N {:>3s} {:>6s} particles {:>6s} steps {:>8s} s  {}".format(*row))
+        else:
+            click.echo(f"{section.title:28s} {total:4d} points, {best} on a frontier{flows} ({section.seconds:.0f} s)")
+    if words := codes.without(chart):
+        click.echo(words)
     click.echo(f"report: {out / 'report.html'}")
     return 0

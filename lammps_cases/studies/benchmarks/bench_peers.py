@@ -6,19 +6,16 @@ one of ours of about the same length, so that a drift of the machine meets both.
 
 from __future__ import annotations
 
-import json
-import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from timeit import timeit
 
-from eos_ref.errors import InputError
 from lammps_cases.engine.ranks import Ranks
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
+from lammps_cases.studies.benchmarks import pysph as pysph_peer
 from lammps_cases.studies.benchmarks.bench import Ratio, ratio
 from lammps_cases.studies.benchmarks.measure import Timing, interval
 from lammps_cases.studies.flows import FLOWS
@@ -71,17 +68,7 @@ def _lammps(start: Start, ranks: Ranks) -> list[float]:
 
 def _pysph(python: str) -> list[float]:
     """Return the seconds of every step of PySPH's example."""
-    script = Path(__file__).parent / "peers" / "pysph_taylor_green.py"
-    try:
-        done = subprocess.run(
-            [python, str(script), str(EDGE), str(STEPS)], check=False, capture_output=True, text=True, timeout=600
-        )
-    except OSError as error:
-        raise InputError("Python of PySPH", f"cannot be run: {error.strerror}", python) from None
-    if done.returncode:
-        words = done.stderr.strip().splitlines()
-        raise InputError("Python of PySPH", f"cannot run its example: {words[-1] if words else 'no message'}", python)
-    result = json.loads(done.stdout.splitlines()[-1])
+    result = pysph_peer.answer(python, str(pysph_peer.SCRIPTS / "pysph_taylor_green.py"), str(EDGE), str(STEPS))
     assert result["particles"] == EDGE**2
     return [float(seconds) for seconds in result["seconds"]]
 

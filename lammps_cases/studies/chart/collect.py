@@ -14,10 +14,12 @@ from typing import Any
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.studies.benchmarks.measure import machine
+from lammps_cases.studies.benchmarks.pysph import version
 from lammps_cases.studies.chart import page, record
 from lammps_cases.studies.chart.record import Chart, Section
 
-# Title, content of every section: module with ``panels(quick, lmp)`` and maybe ``maps(quick)``, ``flows(quick, site)``.
+# Title and content of every section: a module with ``panels(quick, lmp)``, ``maps(quick)``, ``flows(quick, site)`` or
+# ``codes(quick, site, pysph)``.
 SECTIONS = {
     "laws": (
         "Equations of state",
@@ -34,32 +36,49 @@ SECTIONS = {
         "What a shorter step buys, where the longest one lies, what two cores give.",
     ),
     "flows": ("Flows with closed solutions", "The reference and LAMMPS, in turns, at several resolutions."),
+    "codes": (
+        "Whole codes",
+        "The same flows, each code by a scheme that it documents: error against the processor time of all steps "
+        "of a run on one core. What comes before the first step is left out.",
+    ),
 }
 
 
 def collect(
-    names: Sequence[str], quick: bool, out: Path, command: str, progress: Progress = SILENT, engine: str = "env"
+    names: Sequence[str],
+    quick: bool,
+    out: Path,
+    command: str,
+    progress: Progress = SILENT,
+    engine: str = "env",
+    pysph: str | None = None,
 ) -> Chart:
     """Measure sections, and write chart and page after each of them.
+
+    Parameters
+    ----------
+    pysph : str, optional
+        A Python that has PySPH, one more of the whole codes.
 
     Raises
     ------
     InputError
-        No such engine.
+        No such engine; that Python cannot run PySPH.
     EngineMissing
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # one core each, for every side
     from lammps_cases.engine import installations, session
 
+    peers = {"pysph": version(pysph)} if pysph else {}  # before anything is measured
     site = installations.resolve(engine).site
     lmp = session.open_lammps(site)  # and every further instance of this process is of the same library
-    about, before = session.describe(lmp, site), machine()
+    about, before = session.describe(lmp, site) | peers, machine()
     chosen = [name for name in SECTIONS if not names or name in names]
     sections: list[Section] = []
     begin = time.perf_counter()
     for k, name in enumerate(chosen):
         progress.advance(k, len(chosen), SECTIONS[name][0])
-        sections.append(_section(name, quick, lmp, site))
+        sections.append(_section(name, quick, lmp, site, pysph))
         chart = Chart(command, before, about, quick, time.perf_counter() - begin, tuple(sections))
         record.write(chart, out)
     progress.advance(len(chosen), len(chosen), "report")
@@ -87,9 +106,10 @@ def beside(engine: str, names: Sequence[str], quick: bool, out: Path, progress: 
     return record.DOCUMENT.read(folder / "chart.json")
 
 
-def _section(name: str, quick: bool, lmp: Any, site: str | None) -> Section:
+def _section(name: str, quick: bool, lmp: Any, site: str | None, pysph: str | None) -> Section:
     module, begin = importlib.import_module(f"lammps_cases.studies.chart.{name}"), time.perf_counter()
-    panels = tuple(module.panels(quick, lmp))
+    panels = tuple(module.panels(quick, lmp)) if hasattr(module, "panels") else ()
     maps = tuple(module.maps(quick)) if hasattr(module, "maps") else ()
     flows = tuple(module.flows(quick, site)) if hasattr(module, "flows") else ()
-    return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, flows)
+    codes = tuple(module.codes(quick, site, pysph)) if hasattr(module, "codes") else ()
+    return Section(name, *SECTIONS[name], time.perf_counter() - begin, panels, maps, flows, codes)

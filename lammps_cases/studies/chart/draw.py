@@ -12,12 +12,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis
+from lammps_cases.studies.chart.codes import compared, name
 from lammps_cases.studies.chart.points import DIGITS, LAMMPS, Map, MethodPoint, Panel, frontier
 from lammps_cases.studies.flows.converge import Convergence
 
 # Told apart by colour and by shape; LAMMPS' own are always red stars.
 _COLOURS = ("#1f5fa8", "#2e8b57", "#d98200", "#7b4fa3", "#0f9ba8", "#8c5a3c", "#c2559d", "#5c6b7a")
 _OTHERS = ("#111111", "#e5007d", "#7fb800", "#00b3e6")  # engines beside the first
+_PEER, _SCHEMES = "#2e8b57", {"tvf": "s", "edac": "^", "wcsph": "D"}  # PySPH
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
 
 
@@ -131,15 +133,7 @@ def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
         for run in runs:
             if measure not in run.errors:
                 continue
-            ours = run.engine == "reference"
-            style: dict[str, Any] = {
-                "color": BLUE if ours else RED,
-                "marker": "o" if ours else "*",
-                "ms": 6 if ours else 10,
-                "mfc": "white" if ours else RED,
-                "lw": 1,
-                "zorder": 3 if ours else 2,
-            }
+            style, ours = _code(run.engine), run.engine == "reference"
             error, fit = np.array(run.errors[measure]), run.fit(measure)
             spread = f" ± {fit.standard_error:.2f}" if np.isfinite(fit.standard_error) else ""
             label = f"{'reference' if ours else 'LAMMPS'}, order {fit.order:.2f}{spread}"
@@ -155,6 +149,45 @@ def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
         right.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 1000:g}"))
         right.set(xlabel="µs per particle, all steps (log)")
         left.legend(frameon=False, fontsize=8)
+        return figure
+
+
+def _code(engine: str) -> dict[str, Any]:
+    """Return the colour and mark of a code; the schemes of PySPH have a colour, and each its mark."""
+    if engine == "reference":
+        return {"color": BLUE, "marker": "o", "ms": 6, "mfc": "white", "lw": 1, "zorder": 3}
+    if engine == "lammps":
+        return {"color": RED, "marker": "*", "ms": 10, "mfc": RED, "lw": 1, "zorder": 2}
+    return {
+        "color": _PEER,
+        "marker": _SCHEMES.get(engine.split()[-1], "X"),
+        "ms": 6,
+        "mfc": "white",
+        "lw": 1,
+        "zorder": 2,
+    }
+
+
+def codes_figure(runs: Sequence[Convergence]) -> Figure:
+    """Draw the error of every flow against the seconds of a run, a line per code, each point with its resolution."""
+    with matplotlib.rc_context(STYLE):
+        cases = list(compared(runs))
+        figure = Figure(figsize=(3.2 * len(cases) + 1.6, 3.1), layout="constrained")
+        axes = figure.subplots(1, len(cases), squeeze=False).ravel()
+        labels: dict[str, Any] = {}
+        for axis, (case, of) in zip(axes, cases, strict=True):
+            for run in of:
+                style, error = _code(run.engine), run.errors.get(case.measure, ())
+                labels[name(run)] = Line2D([], [], **style)
+                if error:
+                    axis.plot(run.seconds, error, **style)
+                    for n, x, y in zip(run.resolutions, run.seconds, error, strict=True):
+                        axis.annotate(str(n), (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
+            axis.set(xscale="log", yscale="log", title=case.title, ylabel=f"error: {case.measure}")
+            for along in (axis.xaxis, axis.yaxis):
+                plain_log_axis(along)
+        figure.supxlabel("seconds of one core, all steps of a run (log)", fontsize=9)
+        figure.legend(list(labels.values()), list(labels), loc="outside right center", frameon=False, fontsize=8)
         return figure
 
 

@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
 from lammps_cases.pages import frame
 from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
-from lammps_cases.studies.chart import draw
+from lammps_cases.studies.chart import codes, draw
 from lammps_cases.studies.chart.points import MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import FLOWS
@@ -57,6 +58,8 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
         pictures={p.id: saved(draw.panel_figure(p, _of_others(p, others)), figures, p.id) for p in chart.panels},
         maps={m.id: saved(draw.map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
         flows={section.name: list(_flows(section, figures)) for section in chart.sections},
+        codes={section.name: _codes(section, figures) for section in chart.sections if section.codes},
+        without=codes.without(chart),
         rows=rows,
         sentence=sentence,
         error=lambda value: f"{value:.2g}" if math.isfinite(value) else "none right",
@@ -78,6 +81,7 @@ def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
     beside = f", and beside it, measured afterwards: {', '.join(map(_label, others))}" if others else ""
     return [
         ("LAMMPS", f"{_label(chart)}{beside}"),
+        *([("PySPH", chart.engine["pysph"])] if "pysph" in chart.engine else []),
         ("processor", f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start"),
         ("took", f"{chart.seconds:.0f} s" + (" (quick)" if chart.quick else "")),
     ]
@@ -89,6 +93,12 @@ def _flows(section: Section, figures: Path) -> Iterator[FlowView]:
         measure = next((m for run in runs for m in run.errors), "")
         picture = saved(draw.convergence_figure(runs, measure), figures, f"flow-{name}")
         yield FlowView(FLOWS[name], measure, runs, picture)
+
+
+def _codes(section: Section, figures: Path) -> dict[str, Any]:
+    about = {case.title: case.about for case, _ in codes.compared(section.codes)}
+    picture = saved(draw.codes_figure(section.codes), figures, section.name)
+    return {"picture": picture, "about": about, "rows": list(codes.rows(section.codes))}
 
 
 def rows(panel: Panel, regime: str) -> list[tuple[MethodPoint, bool]]:

@@ -16,7 +16,7 @@ from lammps_cases.studies.flows.converge import Convergence
 
 @dataclass(frozen=True)
 class Section:
-    """One group of panels, maps and flows, with the seconds it took."""
+    """One group of panels, maps and flows, with the seconds it took; ``codes`` are flows solved by whole codes."""
 
     name: str
     title: str
@@ -25,6 +25,7 @@ class Section:
     panels: tuple[Panel, ...] = ()
     maps: tuple[Map, ...] = ()
     flows: tuple[Convergence, ...] = ()
+    codes: tuple[Convergence, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def _convergence_rows(chart: Chart) -> Iterable[Sequence[Any]]:
         *("flow", "engine", "measure", "resolution", "error", "order", "standard_error"),
         *("seconds", "particles", "steps"),
     )
-    for run in (run for section in chart.sections for run in section.flows):
+    for run in (run for section in chart.sections for run in (*section.flows, *section.codes)):
         for measure, errors in run.errors.items():
             fit = run.fit(measure)
             for k, (n, error) in enumerate(zip(run.resolutions, errors, strict=True)):

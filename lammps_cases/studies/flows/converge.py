@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -23,7 +24,7 @@ ENGINES: tuple[Engine, ...] = ("reference", "lammps")
 
 @dataclass(frozen=True)
 class FlowResult:
-    """Outcome of a flow: snapshots, wall time of its steps, particles, steps taken, LAMMPS' error if it failed."""
+    """Outcome of a flow: snapshots, processor time of its steps, particles, steps taken, the error if it failed."""
 
     snapshots: tuple[Snapshot, ...]
     seconds: float
@@ -50,15 +51,15 @@ def by_lammps(start: Start, lmp: Any) -> FlowResult:
 
 
 def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
-    """Return the snapshots at the steps of a flow, with the wall time of the steps alone."""
+    """Return the snapshots at the steps of a flow, with the processor time of the steps alone: of one core."""
     snapshots, seconds, done, message = [], 0.0, 0, ""
     try:
         run = begin()
         for step in start.steps:
-            before = time.perf_counter()
+            before = time.process_time()
             if step > done:
                 run.advance(step - done)
-            seconds += time.perf_counter() - before
+            seconds += time.process_time() - before
             snapshots.append(run.snapshot())
             done = step
     except EngineBroken:
@@ -105,7 +106,7 @@ class Convergence:
     """Errors of one flow on one engine, by measure and resolution; NaN, with a message, where the engine failed."""
 
     flow: str
-    engine: Engine
+    engine: str
     options: Options
     resolutions: tuple[int, ...]
     errors: Mapping[str, tuple[float, ...]]
@@ -126,6 +127,7 @@ def converge(
     resolutions: Sequence[int] = (),
     repeats: int = 1,
     site: str | None = None,
+    others: Mapping[str, Callable[[int, Start], FlowResult]] = MappingProxyType({}),
 ) -> tuple[Convergence, ...]:
     """Run a flow at several resolutions, the engines in turns.
 
@@ -140,23 +142,31 @@ def converge(
         Times that every run is timed, in turns; the median counts.
     site : str, optional
         Folder of another LAMMPS, see `lammps_cases.engine.installations`.
+    others : mapping, optional
+        Further codes by name: what solves a flow at a resolution.
     """
     chosen, options = tuple(resolutions) or flow.resolutions, options or flow.options
-    results: dict[Engine, list[FlowResult]] = {name: [] for name in engines}
+    results: dict[str, list[FlowResult]] = {name: [] for name in (*engines, *others)}
     with Workers(site, 1) if "lammps" in engines else contextlib.nullcontext() as workers:
         for n in chosen:
             start = flow.start(n, options)
             rounds = [
-                [in_worker(start, workers) if workers and name == "lammps" else by_reference(start) for name in engines]
+                [
+                    *(
+                        in_worker(start, workers) if workers and name == "lammps" else by_reference(start)
+                        for name in engines
+                    ),
+                    *(by_other(n, start) for by_other in others.values()),
+                ]
                 for _ in range(repeats)
             ]
-            for name, runs in zip(engines, zip(*rounds, strict=True), strict=True):
+            for name, runs in zip(results, zip(*rounds, strict=True), strict=True):
                 results[name].append(replace(runs[0], seconds=median(run.seconds for run in runs)))
     return tuple(_convergence(flow, options, name, chosen, runs) for name, runs in results.items())
 
 
 def _convergence(
-    flow: Flow, options: Options, name: Engine, resolutions: tuple[int, ...], runs: Sequence[FlowResult]
+    flow: Flow, options: Options, name: str, resolutions: tuple[int, ...], runs: Sequence[FlowResult]
 ) -> Convergence:
     errors_by_n = [
         {} if run.message else flow.measures(n, options, run.snapshots)

@@ -23,6 +23,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.analytic import waves
 from eos_ref.eos.table import EOS, FloatArray, examples
+from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.materials import entries
 from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
 from lammps_cases.studies.flows.layout import fluid, relative, rows, start, time_step
@@ -231,24 +232,32 @@ SOUNDS = tuple(
 # --- vortices of Taylor and Green
 
 REYNOLDS = 1.0  # of the wavelength: particles move by a hundredth of it, and shear by 8 %
+MACH = 0.1
 
 
 def _vortex(n: int, options: Options) -> tuple[float, float, float, float]:
     """Return the wave number, viscosity, highest speed, speed of sound.
 
     Sound takes a spacing at twice the speed of diffusion, so that both limit the time step alike. The Mach number is
-    then Re/2N: the fluid becomes incompressible as the resolution grows.
+    then Re/2N: the fluid becomes incompressible as the resolution grows. It is at most `MACH`.
     """
     nu = 1.0
-    return wave_number(n), nu, options.number("Re", REYNOLDS) * nu / n, 2 * nu
+    speed = options.number("Re", REYNOLDS) * nu / n
+    return wave_number(n), nu, speed, max(2 * nu, speed / MACH)
 
 
 def _vortex_start(n: int, options: Options) -> Start:
     (k, nu, a, c), x_nc = _vortex(n, options), strip(n, n)
+    disorder = options.number("disorder", 0.0)
+    x_nc = np.mod(x_nc + np.random.default_rng(seed(f"vortices-{n}")).uniform(-disorder, disorder, x_nc.shape), n)
     u_n, v_n, p_n = waves.taylor_green(x_nc[:, 0], x_nc[:, 1], 0.0, k, nu, a)
+    pair = {
+        "artificial_visc": options.number("artificial-visc", 0.0),
+        "rho_damp": options.number("rho-damp", 0.0) * options.cut / 3 * c,
+    }
     return start(
         "taylor-green",
-        {"types": [fluid(cs=c, viscosity=nu)]},
+        {"types": [fluid(cs=c, viscosity=nu)], "rheo": {"shift": options.word("shift", "no") == "yes"}, "pair": pair},
         **_box(n, options, x_nc, c + a, nu),
         times=[1 / (2 * nu * k**2)],
         v_nc=np.stack([u_n, v_n], axis=1),
@@ -268,7 +277,7 @@ def _vortex_measures(n: int, options: Options, snapshots: Sequence[Snapshot]) ->
 VORTICES = Flow(
     "taylor-green",
     f"Vortices in a square decay by viscosity and carry the particles. Option Re ({REYNOLDS:g}); the Mach number is "
-    "Re/2N.",
+    f"Re/2N, at most {MACH:g}. Options disorder (spacings), shift (yes), artificial-visc, rho-damp (over h c): none.",
     "exact for an incompressible fluid; eos_ref.analytic.waves.taylor_green",
     (16, 24, 32, 48),
     SECOND + "; the square of the Mach number falls alike",

@@ -85,8 +85,13 @@ def _row(*cells: str) -> str:
 
 def document(text: str, validated: Validated) -> str:
     """Return a document with the table in its place."""
+    return placed(text, table(validated))
+
+
+def placed(text: str, words: str) -> str:
+    """Return a document with what was measured in its place."""
     before, rest = text.split(BEGIN)
-    return f"{before}{BEGIN}\n{table(validated)}\n{END}{rest.split(END)[1]}"
+    return f"{before}{BEGIN}\n{words}\n{END}{rest.split(END)[1]}"
 
 
 def main(folders: Sequence[str]) -> None:

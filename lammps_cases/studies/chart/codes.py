@@ -1,0 +1,152 @@
+"""Whole codes on the same flows: the reference, LAMMPS, and PySPH where a Python that has it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from eos_ref import InputError
+from lammps_cases.studies.benchmarks import pysph as peer
+from lammps_cases.studies.chart.record import Chart
+from lammps_cases.studies.flows.converge import Convergence, FlowResult, converge
+from lammps_cases.studies.flows.flow import Flow, Options, Snapshot, Start
+from lammps_cases.studies.flows.periodic import VORTICES
+from lammps_cases.studies.validation.cavity import STORED
+from lammps_cases.studies.validation.dam import DAM
+
+LIMIT = 3600.0  # seconds for a run of PySPH
+REYNOLDS = 100.0  # of the vortices: that of PySPH's example
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A flow that several codes solve.
+
+    Attributes
+    ----------
+    flow, title : what it is
+    measure : the error that is drawn
+    example, schemes : PySPH's, its default first
+    speed : by the resolution, of what PySPH has as speed 1, in units of the flow, whose spacing is 1
+    """
+
+    flow: Flow
+    title: str
+    measure: str
+    example: str
+    schemes: tuple[str, ...]
+    speed: Callable[[int], float] = lambda n: 1.0
+
+    @property
+    def about(self) -> str:
+        """What each code solves."""
+        return (
+            f"{self.flow.about} PySPH: its example {self.example}, schemes {' (its default) and '.join(self.schemes)}."
+        )
+
+
+SWIRL = replace(
+    VORTICES,
+    name=f"taylor-green-{REYNOLDS:g}",
+    about=f"Vortices in a periodic square at Re {REYNOLDS:g}, c = 10 times their speed, from a lattice disordered by a "
+    "tenth of the spacing, until they have decayed to 1/e. With RK1, shift and rho/damp 0.3 h c as in LAMMPS' own "
+    "example, and a tenth of its artificial viscosity, 0.1.",
+    options=Options(
+        kernel="RK1",
+        extra={"Re": REYNOLDS, "disorder": 0.1, "shift": "yes", "artificial-visc": 0.1, "rho-damp": 0.3},
+    ),
+    resolutions=(12, 16, 25),
+    quick=(12,),
+)
+COMPARED = (
+    Compared(SWIRL, "Vortices of Taylor and Green", "profile", "taylor_green", ("tvf", "edac"), lambda n: REYNOLDS / n),
+    Compared(replace(STORED.flow, resolutions=(12, 16)), "Lid-driven cavity", "u", "cavity", ("tvf", "edac")),
+    Compared(replace(DAM.flow, resolutions=(12, 16, 24)), "Dam break", "front", "dam_break_2d", ("wcsph", "edac")),
+)
+
+
+def codes(quick: bool, site: str | None, pysph: str | None) -> Iterator[Convergence]:
+    """Solve every flow by every code.
+
+    Raises
+    ------
+    InputError
+        PySPH fails.
+    """
+    for case in COMPARED:
+        yield from converge(
+            case.flow,
+            resolutions=case.flow.quick if quick else case.flow.resolutions,
+            site=site,
+            others={f"PySPH {scheme}": partial(by_pysph, pysph, case, scheme) for scheme in case.schemes}
+            if pysph
+            else {},
+        )
+
+
+def by_pysph(python: str, case: Compared, scheme: str, n: int, start: Start) -> FlowResult:
+    """Run PySPH's example of a flow to the times at which the start is read.
+
+    Raises
+    ------
+    InputError
+        It fails, or has other particles.
+    """
+    speed = case.speed(n)
+    times = [repr(float(step * start.timestep * speed / n)) for step in start.steps]
+    script = str(peer.SCRIPTS / "pysph_flow.py")
+    found = peer.answer(python, script, case.example, scheme, str(n), *times, limit=LIMIT)
+    shots = tuple(_snapshot(shot, n, speed, start) for shot in found["shots"])
+    finite = all(np.isfinite(shot.x_nc[start.atoms.type_n == 1]).all() for shot in shots)
+    message = "" if finite else "a position of PySPH is no finite number"
+    return FlowResult(shots, found["seconds"], found["particles"], found["steps"], message)
+
+
+def _snapshot(shot: Mapping[str, Any], n: int, speed: float, start: Start) -> Snapshot:
+    """Return PySPH's fluid in units of the flow, in the places of the start's; all else is unknown."""
+    fluid_n = start.atoms.type_n == 1
+    if len(shot["x"]) != fluid_n.sum():
+        raise InputError("PySPH", f"must have {fluid_n.sum()} particles of fluid", len(shot["x"]))
+    x_nc, v_nc = np.full((2, len(fluid_n), 2), np.nan)
+    x_nc[fluid_n] = n * np.stack([shot["x"], shot["y"]], axis=1)
+    v_nc[fluid_n] = speed * np.stack([shot["u"], shot["v"]], axis=1)
+    unknown_n = np.full(len(fluid_n), np.nan)
+    return Snapshot(shot["time"] * n / speed, x_nc, v_nc, unknown_n, None, unknown_n, None)
+
+
+def compared(runs: Sequence[Convergence]) -> Iterator[tuple[Compared, list[Convergence]]]:
+    """Yield the flows that were solved, each with the runs of every code."""
+    for case in COMPARED:
+        of = [run for run in runs if run.flow == case.flow.name]
+        if of:
+            yield case, of
+
+
+def rows(runs: Sequence[Convergence]) -> Iterator[tuple[str, ...]]:
+    """Yield what stands in a table: flow, error of, code, N, particles, steps, seconds, error."""
+    for case, of in compared(runs):
+        for run in of:
+            for k, n in enumerate(run.resolutions):
+                error = run.errors[case.measure][k] if case.measure in run.errors else np.nan
+                yield (
+                    *(case.flow.name, case.measure, name(run), str(n), f"{run.particles[k]}", f"{run.steps[k]}"),
+                    *(
+                        f"{run.seconds[k]:.2g}",
+                        f"{error:.2g}" if np.isfinite(error) else run.messages.get(n, "no number"),
+                    ),
+                )
+
+
+def name(run: Convergence) -> str:
+    """Return the name of a code."""
+    return "LAMMPS" if run.engine == "lammps" else run.engine
+
+
+def without(chart: Chart) -> str:
+    """Say that PySPH is not on a chart of whole codes, and how it gets there; empty if it is."""
+    missing = any(section.codes for section in chart.sections) and "pysph" not in chart.engine
+    return "PySPH is not among them: --pysph PYTHON names a Python that has it." if missing else ""

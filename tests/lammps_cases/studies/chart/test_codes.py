@@ -1,0 +1,212 @@
+"""Whole codes beside each other: PySPH's answers read, its errors measured as ours, words where it is not given."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eos_ref import InputError
+from eos_ref.analytic import waves
+from lammps_cases.pages.figures import BLUE, RED
+from lammps_cases.studies.benchmarks import pysph
+from lammps_cases.studies.chart import codes, draw, record, summary
+from lammps_cases.studies.chart.codes import COMPARED, SWIRL, by_pysph
+from lammps_cases.studies.chart.record import Chart, Section
+from lammps_cases.studies.flows import periodic
+from lammps_cases.studies.flows.converge import Convergence
+from lammps_cases.studies.flows.flow import Options
+from lammps_cases.studies.validation import summary as validation_summary
+from tests.support.outcome import Outcome
+
+Run = Callable[..., Outcome]
+N = 8
+VORTICES, CAVITY, DAM = COMPARED
+
+
+def python(folder: Path, code: str) -> str:
+    """Return a program that stands for a Python with PySPH."""
+    path = folder / "python"
+    path.write_text(f"#!{sys.executable}\nimport json, sys\n{code}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+def answering(folder: Path, shots: list[dict[str, object]]) -> str:
+    """Return one that says its version, or gives shots as the particles of any flow."""
+    (folder / "shots.json").write_text(json.dumps({"particles": 80, "steps": 9, "seconds": 1.5, "shots": shots}))
+    (folder / "version.json").write_text('{"version": "9"}')
+    chosen = "('version' if sys.argv[1] == '-c' else 'shots')"
+    return python(folder, f"print('noise')\nprint(open({str(folder)!r} + '/' + {chosen} + '.json').read())")
+
+
+def vortices(factor: float) -> dict[str, object]:
+    """Return the solution at the end, by a factor too fast, in PySPH's units: its edge, its fastest vortex."""
+    x_n, y_n = (a.ravel() for a in np.meshgrid(*[(np.arange(N) + 0.5) / N] * 2))
+    time = codes.REYNOLDS / (8 * np.pi**2)
+    u_n, v_n, _ = waves.taylor_green(x_n, y_n, time, 2 * np.pi, 1 / codes.REYNOLDS, factor)
+    return {"time": time, **{name: a.tolist() for name, a in zip("xyuv", (x_n, y_n, u_n, v_n), strict=True)}}
+
+
+# --- errors
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.25])
+def test_the_error_of_vortices_is_that_of_their_speed(tmp_path: Path, factor: float) -> None:
+    start = SWIRL.start(N, SWIRL.options)
+    result = by_pysph(answering(tmp_path, [vortices(factor)]), VORTICES, "tvf", N, start)
+    assert (result.n, result.steps, result.seconds, result.message) == (80, 9, 1.5, "")
+    assert result.snapshots[0].time == pytest.approx(1 / (2 * periodic.wave_number(N) ** 2))
+    errors = SWIRL.measures(N, SWIRL.options, result.snapshots)
+    # Rounding of places, and of the time to which they belong, is all that is left.
+    assert errors["profile"] == pytest.approx(factor - 1, abs=1e-12)
+    assert errors["rate"] == pytest.approx(np.log(factor), abs=1e-12)
+
+
+def test_a_front_and_a_line_are_read_as_ours_are(tmp_path: Path) -> None:
+    """Particles of the start at rest, as PySPH would tell them: the same errors as the start itself has."""
+    for case in (CAVITY, DAM):
+        start = case.flow.start(N, case.flow.options)
+        wet_n = start.atoms.type_n == 1
+        x_nc, v_nc = start.atoms.x_nc[wet_n, :2], np.full((wet_n.sum(), 2), 0.3)
+        values = dict(zip("xyuv", (*(x_nc / N).T.tolist(), *v_nc.T.tolist()), strict=True))
+        shots: list[dict[str, object]] = [{"time": step * start.timestep / N, **values} for step in start.steps]
+        result = by_pysph(answering(tmp_path, shots), case, "edac", N, start)
+        exact = [replace(shot, x_nc=start.atoms.x_nc[:, :2]) for shot in result.snapshots]
+        errors = [case.flow.measures(N, case.flow.options, of)[case.measure] for of in (result.snapshots, exact)]
+        assert errors[0] == pytest.approx(errors[1])
+        assert 0.1 < errors[0] < 10
+
+
+def test_a_number_that_is_none_is_a_message(tmp_path: Path) -> None:
+    shot = vortices(1.0) | {"x": [np.nan] * N**2}
+    result = by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, SWIRL.start(N, SWIRL.options))
+    assert result.message == "a position of PySPH is no finite number"
+
+
+def test_vortices_at_rest_on_a_lattice_are_as_they_were() -> None:
+    """Options that are left out change nothing of the flow of the other sections; the Mach number is at most 0.1."""
+    plain, swirl = periodic.VORTICES.start(16, periodic.VORTICES.options), SWIRL.start(16, SWIRL.options)
+    assert (plain.atoms.x_nc[:, :2] % 1 == 0.5).all()
+    assert plain.case.scene.types[0].cs == 2.0
+    moved = np.abs((swirl.atoms.x_nc - plain.atoms.x_nc)[:, :2])
+    assert 0.09 < moved.max() <= 0.1
+    assert swirl.case.scene.types[0].cs == 10 * codes.REYNOLDS / 16
+
+
+# --- a Python that has no PySPH
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (None, "cannot be run: No such file"),
+        ("sys.exit('No module named pysph')", "cannot run its example: No module named pysph"),
+        ("sys.exit(3)", "cannot run its example: no message"),
+        ("", "must print a JSON document in its last line"),
+        ("print('done')", "must print a JSON document in its last line"),
+        ("print([1])", "must print a JSON document in its last line"),
+        ("import time; time.sleep(9)", "must answer within 0.5 s"),
+    ],
+)
+def test_a_peer_that_fails_is_one_line(tmp_path: Path, code: str | None, words: str) -> None:
+    named = str(tmp_path / "nowhere") if code is None else python(tmp_path, code)
+    with pytest.raises(InputError, match=f"Python of PySPH: {words}") as caught:
+        pysph.answer(named, "script.py", limit=0.5 if code and "sleep" in code else 600.0)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_other_particles_are_one_line(tmp_path: Path) -> None:
+    shot = {"time": 1.0, "x": [0.0], "y": [0.0], "u": [0.0], "v": [0.0]}
+    with pytest.raises(InputError, match="PySPH: must have 64 particles of fluid, found 1"):
+        by_pysph(answering(tmp_path, [shot]), VORTICES, "tvf", N, SWIRL.start(N, SWIRL.options))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("codes", "--pysph", "/nowhere/python"), "Python of PySPH: cannot be run"),
+        (("laws", "--pysph", "python"), "--pysph: must come with the section codes, found 'python'"),
+    ],
+)
+def test_the_command_refuses_before_it_measures(
+    eos_ref_command: Run, tmp_path: Path, options: tuple[str, ...], words: str
+) -> None:
+    ended = eos_ref_command("chart", *options, "--out", tmp_path / "out")
+    assert ended.code == 2
+    assert words in ended.err
+    assert not (tmp_path / "out").exists()
+
+
+# --- the whole path
+
+
+@pytest.mark.lammps
+@pytest.mark.slow
+@pytest.mark.parametrize("with_pysph", [True, False])
+def test_codes_are_beside_each_other_on_page_and_terminal(
+    eos_ref_command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_pysph: bool
+) -> None:
+    monkeypatch.setattr(codes, "COMPARED", (replace(VORTICES, flow=replace(SWIRL, quick=(N,))),))
+    peer = ("--pysph", answering(tmp_path, [vortices(1.25)])) if with_pysph else ()
+    ended = eos_ref_command("chart", "codes", "--quick", *peer, "--out", tmp_path / "out")
+    assert ended.code == 0, ended.err
+    chart = record.DOCUMENT.read(tmp_path / "out" / "chart.json")
+    engines = ["reference", "lammps", *(["PySPH tvf", "PySPH edac"] if with_pysph else [])]
+    assert [run.engine for run in chart.sections[0].codes] == engines
+    assert all(run.seconds[0] > 0 and run.steps[0] > 0 for run in chart.sections[0].codes)
+    html = (tmp_path / "out" / "report.html").read_text()
+    assert ("--pysph PYTHON names a Python that has it" in html) is not with_pysph
+    assert ("--pysph PYTHON names a Python that has it" in ended.out) is not with_pysph
+    assert (chart.engine.get("pysph") == "9") is with_pysph
+    assert f"{SWIRL.name} profile  LAMMPS " in ended.out
+    table = (tmp_path / "out" / "convergence.csv").read_text()
+    assert (f"{SWIRL.name},PySPH tvf,profile,{N},0.2" in table) is with_pysph
+
+
+# --- pictures and the document
+
+
+def made(engine: str, errors: tuple[float, ...]) -> Convergence:
+    measures = {VORTICES.measure: errors} if errors else {}
+    messages = {} if errors else {8: "Lost atoms", 16: "Lost atoms"}
+    return Convergence(SWIRL.name, engine, Options(), (8, 16), measures, (0.5, 4.0), (64, 256), (9, 9), messages)
+
+
+def test_a_code_has_one_colour_and_what_stopped_is_no_point() -> None:
+    runs = [
+        made("reference", (0.1, 0.05)),
+        made("lammps", ()),
+        made("PySPH tvf", (0.2, 0.1)),
+        made("PySPH edac", (0.3, 0.1)),
+    ]
+    figure = draw.codes_figure(runs)
+    [axis] = figure.axes
+    drawn = {line.get_color(): list(line.get_ydata()) for line in axis.lines if line.get_marker() != "^"}
+    assert drawn == {BLUE: [0.1, 0.05], draw._PEER: [0.2, 0.1]}
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [codes.name(run) for run in runs]
+    assert draw._code("lammps")["color"] == RED
+    assert [row[-1] for row in codes.rows(runs)][2:4] == ["Lost atoms", "Lost atoms"]
+
+
+def test_what_is_kept_is_the_codes_without_paths() -> None:
+    section = Section("codes", "", "", 2.0, codes=(made("reference", (0.1, 0.05)), made("PySPH tvf", (0.2, 0.1))))
+    engine = {"distribution": "1", "library": "/here/liblammps.so", "pysph": "9"}
+    command = "eos-ref chart --pysph /here/python --out /here"
+    chart = Chart(command, {"processor": "p"}, engine, False, 9.0, (Section("laws", "", "", 7.0), section))
+    kept = summary.kept(chart)
+    assert (kept.command, kept.sections, kept.seconds) == ("eos-ref chart codes --pysph PYTHON", (section,), 2.0)
+    assert kept.engine == {"distribution": "1", "pysph": "9"}
+    assert "| taylor-green-100, profile | PySPH tvf | 8: 0.2 in 0.5 s; 16: 0.1 in 4 s | 256, 9 |" in summary.table(kept)
+    assert "--pysph PYTHON names a Python" in summary.table(summary.kept(replace(chart, engine={"distribution": "1"})))
+
+
+def test_the_document_has_the_table_that_was_measured() -> None:
+    path = Path(__file__).parents[4] / "docs" / "accuracy.md"
+    text = path.read_text(encoding="utf-8")
+    assert validation_summary.placed(text, summary.table(record.DOCUMENT.read(summary.MEASURED))) == text

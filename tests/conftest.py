@@ -61,11 +61,18 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
+APART = {"browser", "kills", "root", "slurm", "unittest"}
 LONGEST = ("test_campaign.py", "test_alarms.py", "test_faults.py", "test_chart.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files that take long come first: processes that share the tests file by file then end at about the same time."""
+    """Files that take long come first: processes that share the tests file by file then end at about the same time.
+
+    What has a make target of its own is slow, so that ``-m "not lammps and not slow"`` leaves it out as well.
+    """
+    for item in items:
+        if APART & {mark.name for mark in item.iter_markers()}:
+            item.add_marker("slow")
     marked = {(item.path, mark.name) for item in items for mark in item.iter_markers()}
 
     def place(item: pytest.Item) -> tuple[int, bool, bool]:

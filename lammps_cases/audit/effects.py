@@ -17,7 +17,7 @@ from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import Finding, applicable
-from lammps_cases.records.run_record import EffectRecord
+from lammps_cases.records.audit_record import EffectRecord
 
 MULTIPLE = 0.01  # part of the largest value by which a field may differ from a multiple of the right one
 

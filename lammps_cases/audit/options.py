@@ -13,19 +13,9 @@ from pydantic import ConfigDict
 from eos_ref.errors import InputError
 from lammps_cases.audit.fields import DEFAULT, chosen
 from lammps_cases.engine.containment import Means
+from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import (
-    BudgetRecord,
-    ClosedRecord,
-    EffectRecord,
-    FieldRecord,
-    LawRecord,
-    OutlookRecord,
-    RunRecord,
-    Seconds,
-    SeriesRecord,
-    Verdict,
-)
+from lammps_cases.records.run_record import FieldRecord, LawRecord, RunRecord, Seconds, Verdict
 
 TIMEOUT = 3600.0  # seconds
 TRUST = "EOS_REF_TRUST"  # in the environment: 1 for decks that are trusted

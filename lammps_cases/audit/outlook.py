@@ -19,7 +19,7 @@ from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.comparison.trajectory import Problem, own_stages
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
-from lammps_cases.records.run_record import EffectRecord, OutlookRecord
+from lammps_cases.records.audit_record import EffectRecord, OutlookRecord
 
 STEPS = (50, 500)  # that an attempt takes at least and at most, else twice as many as LAMMPS took
 WORK = 1_000_000  # steps times particles of an attempt, beyond which it would take longer than a user waits

@@ -20,7 +20,7 @@ from lammps_cases.audit.outlook import RUNAWAY, Good, boxed, fastest, model_with
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
-from lammps_cases.records.run_record import SeriesRecord
+from lammps_cases.records.audit_record import SeriesRecord
 
 AS_IT_IS, HALF_STEP, FINER, SILENT = "as it is", "half the time step", "half the spacing", "no artificial viscosity"
 SLOW = 200_000  # steps times particles of a run with a finding, which no compiled code takes; above, it is shortened

@@ -17,15 +17,8 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import (
-    Blame,
-    BudgetRecord,
-    CaseRecord,
-    CheckRecord,
-    EffectRecord,
-    FieldRecord,
-    worst,
-)
+from lammps_cases.records.audit_record import BudgetRecord, EffectRecord
+from lammps_cases.records.run_record import Blame, CaseRecord, CheckRecord, FieldRecord, worst
 
 
 @dataclass

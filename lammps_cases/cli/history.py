@@ -15,6 +15,7 @@ from lammps_cases.records.wording import brief, counted, plain
 
 if TYPE_CHECKING:
     from lammps_cases.history.model import StoredRun
+    from lammps_cases.history.store import History
     from lammps_cases.history.views import CaseView, RunLine, Spread
     from lammps_cases.records.outcome import CaseOutcome
 
@@ -68,22 +69,12 @@ def history_command(
     from lammps_cases.history import page, views
     from lammps_cases.history.store import History
     from lammps_cases.history.versions import engines
-    from lammps_cases.records import untrusted
-    from lammps_cases.records.documents import LARGEST
-    from lammps_cases.records.run_record import parse_run
 
     with Bar(quiet=as_json) as bar, History(_file(db, bool(added))) as history:
         if forget:
-            before = _day(forget, "--forget")
-            count = history.forget(before)
-            text = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
-            click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
+            _forget(history, _day(forget, "--forget"), as_json)
             return 0
-        for k, path in enumerate(added):
-            bar.advance(k, len(added), str(path))
-            folder = path.parent if path.name == "run.json" else path
-            content = untrusted.read_bytes(folder / "run.json", "run", LARGEST)
-            history.add(parse_run(content, folder), content)
+        _add(history, added, bar)
         bar.advance(0, None, "reading the history")
         every = history.runs()
         runs = views.chosen_runs(every, engine, _day(since, "--since"), last or (None if names else SHOWN))
@@ -111,6 +102,25 @@ def history_command(
     if page_file:
         click.echo(f"page: {page_file}")
     return 0
+
+
+def _forget(history: History, before: str, as_json: bool) -> None:
+    count = history.forget(before)
+    text = f"{counted(count, 'run')} before {before} forgotten, {len(history.runs())} left"
+    click.echo(json.dumps({"forgotten": count}, indent=1) if as_json else text)
+
+
+def _add(history: History, reports: Sequence[Path], bar: Bar) -> None:
+    """Keep the runs of report folders, or of the run.json in them."""
+    from lammps_cases.records import untrusted
+    from lammps_cases.records.documents import LARGEST
+    from lammps_cases.records.run_record import parse_run
+
+    for k, path in enumerate(reports):
+        bar.advance(k, len(reports), str(path))
+        folder = path.parent if path.name == "run.json" else path
+        content = untrusted.read_bytes(folder / "run.json", "run", LARGEST)
+        history.add(parse_run(content, folder), content)
 
 
 def _file(db: Path | None, added: bool) -> Path:

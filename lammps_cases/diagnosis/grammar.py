@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from eos_ref import EOS, EOSTable
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import Gradients, Model
 from eos_ref.numbers.elementary import where
@@ -36,6 +35,7 @@ from lammps_cases.diagnosis.changes import (
     sum_of,
     with_model,
 )
+from lammps_cases.diagnosis.law_changes import law_changes
 from lammps_cases.findings import LEDGER
 from lammps_cases.verdict import model_mistakes
 
@@ -270,85 +270,6 @@ def _of_kernels() -> Iterator[Change]:
 
 
 # --- parameters
-
-Law = Callable[[EOSTable], EOSTable]
-_LAW_PARAMETERS = {
-    "speed of sound": "cs",
-    "equilibrium density": "rho0",
-    "parameter": "parameter",
-    "background": "background",
-}
-
-
-def _laws(change: Callable[[EOS, EOSTable, int], EOS]) -> Law:
-    return lambda table: EOSTable(tuple(change(law, table, t) for t, law in enumerate(table.laws)))
-
-
-def law_changes(types: int) -> Iterator[tuple[str, Law]]:
-    """Yield changes of the laws of all types, in words; some mean nothing for some laws and raise there."""
-    for k in range(types if types > 1 else 0):
-        for name, key in _LAW_PARAMETERS.items():
-            yield (
-                f"the pressure of every particle used the {name} of type {k + 1}",
-                _laws(lambda law, table, t, k=k, key=key: replace(law, **{key: getattr(table.laws[k], key)})),  # type: ignore[misc]
-            )
-        yield (
-            f"the pressure of every particle followed the law of type {k + 1}",
-            _laws(lambda law, table, t, k=k: table.laws[k]),  # type: ignore[misc]
-        )
-    for step, words in ((1, "next"), (-1, "previous")) if types > 1 else ():
-        for name, key in _LAW_PARAMETERS.items():
-            yield (
-                f"the pressure of every particle used the {name} of the {words} type",
-                _laws(
-                    lambda law, table, t, key=key, step=step: replace(  # type: ignore[misc]
-                        law, **{key: getattr(table.laws[(t + step) % len(table.laws)], key)}
-                    )
-                ),
-            )
-        yield (
-            f"the pressure of every particle followed the law of the {words} type",
-            _laws(lambda law, table, t, step=step: table.laws[(t + step) % len(table.laws)]),  # type: ignore[misc]
-        )
-    for name, key in (("speed of sound", "cs"), ("equilibrium density", "rho0")):
-        for words, number in (
-            ("a", lambda value: 1.0),
-            ("the square root of the", lambda value: value**0.5),
-            ("the square of the", lambda value: value**2),
-            ("twice the", lambda value: 2 * value),
-            ("half the", lambda value: value / 2),
-        ):
-            said = f"a {name} of 1" if words == "a" else f"{words} {name}"
-            yield (
-                f"the pressure of every particle used {said}",
-                _laws(
-                    lambda law, table, t, key=key, number=number: replace(law, **{key: number(getattr(law, key))})  # type: ignore[misc]
-                ),
-            )
-    yield "the background pressure were missing", _laws(lambda law, table, t: replace(law, background=0.0))
-    yield (
-        "the background pressure had the other sign",
-        _laws(lambda law, table, t: replace(law, background=-law.background)),
-    )
-    yield (
-        "every law were linear",
-        _laws(lambda law, table, t: law if law.needs_energy else EOS("linear", law.rho0, law.cs, None, law.background)),
-    )
-    for words, other in (
-        ("one more than it is", lambda value: value + 1),
-        ("one less than it is", lambda value: value - 1),
-        ("0", lambda value: 0.0),
-        ("7", lambda value: 7.0),
-        ("of the other sign", lambda value: -value),
-    ):
-        yield (
-            f"the parameter of every law (gamma, A3) were {words}",
-            _laws(
-                lambda law, table, t, other=other: (  # type: ignore[misc]
-                    law if law.parameter is None else replace(law, parameter=other(law.parameter))
-                )
-            ),
-        )
 
 
 def _of_types(types: int) -> Iterator[Change]:

@@ -12,7 +12,7 @@ from eos_ref import EOSTable, InputError
 from eos_ref.eos import bounds
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState, evaluate, excess
-from lammps_cases.diagnosis.grammar import law_changes
+from lammps_cases.diagnosis.law_changes import law_changes
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene.atoms import build

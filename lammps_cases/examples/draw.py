@@ -10,7 +10,7 @@ from lammps_cases.audit import balance
 from lammps_cases.audit.rerun import AS_IT_IS, FINER
 from lammps_cases.examples.collect import Example
 from lammps_cases.pages.figures import BLUE, FAINT, INK, RED, THEMED, themed
-from lammps_cases.records.run_record import BudgetRecord, ClosedRecord, SeriesRecord
+from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, SeriesRecord
 
 # Colours of Okabe & Ito (2008), which the colour-blind tell apart.
 PARTS = {

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.documents import SCHEMAS, Document, Record
 from lammps_cases.records.run_record import EngineRecord
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", populate_by_name=True)
-
-
-class Red(_Record):
+class Red(Record):
     """A scene that is not as expected, and that no finding explains."""
 
     draw: int
@@ -27,7 +23,7 @@ class Red(_Record):
     reproduce: str
 
 
-class FuzzRecord(_Record):
+class FuzzRecord(Record):
     """Random scenes of one seed on one engine."""
 
     schema_: str = Field(SCHEMAS["fuzz"], alias="schema")
@@ -37,11 +33,11 @@ class FuzzRecord(_Record):
     first: int = Field(0, description="number of the first draw")
     drawn: int = Field(0, description="scenes judged")
     rejected: dict[str, int] = Field({}, description="attempts that were no scene, by reason")
-    verdicts: dict[str, int] = {}
+    verdicts: dict[str, int] = Field({})
     twins: int = Field(0, description="scenes judged against a second run of LAMMPS")
     findings: dict[str, int] = Field({}, description="scenes that each finding explains")
     gaps: dict[str, int] = Field({}, description="scenes that a finding changes and its variant does not reproduce")
-    red: list[Red] = []
+    red: list[Red] = Field([])
     choices: dict[str, int] = Field({}, description="choices of the schema, and how many scenes take each")
     never: dict[str, str] = Field({}, description="keys that are never drawn, and why")
     pairs_drawn: int = 0

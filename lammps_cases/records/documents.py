@@ -66,6 +66,12 @@ class _Header(BaseModel):
     schema_: str | None = Field(None, alias="schema")
 
 
+class Record(BaseModel):
+    """A part of a document, without keys that the model does not know."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True, **INFINITE)
+
+
 @dataclass(frozen=True)
 class Study:
     """What the document of a study begins with; it is the single source of page and tables.

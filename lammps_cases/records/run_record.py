@@ -14,12 +14,13 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from eos_ref import EOS, InputError
 from eos_ref.syntax.manual import Manual, manual_of
 from lammps_cases.records import schema1
-from lammps_cases.records.documents import SCHEMAS, Document
+from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
+from lammps_cases.records.documents import SCHEMAS, Document, Record
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -36,18 +37,14 @@ HASH = 8  # digits shown of a library's hash
 BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", ser_json_inf_nan="strings", populate_by_name=True)
-
-
-class DigitsLost(_Record):
+class DigitsLost(Record):
     """Decimal digits lost against the rigorous value, worst atom; None where it was not evaluated."""
 
     lammps: float | None = None
     reference: float | None = None
 
 
-class StepRecord(_Record):
+class StepRecord(Record):
     """A field at one of the steps compared."""
 
     step: int
@@ -58,7 +55,7 @@ class StepRecord(_Record):
     digest: str = Field("", description="of the bits of the engine's array at this step; see `digest`")
 
 
-class FieldRecord(_Record):
+class FieldRecord(Record):
     """Verdict on one per-atom field of a case."""
 
     field: str
@@ -79,7 +76,7 @@ class FieldRecord(_Record):
     steps: list[StepRecord] = Field([], description="every step compared; the values above are of the worst")
 
 
-class LawRecord(_Record):
+class LawRecord(Record):
     """Equation of state of one atom type."""
 
     type: int
@@ -97,7 +94,7 @@ class LawRecord(_Record):
         return cls(type=atom_type, mass=mass, **parameters)
 
 
-class CheckRecord(_Record):
+class CheckRecord(Record):
     """One look of an audit: a field of one type, or of all, at one step."""
 
     step: int
@@ -111,7 +108,7 @@ class CheckRecord(_Record):
     worst_id: int
 
 
-class Seconds(_Record):
+class Seconds(Record):
     """Wall time spent on a case."""
 
     lammps: float = 0.0
@@ -120,7 +117,7 @@ class Seconds(_Record):
     stages: dict[str, float] = Field({}, description="processor seconds of the process that judged it, by stage")
 
 
-class Predictions(_Record):
+class Predictions(Record):
     """Where the reference's predictions came from; a stored one has the bits of a computed one."""
 
     computed: int = Field(0, description="evaluated in this run")
@@ -130,7 +127,7 @@ class Predictions(_Record):
         return f"{self.stored} of {self.stored + self.computed} predictions of the reference from the store"
 
 
-class Blame(_Record):
+class Blame(Record):
     """The first step, stage, field and atom outside the bound; of a twin, the reference's side is the other run."""
 
     field: str
@@ -150,14 +147,14 @@ class Blame(_Record):
     worst_id: int | None = Field(None, description="id of the atom with that (audit)")
 
 
-class Beyond(_Record):
+class Beyond(Record):
     """What leaves the bound although the variants of all findings that the scene shows are taken together."""
 
     findings: list[str]
     blame: Blame
 
 
-class LostAtoms(_Record):
+class LostAtoms(Record):
     """LAMMPS returned other atoms than it was given."""
 
     returned: int
@@ -165,14 +162,14 @@ class LostAtoms(_Record):
     first_id: int = Field(description="first id that is missing, foreign or doubled")
 
 
-class OtherSteps(_Record):
+class OtherSteps(Record):
     """LAMMPS counted other steps than it was asked for."""
 
     counted: list[int]
     asked: list[int]
 
 
-class Mismatch(_Record):
+class Mismatch(Record):
     """What is wrong with the answer to a probe.
 
     ``counts`` and ``values``: of numbers that differ, how many of how many, and the two that are furthest apart; of
@@ -180,101 +177,24 @@ class Mismatch(_Record):
     """
 
     kind: Literal["not finite", "logged", "other numbers", "other atoms", "measured", "blind"]
-    fields: list[str] = []
+    fields: list[str] = Field([])
     text: str = Field("", description="what the log holds; of a blind probe, how its control ended")
-    counts: list[int] = []
-    values: list[float] = []
+    counts: list[int] = Field([])
+    values: list[float] = Field([])
 
 
-class HarnessError(_Record):
+class HarnessError(Record):
     """A fault of the harness, not of LAMMPS."""
 
     exception: str = Field("", description="its class; empty: the process that judged ended")
     text: str
 
 
-class EffectRecord(_Record):
-    """What a finding does to a field of an audited deck, in the sample in which it is largest."""
-
-    finding: str
-    field: str
-    run: int
-    step: int
-    particles: int = Field(description="outside the rounding bound of the field as it should be")
-    of: int
-    relative: float | None = Field(description="largest difference over the largest right value; null if these are 0")
-    factor: float | None = Field(description="if the field is a multiple of the right one")
-
-
-class OutlookRecord(_Record):
-    """Why an audited run broke off: what the reference does from its last good sample on."""
-
-    cause: Literal["findings", "time step", "set-up", "not understood"]
-    findings: list[str] = Field([], description="that make the reference run away, which without them does not")
-    run: int
-    step: int = Field(description="of the last good sample")
-    taken: int = Field(description="steps that LAMMPS took from there")
-    after: int | None = Field(None, description="steps after which the reference runs away, with the findings if any")
-    steps: int = Field(description="steps that the reference was given")
-
-
-class BudgetPart(_Record):
-    """What a part of the model adds to momentum and energy per unit of time, summed over all particles."""
-
-    name: str
-    force: list[float] = Field([], description="sum of the forces; empty: none")
-    power: float = Field(0.0, description="rate of the kinetic energy")
-    storage: float = Field(0.0, description="rate of the energy of compression, the sum of m P/rho^2 drho/dt")
-    heat: float = Field(0.0, description="rate of the heat")
-
-
-class BudgetRecord(_Record):
-    """Conserved quantities of an audited deck in one sample."""
-
-    run: int
-    step: int
-    mass: float
-    volume: float = Field(description="sum of m/rho")
-    momentum: list[float]
-    kinetic: float = Field(description="kinetic energy")
-    size: float = Field(description="sum of the absolute components of the forces of pairs")
-    residual: dict[str, float] = Field(description="sums that are 0 where the formulas conserve a quantity, by name")
-    bound: dict[str, float] = Field(description="what rounding makes of them at most")
-    parts: list[BudgetPart]
-    pairs: BudgetPart = Field(description="all that pairs do")
-    press: float | None = Field(None, description="pressure of the system, at the set-up of a run")
-    press_findings: list[str] = Field([], description="that can change the pressure that LAMMPS prints")
-    findings: list[BudgetPart] = Field([], description="all that pairs do with a finding, by its id")
-
-
-class SeriesRecord(_Record):
-    """A run of the reference from the first sample of an audited deck's last run, with one thing changed."""
-
-    name: str
-    findings: list[str] = []
-    steps: list[int] = Field(description="of the deck, at which the others are taken")
-    kinetic: list[float]
-    momentum: list[list[float]]
-    seconds: float = 0.0
-    ended: str = Field("", description="why it broke off, if it did")
-
-
-class ClosedRecord(_Record):
-    """A closed solution of the flow that an audited deck sets up."""
-
-    flow: str
-    quantity: str
-    about: str
-    steps: list[int]
-    values: list[float] = Field(description="of the quantity at these steps")
-    decays: bool = Field(False, description="whether rates are compared, not values")
-
-
-class CaseRecord(_Record):
+class CaseRecord(Record):
     """One case: what was compared and how it ended."""
 
     case: str
-    tags: list[str] = []
+    tags: list[str] = Field([])
     about: str = ""
     verdict: Verdict
     natoms: int = 0
@@ -283,7 +203,7 @@ class CaseRecord(_Record):
     units: str | None = None
     seconds: Seconds = Seconds()
     predictions: Predictions = Predictions()
-    fields: list[FieldRecord] = []
+    fields: list[FieldRecord] = Field([])
     ended: Ended = Field("answered", description="how LAMMPS ended it, whatever was expected and whatever explains it")
     engine_error: str = Field("", description="LAMMPS' own error, or how its process ended")
     blame: Blame | None = None
@@ -297,7 +217,7 @@ class CaseRecord(_Record):
     twin: str = Field("", description="kind of the second run that LAMMPS is compared with; empty: the reference")
     expects: str = Field("", description="text of the refusal that the case expects; empty: none")
     explained_by: list[str] = Field([], description="ids of the ledger entries that explain how the case ended")
-    laws: list[LawRecord] = []
+    laws: list[LawRecord] = Field([])
     seed: int | None = None
     source: str = Field("", description="file that holds the scene")
     reproduce: str = Field("", description="command that runs this case alone")
@@ -343,7 +263,7 @@ class CaseRecord(_Record):
         return [rule for rule, count in self.exercises.items() if not count]
 
 
-class EngineRecord(_Record):
+class EngineRecord(Record):
     """Which LAMMPS answered."""
 
     name: str = "env"
@@ -387,7 +307,7 @@ class EngineRecord(_Record):
         return next(((kind, label) for kind, label in labels.items() if label), ("", ""))
 
 
-class CarriedOver(_Record):
+class CarriedOver(Record):
     """What a run says of the ledger, if its LAMMPS is not one that was taken in, or not as it was then."""
 
     version: str = Field(description="of the LAMMPS that ran")
@@ -398,7 +318,7 @@ class CarriedOver(_Record):
     unexplained: int = Field(0, description="cases that differ, without an explanation")
 
 
-class Hypothesis(_Record):
+class Hypothesis(Record):
     """A change of the reference's formulas with which it has LAMMPS' numbers in every case of a group.
 
     On every atom, in all fields compared up to the end of the first red step.
@@ -407,7 +327,7 @@ class Hypothesis(_Record):
     sentence: str = Field(description="LAMMPS behaves as if ...")
 
 
-class TriageGroup(_Record):
+class TriageGroup(Record):
     """Red cases with the same first cause."""
 
     cases: list[str]
@@ -420,28 +340,28 @@ class TriageGroup(_Record):
     common: list[str] = Field([], description="what all scenes of the group have together, in the words of scenes")
     green_with: int = Field(0, description="green cases whose scenes have all of that too")
     green: int = Field(0, description="green cases of the run")
-    hypotheses: list[Hypothesis] = []
+    hypotheses: list[Hypothesis] = Field([])
     more: int = Field(0, description="further hypotheses that reproduce the group, not named")
     tried: int = Field(0, description="changes of the reference's formulas that were tried")
     cut_short: bool = Field(False, description="the work allowed was spent before all of them were tried")
 
 
-class Triage(_Record):
+class Triage(Record):
     """What a red run ends with; hypotheses explain nothing, and change no verdict."""
 
-    groups: list[TriageGroup] = []
+    groups: list[TriageGroup] = Field([])
 
 
 SHARD = "[1-9][0-9]{0,5}/[1-9][0-9]{0,5}"
 
 
-class RunRecord(_Record):
+class RunRecord(Record):
     """A whole run."""
 
     schema_: str = Field(SCHEMAS["run"], alias="schema")
     engine: EngineRecord
     reference: dict[str, str] = Field(description="versions of eos-ref, python, numpy, numba, python-flint")
-    machine: dict[str, str] = {}
+    machine: dict[str, str] = Field({})
     date: str = ""
     command: str = ""
     fail_on: FailOn = Field("new", description="known findings of at least this severity fail; new: none does")
@@ -452,8 +372,8 @@ class RunRecord(_Record):
     carried: CarriedOver | None = None
     triage: Triage | None = Field(None, description="of a run that is not all as expected")
     notes: list[str] = Field([], description="what concerns the run as a whole")
-    cases: list[CaseRecord] = []
-    summary: dict[str, int] = {}
+    cases: list[CaseRecord] = Field([])
+    summary: dict[str, int] = Field({})
     predictions: Predictions = Predictions()
     seconds: float = 0.0
 

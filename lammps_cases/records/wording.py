@@ -8,13 +8,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+from lammps_cases.records.audit_record import EffectRecord
 from lammps_cases.records.run_record import (
     BY_SEVERITY,
     HASH,
     Blame,
     CarriedOver,
     CaseRecord,
-    EffectRecord,
     EngineRecord,
     FieldRecord,
     LostAtoms,

@@ -10,7 +10,8 @@ import pytest
 from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.effects import compare, worst
 from lammps_cases.records import wording
-from lammps_cases.records.run_record import CaseRecord, EffectRecord, EngineRecord, RunRecord
+from lammps_cases.records.audit_record import EffectRecord
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
 
 COLUMN = (Path(__file__).parents[2] / "decks" / "in.column").read_text()

@@ -114,6 +114,7 @@ def test_versions_in_a_row_are_named_by_their_ends() -> None:
     assert ledger._versions((first, third, last)) == f"{first}, {third}, {last}"
 
 
+@pytest.mark.slow
 def test_findings_fields_and_verdicts_are_explained(eos_ref_command: Run) -> None:
     kinds = ([entry.id for entry in LEDGER], list(FIELDS), list(MEANINGS))
     for name in (name for names in kinds for name in names[:: len(names) // 2]):  # each loads every case

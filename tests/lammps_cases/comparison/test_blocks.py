@@ -41,6 +41,7 @@ def tiny(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(blocks, "KEPT", 2**30 if request.param else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stages", [ArrayEvaluator, ForcePerVolume])
 @pytest.mark.parametrize("name", CASES)
 def test_the_same_bits(name: str, stages: Any, tiny: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -158,6 +158,7 @@ PLANTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", PLANTED, ids=lambda fault: fault.cause)
 def test_the_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> None:
     run = red_run(tmp_path, fault.cases, fault.stages, fault.stepping)
@@ -166,6 +167,7 @@ def test_the_cause_is_among_the_hypotheses(fault: Planted, tmp_path: Path) -> No
     assert any(fault.cause in sentence for sentence in named), named
 
 
+@pytest.mark.slow
 def test_what_the_grammar_lacks_gets_no_hypothesis(tmp_path: Path) -> None:
     run = red_run(tmp_path, ("images.quintic.four", "forces.viscous.quintic.2d"), SquaredDistance)
     assert run.triage is not None
@@ -180,6 +182,7 @@ def test_a_green_run_has_no_triage(tmp_path: Path) -> None:
     assert list(wording.triage_lines(run)) == []
 
 
+@pytest.mark.slow
 def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path, eos_ref_command: Run) -> None:
     names = ("shift.all.2d", "images.shift.two", "images.shift.four", "images.quintic.two", "images.quintic.four")
     run = red_run(tmp_path / "fields", names, ShiftTheOtherWay)

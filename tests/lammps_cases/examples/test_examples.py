@@ -16,7 +16,8 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.first_pressure import first_pressure
 from lammps_cases.engine.installations import Engine
 from lammps_cases.examples import collect, decks, measured, page
-from lammps_cases.records.run_record import BudgetPart, BudgetRecord, CaseRecord
+from lammps_cases.records.audit_record import BudgetPart, BudgetRecord
+from lammps_cases.records.run_record import CaseRecord
 from tests.support.outcome import Outcome
 
 DECKS = Path(__file__).parents[2] / "decks"

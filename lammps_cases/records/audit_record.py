@@ -1,0 +1,86 @@
+"""What the audit of a deck finds beside verdicts: effects of findings, budgets, runs of the reference."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from lammps_cases.records.documents import Record
+
+
+class EffectRecord(Record):
+    """What a finding does to a field of an audited deck, in the sample in which it is largest."""
+
+    finding: str
+    field: str
+    run: int
+    step: int
+    particles: int = Field(description="outside the rounding bound of the field as it should be")
+    of: int
+    relative: float | None = Field(description="largest difference over the largest right value; null if these are 0")
+    factor: float | None = Field(description="if the field is a multiple of the right one")
+
+
+class OutlookRecord(Record):
+    """Why an audited run broke off: what the reference does from its last good sample on."""
+
+    cause: Literal["findings", "time step", "set-up", "not understood"]
+    findings: list[str] = Field([], description="that make the reference run away, which without them does not")
+    run: int
+    step: int = Field(description="of the last good sample")
+    taken: int = Field(description="steps that LAMMPS took from there")
+    after: int | None = Field(None, description="steps after which the reference runs away, with the findings if any")
+    steps: int = Field(description="steps that the reference was given")
+
+
+class BudgetPart(Record):
+    """What a part of the model adds to momentum and energy per unit of time, summed over all particles."""
+
+    name: str
+    force: list[float] = Field([], description="sum of the forces; empty: none")
+    power: float = Field(0.0, description="rate of the kinetic energy")
+    storage: float = Field(0.0, description="rate of the energy of compression, the sum of m P/rho^2 drho/dt")
+    heat: float = Field(0.0, description="rate of the heat")
+
+
+class BudgetRecord(Record):
+    """Conserved quantities of an audited deck in one sample."""
+
+    run: int
+    step: int
+    mass: float
+    volume: float = Field(description="sum of m/rho")
+    momentum: list[float]
+    kinetic: float = Field(description="kinetic energy")
+    size: float = Field(description="sum of the absolute components of the forces of pairs")
+    residual: dict[str, float] = Field(description="sums that are 0 where the formulas conserve a quantity, by name")
+    bound: dict[str, float] = Field(description="what rounding makes of them at most")
+    parts: list[BudgetPart]
+    pairs: BudgetPart = Field(description="all that pairs do")
+    press: float | None = Field(None, description="pressure of the system, at the set-up of a run")
+    press_findings: list[str] = Field([], description="that can change the pressure that LAMMPS prints")
+    findings: list[BudgetPart] = Field([], description="all that pairs do with a finding, by its id")
+
+
+class SeriesRecord(Record):
+    """A run of the reference from the first sample of an audited deck's last run, with one thing changed."""
+
+    name: str
+    findings: list[str] = Field([])
+    steps: list[int] = Field(description="of the deck, at which the others are taken")
+    kinetic: list[float]
+    momentum: list[list[float]]
+    seconds: float = 0.0
+    ended: str = Field("", description="why it broke off, if it did")
+
+
+class ClosedRecord(Record):
+    """A closed solution of the flow that an audited deck sets up."""
+
+    flow: str
+    quantity: str
+    about: str
+    steps: list[int]
+    values: list[float] = Field(description="of the quantity at these steps")
+    decays: bool = Field(False, description="whether rates are compared, not values")

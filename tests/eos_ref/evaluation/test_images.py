@@ -1,0 +1,77 @@
+"""Neighbours are all images within the cutoff, in short and in leaning boxes.
+
+Tolerances are the rounding bounds that `Rounded` runs give, of both sides of a comparison.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eos_ref.model.parameters import Box
+from tests.support.particle_scenes import HOT, RECIPES, assert_same, bounded, recipe, scene
+
+pytestmark = pytest.mark.slow
+
+DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3])
+
+
+@DIMENSIONS
+@pytest.mark.parametrize("name", RECIPES)
+def test_short_boxes_are_replicated_ones(name: str, dimension: int) -> None:
+    """Several images in a box shorter than two cutoffs: as many particles of a box twice as long."""
+    built = recipe(name, dimension)
+    s, box = built.state, built.box
+    edge = np.array(box.edge_c)
+    assert any(p and e < 2 * built.model.cut for p, e in zip(box.periodic, edge, strict=True))
+    copies = np.array(list(itertools.product(*[(0, 1) if p else (0,) for p in box.periodic])))
+    arrays = {k: np.concatenate([getattr(s, k)] * len(copies)) for k in ("v_nc", "rho_n", "type_n", "solid_n")}
+    x_nc = np.concatenate([s.x_nc + c * edge for c in copies])
+    energy_n = None if s.energy_n is None else np.concatenate([s.energy_n] * len(copies))
+    high = tuple(float(h + (e if p else 0)) for h, e, p in zip(box.high_c, edge, box.periodic, strict=True))
+    large = replace(built.with_state(x_nc=x_nc, energy_n=energy_n, **arrays), box=Box(box.low_c, high, box.periodic))
+    expected = {name: tuple(np.concatenate([a] * len(copies)) for a in pair) for name, pair in bounded(built).items()}
+    assert_same(bounded(large), expected)
+
+
+@DIMENSIONS
+@pytest.mark.parametrize("name", RECIPES)
+def test_edges_that_lean_by_whole_edges(name: str, dimension: int) -> None:
+    """They make the same lattice of images."""
+    built = recipe(name, dimension)
+    box = replace(built.box, periodic=(True,) * dimension)
+    lx, ly = box.edge_c[:2]
+    leaning = replace(box, tilt=(2 * lx,) if dimension == 2 else (-lx, lx, ly))
+    x_nc = built.state.x_nc
+    inside = built.with_state(x_nc=x_nc - leaning.shift(leaning.images(x_nc)))
+    assert_same(bounded(replace(inside, box=leaning)), bounded(replace(built, box=box)))
+
+
+@DIMENSIONS
+def test_a_particle_and_its_own_images(dimension: int) -> None:
+    """One particle in a box of edge 1: every image is a neighbour, no force by symmetry."""
+    built = scene(dimension, thermal=HOT)
+    s = built.state
+    one = built.with_state(**{k: getattr(s, k)[:1] for k in ("x_nc", "v_nc", "rho_n", "type_n", "solid_n", "energy_n")})
+    one = replace(one, box=Box((0.0,) * dimension, (1.0,) * dimension, (True,) * dimension))
+    one = one.with_state(x_nc=np.full((1, dimension), 0.5))
+    sites = [k for k in itertools.product(range(-3, 4), repeat=dimension) if 0 < sum(c * c for c in k) < 2.625**2]
+    found = bounded(one)
+    assert found["coordination"][0].tolist() == [len(sites)]
+    assert (np.abs(found["f"][0]) <= found["f"][1]).all()
+    assert not found["grad/v"][0].any()
+    assert not found["heatflow"][0].any()
+
+
+def test_neighbours_at_the_cutoff_are_none() -> None:
+    """r < cut strictly."""
+    built = scene(2, cut=3.0, periodic=(False, False), margin=9.0)
+    s = built.state
+    near = np.nextafter(3.0, 0.0)
+    for apart, expected in ((3.0, [0, 0]), (near, [1, 1])):
+        two = {k: getattr(s, k)[:2] for k in ("v_nc", "rho_n", "type_n", "solid_n")}
+        simulation = built.with_state(x_nc=np.array([[0.0, 0.0], [apart, 0.0]]), **two).simulate(["coordination"])
+        assert simulation.evaluate()["coordination"].tolist() == expected

@@ -44,7 +44,7 @@ T = TypeVar("T")
 MEMORY = "EOS_REF_MEMORY"  # environment variable: memory of each process, in place of its share of the machine
 LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
 TAIL = 2**16  # bytes of that which are read
-RECYCLED = 5000  # tasks after which a process makes room for another: LAMMPS keeps some memory of every run
+RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, makes room for another
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
 
 

@@ -33,6 +33,7 @@ Kind = Literal[
     "costs",
     "validate",
     "examples",
+    "capacity",
 ]
 _VERSIONS: Mapping[Kind, int] = {
     "run": 2,
@@ -51,6 +52,7 @@ _VERSIONS: Mapping[Kind, int] = {
     "costs": 1,
     "validate": 1,
     "examples": 1,
+    "capacity": 1,
 }
 SCHEMAS: Mapping[Kind, str] = MappingProxyType({kind: f"eos-ref/{kind}/{n}" for kind, n in _VERSIONS.items()})
 

@@ -129,6 +129,7 @@ HUGE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HUGE)
 @pytest.mark.parametrize("open_axis", [False, True])
 def test_few_particles_in_a_huge_box(name: str, open_axis: bool) -> None:

@@ -24,6 +24,7 @@ def sample_of(name: str) -> ParticleSample:
     return ParticleSample(problem.model, problem.box, state, mass_n, z_n=z_n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["surfaces.divergence.open", "thermal-walls.reconstructed.rk1", "shift.sum.2d"])
 def test_blocks_leave_out_the_same_particles(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sample = sample_of(name)

@@ -20,6 +20,7 @@ from tests.support.outcome import Outcome
 ATOM = 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["forces.all.rk1.2d", "forces.all.quintic.3d", "thermal.arithmetic.2d"])
 def test_the_sums_are_the_fields(name: str, eos_ref_command: Callable[..., Outcome]) -> None:
     (case,) = (case for case in casefile.load() if case.name == name)
@@ -41,6 +42,7 @@ def test_the_sums_are_the_fields(name: str, eos_ref_command: Callable[..., Outco
         assert np.all(np.abs(np.asarray(sums[name]) - exact.value[ATOM - 1]) <= bound), name
 
 
+@pytest.mark.slow
 def test_as_a_table(eos_ref_command: Callable[..., Outcome]) -> None:
     out = eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5", "--step", "0").out
     assert out.startswith("forces.all.quintic.2d, particle 5 after 0 steps") and "of pressure x" in out
@@ -61,6 +63,7 @@ def test_of_a_twin_the_original_is_shown(eos_ref_command: Callable[..., Outcome]
     assert "twin" not in eos_ref_command("explain", "forces.all.quintic.2d", "--atom", "5").out
 
 
+@pytest.mark.slow
 def test_fixes_that_change_the_force(eos_ref_command: Callable[..., Outcome]) -> None:
     held = ("explain", "walls.stored.gravity", "--atom", "1")
     document = json.loads(eos_ref_command(*held, "--json").out)

@@ -69,6 +69,7 @@ def test_walls_begin_without_a_history() -> None:
     assert not sim.other_nc.any() and sim.fresh
 
 
+@pytest.mark.slow
 def test_displaced_particles() -> None:
     of = problem(FLUID)
     by_nc = np.where(of.state.type_n[:, None] == 1, [0.3, -0.2], 0.0)

@@ -95,11 +95,13 @@ def test_a_finding_about_two_decks_predicts_the_field_in_which_they_differ() -> 
 # --- what is derived
 
 
+@pytest.mark.slow
 def test_the_generated_files_are_current() -> None:
     for path, content in evidence.documents().items():
         assert path.read_text() == content, f"{path.name} is old: python -m lammps_cases.regression.evidence"
 
 
+@pytest.mark.slow
 def test_the_ledger_names_the_cases_of_the_accepted_runs(eos_ref_command: Run) -> None:
     entries = json.loads(eos_ref_command("ledger", "--json").out)["entries"]
     assert {entry["id"]: entry["cases"] for entry in entries} == evidence.collect(evidence.BASELINES).cases

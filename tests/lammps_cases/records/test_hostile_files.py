@@ -72,6 +72,7 @@ VALUES = [
 ]
 
 
+@pytest.mark.slow
 @settings(QUICK, max_examples=150)
 @given(data=st.data())
 def test_changed_scenes_are_refused_in_a_line(data: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
@@ -125,6 +126,7 @@ SMUGGLED += [
 ]
 
 
+@pytest.mark.slow
 def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
     """Every value and every key of a scene replaced by text that would be one."""
     content, path, taken = yaml.safe_load(SCENE), tmp_path / "case.yaml", 0
@@ -244,6 +246,7 @@ def test_unclosed_quotes_are_no_command() -> None:
     assert source_of(case) is None
 
 
+@pytest.mark.slow
 def test_many_cases_are_read(tmp_path: Path) -> None:
     run = made_runs.run(cases=[made_runs.case(f"case-{k}") for k in range(5_000)])
     Document("run", RunRecord).write(tmp_path / "run.json", run)

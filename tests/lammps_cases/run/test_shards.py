@@ -72,6 +72,7 @@ def test_shards_that_were_divided_otherwise_are_not_merged() -> None:
         assert len(str(told.value)) < 2000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["", "x", "0/2", "3/2", "1/1e9", "1/2/3", "-1/2", "1/1000000", "²/3"])
 def test_bad_shard(text: str) -> None:
     with pytest.raises(InputError, match="must be i/n"):

@@ -35,6 +35,7 @@ def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
     assert told("near-rho0.linear.2d").runs == (RunCommand("run 0 post no"),)
 
 
+@pytest.mark.slow
 def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
     summed, moved = told("summed.2d"), told("evolved.2d")
     assert any(command.startswith("pair_style rheo") for command in summed.commands)
@@ -45,6 +46,7 @@ def test_scene_that_sums_or_moves_gets_its_neighbours() -> None:
     assert any("rheo/thermal" in command for command in told("evolved.ideal-gas").commands)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["near-rho0.linear.2d", "evolved.ideal-gas", "ideal-gas.beside-tait", "summed.3d"])
 def test_numbers_in_commands_read_back_as_the_same_doubles(name: str) -> None:
     (case,) = casefile.select(casefile.load(), [name])
@@ -121,6 +123,7 @@ def test_positions_are_seeded_by_the_name_and_inside_the_box() -> None:
             assert not np.array_equal(built[one].x_nc, built[other].x_nc)
 
 
+@pytest.mark.slow
 def test_types_have_equal_shares() -> None:
     atoms = campaign.prepare(casefile.select(casefile.load(), ["ranges.single"])[0]).atoms
     assert np.ptp(np.bincount(atoms.type_n)[1:]) <= 1

@@ -28,6 +28,7 @@ def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
     return [*given.setup, *given.commands], [action.text for action in between.actions]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", ROUTES)
 def test_what_is_taken_away_is_defined_anew_and_nothing_else(by: Route) -> None:
     first, between = lines(by)
@@ -55,6 +56,7 @@ def test_a_file_is_read_where_it_was_written(by: Route) -> None:
     assert any(line.endswith("nofix") for line in between) == (by == "data nofix")
 
 
+@pytest.mark.slow
 def test_settings_come_after_the_route() -> None:
     _, between = lines("restart", timestep=0.002, count=7, displace={"x": 0.5, "types": 1})
     assert between[-4:] == [
@@ -83,6 +85,7 @@ def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
                 assert not isinstance(after, Interlude) and after.command == "run 0 post no" and after.read
 
 
+@pytest.mark.slow
 def test_every_is_told_to_runs_that_begin_with_a_set_up() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
     assert case.scene.evolve
@@ -116,6 +119,7 @@ def test_atoms_that_are_created_anew_are_put_into_the_groups_of_forces() -> None
     assert groups and between[-len(groups) :] == groups
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", FOR_EACH_ATOM)
 def test_commands_for_each_atom_name_every_attribute(by: Route) -> None:
     _, between = lines(by)

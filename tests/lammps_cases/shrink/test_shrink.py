@@ -179,6 +179,7 @@ def test_particles_written_out_are_the_same_particles(tmp_path: Path) -> None:
         assert found is not None and found.scene == same.scene
 
 
+@pytest.mark.slow
 def test_a_small_case_has_the_name_and_the_seeds_of_the_large_one(tmp_path: Path) -> None:
     content = line_of(1, types=[{"mass": 1.0}], pressure=[{"types": "*", "style": "linear"}])
     names = (*CASES, "a.1e-5.2.true.null")

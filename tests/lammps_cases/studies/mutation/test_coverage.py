@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import fnmatch
 
+import pytest
+
 from lammps_cases.studies.mutation import coverage, formula, source
 from lammps_cases.studies.mutation.fault import Detection
 from lammps_cases.studies.mutation.record import FaultRecord, Power
@@ -19,6 +21,7 @@ def test_every_module_is_mutated_or_left_out_for_a_reason() -> None:
     assert [pattern for pattern in patterns if not fnmatch.filter(modules, pattern)] == []
 
 
+@pytest.mark.slow
 def test_every_function_is_counted_once() -> None:
     of = coverage.coverage()
     every = [f"{module}:{name}" for module in coverage.modules() for name in coverage.functions(module)]

@@ -210,6 +210,7 @@ def test_arguments_are_of_faults_that_are_planted() -> None:
     assert set(record.arguments()) <= planted
 
 
+@pytest.mark.slow
 def test_names_of_faults() -> None:
     faults = catalogue.faults()
     assert [f.id for f in collect.select(faults, ("told.cs-o*",))] == ["told.cs-off", "told.cs-of-one"]

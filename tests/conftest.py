@@ -61,7 +61,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         reporter.write_line(f"left behind by the tests: {', '.join(map(str, left))}", red=True)
 
 
-APART = {"browser", "kills", "root", "slurm", "unittest"}
+APART = {"browser", "kills", "root", "slurm", "soak", "unittest"}
 LONGEST = ("test_campaign.py", "test_alarms.py", "test_faults.py", "test_chart.py")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
+from eos_ref.model.parameters import Box
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import Rounded
 from lammps_cases.audit.options import DeckDump, RunSetup
@@ -22,6 +23,8 @@ from lammps_cases.scene.fields import FIELDS
 from lammps_cases.scene.lammps_files import FileSnapshot
 
 FORMAT = re.compile(r"%[-+ 0#]*[0-9]*(?:\.([0-9]+))?l?([eEfFgG])")
+PLACES = ("unwrapped", "scaled")  # positions but for x y z: by whole edges elsewhere, in parts of the edges
+VECTORS = ("x", "v", "f", *PLACES)
 DEFAULT = "%g"  # the manual's, of dump custom
 EXACT = {"e": 16, "g": 17}  # digits (e: behind the point) from which on every double has a text of its own
 OF_ATOM = {"drho": "drho", "viscosity": "viscosity", "rho": "rho", "rheo_status": "status"}  # compute property/atom
@@ -57,13 +60,41 @@ class DumpColumns:
                 components.setdefault(part.quantity, {})[part.component] = number(snapshot.numbers(name), form)
         whole: dict[str, Rounded] = {}
         for quantity, parts in components.items():
-            rank = 1 if quantity in ("x", "v", "f") else QUANTITIES[quantity].rank if quantity in QUANTITIES else 0
+            rank = (
+                1
+                if quantity in ("x", "v", "f", *PLACES)
+                else QUANTITIES[quantity].rank
+                if quantity in QUANTITIES
+                else 0
+            )
             shape = (dimension,) * rank
             if all(k in parts for k in range(dimension**rank)):
                 stacked = [np.stack([getattr(parts[k], side) for k in range(dimension**rank)], axis=1)
                            for side in ("value", "error")]  # fmt: skip
                 whole[quantity] = Rounded(*(side.reshape(-1, *shape) for side in stacked))
+        for form in PLACES:
+            if (place_nc := whole.pop(form, None)) is not None:
+                whole.setdefault("x", _positions(place_nc, form, snapshot, dimension))
         return whole
+
+
+def _positions(place_nc: Rounded, form: str, snapshot: FileSnapshot, dimension: int) -> Rounded:
+    """Return positions, (n, d), of such in parts of the box's edges, or of unwrapped ones, which may lie outside.
+
+    LAMMPS' own numbers are off by the roundings of what it made of its positions: two operations with an edge.
+    """
+    d = dimension
+    tilt = snapshot.tilt[: d * (d - 1) // 2] if any(snapshot.tilt) else ()
+    low_c, high_c = snapshot.low_c[:d], snapshot.high_c[:d]
+    box = Box(tuple(low_c.tolist()), tuple(high_c.tolist()), snapshot.periodic[:d], tilt)
+    value_nc, error_nc = place_nc.value, place_nc.error + 2 * EPS * np.abs(place_nc.value)
+    if form == "unwrapped":
+        error_nc = error_nc + EPS * np.array(box.edge_c)
+    else:
+        cell_cc = np.abs(box.cell_cc)
+        error_nc = (error_nc + (d + 1) * EPS * np.abs(value_nc)) @ cell_cc + EPS * np.abs(low_c)
+        value_nc = low_c + value_nc @ box.cell_cc
+    return Rounded(value_nc, error_nc + EPS * np.abs(value_nc))
 
 
 def number(values_n: FloatArray, form: str) -> Rounded:
@@ -163,6 +194,8 @@ def _part(word: str, setup: RunSetup) -> Component | None:
         return Component("mass", 0)
     if len(word) <= 2 and word[:-1] in ("", "v", "f") and word[-1] in "xyz":
         return Component(word[:-1] or "x", "xyz".index(word[-1]))
+    if re.fullmatch("[xyz][su]", word):
+        return Component("unwrapped" if word[1:] == "u" else "scaled", "xyz".index(word[0]))
     match = re.fullmatch(r"c_(\w+)(?:\[([0-9]+)\])?", word)
     if match is None or match[1] not in setup.computes:
         return None

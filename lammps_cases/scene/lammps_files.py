@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +21,7 @@ from lammps_cases.scene import Scene
 
 Array = npt.NDArray[Any]
 LARGEST = 2048 * untrusted.MIB
+GZIP, HEAD = b"\x1f\x8b", 100  # the first bytes of a file of gzip, and how many tell a binary one
 SOLID = 1  # bit of the status of a particle
 STYLES = {
     "rheo": ("id", "type", "status", "rho", "x", "y", "z"),
@@ -183,7 +187,7 @@ def snapshots(path: Path) -> Iterator[FileSnapshot]:
     InputError
         Not readable, not such a file, or cut off.
     """
-    lines = iter(_text(path).splitlines())
+    lines = iter(_dump_text(path).splitlines())
     for line in lines:
         if line.split() != ["ITEM:", "TIMESTEP"]:
             if line.startswith(("ITEM: UNITS", "ITEM: TIME")):
@@ -250,6 +254,32 @@ def arrays(snapshot: FileSnapshot, named: Mapping[str, str]) -> dict[str, Array]
     if "status" in snapshot.columns:
         values["solid"] = snapshot.numbers("status", int) & SOLID != 0
     return {name: values_n[order_n] for name, values_n in values.items()}
+
+
+def _dump_text(path: Path) -> str:
+    """Return the text of a dump, of one compressed by gzip as well; a binary one is refused."""
+    content = _bytes(path)
+    if content.startswith(GZIP):
+        try:
+            with gzip.open(io.BytesIO(content)) as unpacked:
+                content = unpacked.read(LARGEST + 1)
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError("dump", f"cannot be unpacked by gzip ({error})") from None
+        if len(content) > LARGEST:
+            raise InputError("dump", f"must have at most {LARGEST} bytes when it is unpacked")
+    if b"\0" in content[:HEAD]:
+        raise InputError("dump", "must be text: LAMMPS' binary2txt makes text of a binary dump")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError("dump", "must be UTF-8 text") from None
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return untrusted.read_bytes(path, "file", LARGEST)
+    except InputError as error:
+        raise InputError("file", f"no such file or not readable ({error.rule})", path.name) from None
 
 
 def _text(path: Path) -> str:

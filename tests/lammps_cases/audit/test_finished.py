@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import gzip
 import random
 import re
 import shutil
@@ -57,6 +58,11 @@ def with_dumps(name: str) -> str:
     for label, form in FORMATS.items():
         dumps += [f"dump {label} all custom 5 {label}.dump {PLACES} c_rates c_of_audit[*]"]
         dumps += [f"dump_modify {label} {form}"] if form else []
+    rest = PLACES.partition("z ")[2]
+    for label, places in {"scaled": "xs ys zs", "unwrapped": "xu yu zu"}.items():
+        dumps += [f"dump {label} all custom 5 {label}.dump id type {places} {rest} c_rates c_of_audit[*]"]
+        dumps += [f"dump_modify {label} {FORMATS['fifteen']} sort {'-1' if label == 'scaled' else 'id'}"]
+    dumps += ["dump binary all custom 5 all.bin id type x y z"]
     return "\n".join([*lines[:at], *dumps, "restart 5 kept.*", *lines[at:], ""])
 
 
@@ -123,6 +129,38 @@ def test_dumps_of_all_formats(name: str, label: str, written: Callable[[str], Pa
         assert verdict == FOUND[name][1].get(field, verdict if verdict in allowed else "pass") or coarse, field
     steps = sorted({check.step for check in case.checks})
     assert steps[0] == 0 and len(steps) >= 3 and case.blame is None
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("label", ["scaled", "unwrapped"])
+@pytest.mark.parametrize("name", ["box", "walls_quintic"])
+def test_places_in_other_forms(name: str, label: str, written: Callable[[str], Path]) -> None:
+    case, plain = (audited(written(name) / f"{form}.dump") for form in (label, "fifteen"))
+    known = {field: verdict for field, verdict in verdicts(plain).items() if verdict == "explained"}
+    assert verdicts(case).keys() == verdicts(plain).keys()
+    assert {field: verdict for field, verdict in verdicts(case).items() if verdict not in ("exact", "pass")} == known
+    assert [check.step for check in case.checks] == [check.step for check in plain.checks]
+
+
+@pytest.mark.usefixtures("quick")
+def test_unwrapped_places_may_lie_edges_away(written: Callable[[str], Path]) -> None:
+    dump = written("box") / "unwrapped.dump"
+    lines = [line.split() for line in dump.read_text().splitlines()]
+    rows = [words for words in lines if len(words) == len(headers("box")) and words[0].isdigit()]
+    assert len(rows) == 3 * 125
+    for words in rows[::2]:
+        words[2] = repr(float(words[2]) + 3 * 5.0)  # edges of the box
+    far = dump.with_name("far.dump")
+    far.write_text("".join(" ".join(words) + "\n" for words in lines))
+    assert verdicts(audited(far)) == verdicts(audited(dump))
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_dump_of_gzip_is_unpacked(written: Callable[[str], Path]) -> None:
+    dump = written("box") / "fifteen.dump"
+    packed = dump.with_name("fifteen.dump.gz")
+    packed.write_bytes(gzip.compress(dump.read_bytes()))
+    assert verdicts(audited(packed)) == verdicts(audited(dump))
 
 
 @pytest.mark.usefixtures("quick")
@@ -216,6 +254,18 @@ def test_planted_state_is_found_by_what_follows(
                                                            described(folder / "in.deck")[1]))  # fmt: skip
     bad = [check for check in audited(copy).checks if check.verdict == "differs" and check.field == field]
     assert [check.step for check in bad] == [10]
+
+
+@pytest.mark.parametrize("label", ["scaled", "unwrapped"])
+def test_a_planted_place_is_found(
+    label: str, written: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = written("box")
+    copy, _ = planted(folder / f"{label}.dump", "x", "box", tmp_path, 2, 1e-4)
+    described_by = Findings(who=described(folder / "in.deck")[0]), described(folder / "in.deck")[1]
+    monkeypatch.setattr(finished, "described", lambda *_: described_by)
+    bad = [check.step for check in audited(copy).checks if check.verdict == "differs" and check.field == "grad/v"]
+    assert bad == [10]
 
 
 # --- what is not checked, and why
@@ -386,6 +436,8 @@ def test_restart_with_fixes_of_its_own_run(written: Callable[[str], Path], tmp_p
         (("in.deck", "--dump", "in.deck"), "must be one of text"),
         (("in.deck", "--dump", "cut.dump"), "must end with a whole snapshot"),
         (("in.deck", "--dump", "empty.dump"), "must hold a snapshot"),
+        (("in.deck", "--dump", "all.bin"), "dump: must be text: LAMMPS' binary2txt makes text of a binary dump"),
+        (("in.deck", "--dump", "cut.dump.gz"), "dump: cannot be unpacked by gzip"),
         (("in.deck", "--dump", "late.dump"), "must be one of the runs of the deck that write it (steps 0 to 10)"),
         (("in.deck", "--dump", "other.dump"), "must be those that a dump of the deck writes: id type x"),
         (("in.deck", "--dump", "noid.dump"), "must hold id"),
@@ -407,6 +459,7 @@ def test_bad_input_is_one_line(
     whole = (folder / "all.dump").read_text()
     (folder / "cut.dump").write_text(whole.rsplit("\n", 3)[0])
     (folder / "empty.dump").write_text("")
+    (folder / "cut.dump.gz").write_bytes(gzip.compress(whole.encode())[:99])
     (folder / "late.dump").write_text(whole.replace("TIMESTEP\n10\n", "TIMESTEP\n99\n"))
     (folder / "other.dump").write_text(whole.replace("c_rates", "c_other"))
     (folder / "noid.dump").write_text(whole.replace("ATOMS id", "ATOMS mol"))

@@ -175,7 +175,7 @@ def test_a_dump_that_is_cut_off(tmp_path: Path, cut: int) -> None:
 
 def test_other_files_are_no_dumps(tmp_path: Path) -> None:
     (tmp_path / "a.dump").write_bytes(b"\xff\x00binary")
-    with pytest.raises(InputError, match="not readable"):
+    with pytest.raises(InputError, match="must be text: LAMMPS"):
         list(lammps_files.snapshots(tmp_path / "a.dump"))
     (tmp_path / "a.dump").write_text("hello\n")
     with pytest.raises(InputError, match="must be one of text"):

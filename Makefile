@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# Tests wait for the processes they start: one more at a time than there are cores.
+SIDE_BY_SIDE = $$(( $$(getconf _NPROCESSORS_ONLN) + 1 ))
 TWINS ?= --tag quick
 FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
 SOAK ?= 20000
@@ -36,7 +38,7 @@ quick: $(READY) ## the cases that take a few seconds, against the accepted basel
 	$(BIN)/eos-ref run --tag quick --baseline reports/accepted
 
 test: $(READY) ## set up and run the tests
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --durations=15
+	$(BIN)/python -m pytest -n $(SIDE_BY_SIDE) --maxprocesses 4 --dist loadfile --no-loadscope-reorder --durations=15
 
 fast: $(READY) ## the tests that need neither LAMMPS nor patience
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 -m "not lammps and not slow"

@@ -18,8 +18,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import PairInput
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Gradients, Model, PairTerms
-from eos_ref.numbers.rounded import Rounded, value
+from eos_ref.model.parameters import Gradients, IntArray, Model, PairTerms
+from eos_ref.numbers.rounded import Rounded, placed, value
 
 Stages = type[ArrayEvaluator]
 Weight = Callable[[ArrayEvaluator, int], Any]  # of particles (n,), pairs (p,) or a number; told which length is due
@@ -177,8 +177,19 @@ def _before(e: ArrayEvaluator, name: str, fresh: Any) -> Any:
     return before
 
 
+class StaleWalls(ArrayEvaluator):
+    """Stages whose solids have the density of the evaluation before: rho0 where none of the fluid was met then."""
+
+    def wall_density(self, at: IntArray, p: Any, energy_n: Any) -> Any:
+        """Return the density that each solid had, whichever solids meet fluid now."""
+        fresh = super().wall_density(at, p, energy_n)
+        return _before(self, "wall_density", placed(fresh, at, self.rho0_n))[at]
+
+
 def stale(method: str) -> Stages:
     """Return stages of which a method returns what it returned in the evaluation before."""
+    if method == "wall_density":
+        return StaleWalls
 
     def result(self: Any, *arguments: Any, **options: Any) -> Any:
         return _before(self, method, getattr(super(Stale, self), method)(*arguments, **options))

@@ -33,11 +33,13 @@ def doctor_command(engine: str, as_json: bool) -> int:
 
 
 def _packages() -> list[tuple[bool, str, str]]:
+    from packaging.requirements import Requirement
+
     checks = [(sys.version_info >= (3, 11), "python", f"{sys.version.split()[0]} (needs 3.11)")]
     for requirement in requires("eos-ref") or []:
         if "extra ==" in requirement:
             continue
-        name = requirement.split(">")[0].split("[")[0]
+        name = Requirement(requirement).name
         try:
             checks.append((True, name, version(name)))
         except PackageNotFoundError:

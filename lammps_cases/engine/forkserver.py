@@ -45,6 +45,37 @@ class _Context(ForkServerContext):
     Process = _Process
 
 
+_second = forkserver.ForkServer()
+
+
+class _SecondPopen(Popen):
+    def _launch(self, process_obj: BaseProcess) -> None:
+        first = forkserver.connect_to_new_process  # one process starts at a time: see `without_main`
+        forkserver.connect_to_new_process = _second.connect_to_new_process
+        try:
+            super()._launch(process_obj)  # type: ignore[misc]
+        finally:
+            forkserver.connect_to_new_process = first
+
+
+class _SecondProcess(ForkServerProcess):
+    @staticmethod
+    def _Popen(process_obj: BaseProcess) -> Popen:
+        with without_main():
+            return _SecondPopen(process_obj)
+
+
+class _SecondContext(ForkServerContext):
+    Process = _SecondProcess
+
+
+def second_context(*modules: str) -> ForkServerContext:
+    """Return the context of a second server, which has imported the modules named, whatever the first one has."""
+    _second.set_forkserver_preload([*modules])
+    _second.ensure_running()
+    return _SecondContext()
+
+
 def context(*modules: str) -> ForkServerContext:
     """Return the multiprocessing context of the server; start it if it does not run, without waiting for it.
 

@@ -67,7 +67,7 @@ class MutationPool:
     def __init__(self, engine: Engine, jobs: int, store: Store | None, every: bool = False) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="eos-ref-power-")
         self.folder = Path(self._folder.name)
-        context = forkserver.context(*LIGHT)
+        context = forkserver.second_context(*LIGHT)
         self._workers = JudgingWorkers(engine, jobs, store, LIMIT)
         self._substitutes = OrderedPool(
             max_workers=jobs, max_tasks=1, context=context, initializer=substitute.prepare, initargs=(os.getpid(),)

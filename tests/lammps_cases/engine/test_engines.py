@@ -250,6 +250,7 @@ def test_ranks_without_a_launcher_are_skipped_alone(
 def test_doctor_says_which_engine_it_is_and_what_starts_ranks(eos_ref_command: Run, wheel_2099: Path) -> None:
     code, out, _ = eos_ref_command("doctor")
     assert code == 0
+    assert not {"<", ">", "="}.intersection(out.split("compiled")[0]), "a package is named by its name alone"
     lammps, several = out.splitlines()[-2:]
     assert lammps.endswith(", known") and " with RHEO, MPICH, " in lammps
     assert several.split()[:2] == ["ok", "ranks"] and several.endswith("mpiexec -launcher fork -n 2")

@@ -143,12 +143,14 @@ class CountingSteps(Simulation):
         return np.zeros((0, 0))
 
     def keep_forces(self) -> None:
-        """Keep accelerations in the slots of the list in use."""
+        """Keep accelerations in the slots of the list in use; those of particles are sorted with them into the next."""
         super().keep_forces()
         if not self.evaluator.lists:
             return
-        self.kept_sc = self.other_nc[self.evaluator.lists[self.at - 1].row_s]
-        self.evaluator.kept_sc = self.kept_sc
+        old, new = self.evaluator.lists[self.at - 1 : self.at + 1]
+        self.evaluator.kept_sc = self.other_nc[old.row_s]
+        self.kept_sc = self.evaluator.kept_sc.copy()
+        self.kept_sc[old.own_s] = self.other_nc[new.row_s[new.own_s]]
 
 
 def lists_of_neighbours(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:

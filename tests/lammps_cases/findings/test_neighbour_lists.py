@@ -75,10 +75,12 @@ class Seen:
 def seen(solver: Solver, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Seen]:
     known: dict[str, Seen] = {}
 
-    def ask(steps: int, newton: bool = True, columns: int = 9, **rheo: Any) -> Seen:
+    def ask(steps: int, newton: bool = True, columns: int = 9, sort: int | None = None, **rheo: Any) -> Seen:
         scene = _walls(steps, columns, **rheo)
         scene["engine"] = {"check": False, "newton": newton}
-        name = f"{steps} {newton} {columns} {rheo}"
+        if sort:
+            scene["engine"]["sort"], scene["velocity"] = sort, {"random": 3.0}
+        name = f"{steps} {newton} {columns} {sort} {rheo}"
         if name not in known:
             path: Path = tmp_path_factory.mktemp("case") / "case.yaml"
             # The name of the shipped case, as it seeds the particles.
@@ -175,6 +177,18 @@ def test_slots_explain_walls_after_a_rebuild(seen: Callable[..., Seen], judged: 
     assert record.verdict == judged(given, NEWER).verdict == "explained", record.message
     assert "walls-after-rebuild" in _explained(record)
     assert "walls-after-rebuild" in record.message
+
+
+def test_particles_keep_their_accelerations_when_they_are_sorted(
+    seen: Callable[..., Seen], judged: Callable[..., CaseRecord]
+) -> None:
+    given = seen(9, sort=4)
+    n = len(given.ready.atoms)
+    orders = [tuple(listed.row_s[:n]) for listed in given.lists]
+    assert len(set(orders)) > 1
+    record = judged(given)
+    assert record.verdict == "explained", record.message
+    assert "walls-after-rebuild" in _explained(record)
 
 
 def test_before_the_images_change_nothing_else_is_wrong(

@@ -101,8 +101,9 @@ def test_names_in_docstrings_exist() -> None:
 
 def test_a_name_of_a_class_is_taken_once() -> None:
     """No two public classes of the packages have the same name."""
-    nodes = (node for path in SOURCES for node in ast.walk(tree(path)))
-    classes = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
+    texts = (path.read_text(encoding="utf-8") for path in SOURCES)
+    classes = Counter(name for text in texts for name in re.findall(r"^ *class (\w+)[(:]", text, re.MULTILINE))
+    assert {"EOS", "RunRecord"} <= classes.keys()
     assert [name for name, count in classes.items() if count > 1 and not name.startswith("_")] == []
 
 

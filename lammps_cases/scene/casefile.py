@@ -231,9 +231,18 @@ def load(paths: Sequence[Path] = ()) -> list[Case]:
     InputError
         Bad files, no file at all, or two cases of one name.
     """
-    shipped = not paths
+    return _load(tuple(paths), shipped=False) if paths else list(_shipped())
+
+
+@functools.cache
+def _shipped() -> tuple[Case, ...]:
+    """Return the cases that come with the package, which do not change while it runs."""
+    return tuple(_load((SHIPPED,), shipped=True))
+
+
+def _load(paths: Sequence[Path], shipped: bool) -> list[Case]:
     files: list[Path] = []
-    for path in paths or [SHIPPED]:
+    for path in paths:
         files += sorted([*path.rglob("*.yaml"), *path.rglob("*.yml")]) if path.is_dir() else [path]
     if not files:
         raise InputError("cases", "no case file (*.yaml) found", where=", ".join(map(str, paths)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import time
 from collections.abc import Callable
 from html import unescape
@@ -37,10 +38,10 @@ def labels(path: Path) -> list[str]:
     return re.findall(r">([^<]+)</a>", bar)
 
 
-@pytest.fixture
-def reports(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two whole runs, a part, an audit, random scenes, a bug report, and a run that is being written."""
-    reports = tmp_path / "reports"
+    reports = tmp_path_factory.mktemp("written") / "reports"
     for distribution in ("1.0", "2.0"):
         with kept.whole_runs(reports).place(f"pypi:{distribution}") as folder:
             a_run(folder, distribution=distribution)
@@ -53,6 +54,12 @@ def reports(tmp_path: Path) -> Path:
     (reports / "bug-of-mine" / "issue.md").write_text("# bug")
     index.refresh(reports)
     return reports
+
+
+@pytest.fixture
+def reports(written: Path, tmp_path: Path) -> Path:
+    """A copy of them, to change."""
+    return Path(shutil.copytree(written, tmp_path / "reports", symlinks=True))
 
 
 def test_every_link_leads_to_a_file_from_the_page_and_through_latest(reports: Path) -> None:

@@ -21,6 +21,7 @@ Run = Callable[..., Outcome]
 SHOWN = {"rheo-fall": "PASS", "rheo-mix": "FAIL", "rheo-heat": "FAIL"}  # nothing acts in the first but gravity
 
 
+@pytest.mark.slow
 def test_decks_say_what_their_cases_do() -> None:
     flows = yaml.safe_load(CASES.read_text())["matrix"]["flow"]
     assert {f"rheo-{flow}" for flow in flows} == {example.name for example in examples.examples()} == set(SHOWN)

@@ -32,6 +32,7 @@ def test_every_function_is_counted_once() -> None:
     assert of.drawn == len(source.faults()) < of.possible
 
 
+@pytest.mark.slow
 def test_functions_left_out_by_name_are_counted_with_their_reason() -> None:
     of = coverage.coverage()
     for reason, functions in source.EXCLUDED.items():
@@ -39,6 +40,7 @@ def test_functions_left_out_by_name_are_counted_with_their_reason() -> None:
         assert untouched == set(of.left_out.get(f"by name: {reason}", ())), reason
 
 
+@pytest.mark.slow
 def test_the_statement_names_all_that_is_left_out_and_single_witnesses() -> None:
     seen = [Detection(f"{file}.a", "differs", "f", "") for file in ("walls", "walls", "shift")]
     faults = (

@@ -247,16 +247,25 @@ def test_what_is_wrong_is_said() -> None:
     assert "false alarm, ranks: x" in _power(_fault("a", "x"), alarms=(alarm,)).complaints[0]
 
 
-def test_headline(tmp_path: Path) -> None:
+BUGS = "1 known bug of this LAMMPS seen, 1 severe"
+
+
+def _known() -> Power:
     alarm = _alarmed(Alarm("x", "ranks", "differs", "f", finding="walls-after-rebuild"))
-    unseen, known = _power(_fault("a")), _power(_fault("a", "x"), alarms=(alarm,))
-    bugs = "1 known bug of this LAMMPS seen, 1 severe"
+    return _power(_fault("a", "x"), alarms=(alarm,))
+
+
+def test_headline() -> None:
     assert str(_power(_fault("a", "x")).headline("low")) == "PASS: nothing to complain of"
-    assert str(unseen.headline()) == "FAIL: 1 complaint"
-    assert str(known.headline()) == f"KNOWN BUGS: {bugs}; nothing new"
-    assert str(known.headline("high")) == f"FAIL: {bugs}; 1 of them fails by --fail-on high; nothing new"
-    page.write(known, tmp_path)
-    assert f'<span class="stamp">KNOWN BUGS</span> {bugs}; nothing new</h1>' in (tmp_path / "power.html").read_text()
+    assert str(_power(_fault("a")).headline()) == "FAIL: 1 complaint"
+    assert str(_known().headline()) == f"KNOWN BUGS: {BUGS}; nothing new"
+    assert str(_known().headline("high")) == f"FAIL: {BUGS}; 1 of them fails by --fail-on high; nothing new"
+
+
+@pytest.mark.slow
+def test_the_page_begins_with_the_headline(tmp_path: Path) -> None:
+    page.write(_known(), tmp_path)
+    assert f'<span class="stamp">KNOWN BUGS</span> {BUGS}; nothing new</h1>' in (tmp_path / "power.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -357,6 +366,10 @@ def test_bad_input_is_one_line(eos_ref_command: Command, tmp_path: Path) -> None
 
 def test_fault_says_its_family() -> None:
     assert Fault("source.laws.x-1", "source", "x").family == "source"
+
+
+@pytest.mark.slow
+def test_mistakes_that_are_findings_are_no_faults() -> None:
     left_out = set(formula.faults()) - set(catalogue.faults())
     assert left_out == {"formula.lint-velocity-of-walls-lost", "formula.lint-no-volume-in-the-force"}, "findings"
 

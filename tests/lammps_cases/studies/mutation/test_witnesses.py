@@ -46,6 +46,7 @@ def _depends(case: Case) -> list[str]:
     return [name for name in witnesses.examine(case).depends if RULES[name].faults]
 
 
+@pytest.mark.slow
 def test_a_case_depends_on_what_it_compares(surface: Callable[..., Case]) -> None:
     """Normals are seen where they are compared, or shift particles; distances to the surface are not looked at here."""
     assert _depends(surface()) == ["surface-normal"]

@@ -1,0 +1,63 @@
+"""Functions that a user calls: wrong arguments and files are bad input, anything else is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from eos_ref import InputError
+from lammps_cases.records.checked import checked
+
+
+class Inner(BaseModel):
+    """What the function makes inside."""
+
+    n: int
+
+
+@checked
+def twice(n: int, path: Path | None = None, *, inner: object = 1) -> int:
+    """Return twice a number."""
+    if path is not None:
+        path.read_text()
+    return 2 * n * Inner(n=inner).n
+
+
+def test_good_arguments_go_through_under_the_functions_own_name() -> None:
+    assert twice(2) == twice(n=2) == 4
+    assert twice.__name__ == "twice" and twice.__doc__ == "Return twice a number."
+
+
+@pytest.mark.parametrize(
+    ("arguments", "more", "said"),
+    [
+        (("two",), {}, r"^argument n: .*integer.*, found 'two' \(twice\(\)\)$"),
+        ((1, 2.5), {}, r"^argument path: .*, found 2.5 \(twice\(\)\)$"),
+        ((1,), {"odd": 3}, r"^argument odd: .*, found 3 \(twice\(\)\)$"),
+        ((), {}, r"^argument n: .*\(twice\(\)\)$"),
+    ],
+)
+def test_a_wrong_argument_is_one_line_with_its_name(
+    arguments: tuple[object, ...], more: dict[str, object], said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        twice(*arguments, **more)
+
+
+def test_a_file_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"gone: cannot be used: No such file or directory \(twice\(\)\)"):
+        twice(1, tmp_path / "gone")
+
+
+def test_mistakes_inside_the_function_are_its_own() -> None:
+    with pytest.raises(ValidationError, match="Inner"):
+        twice(1, inner="one")
+
+    @checked
+    def fails() -> None:
+        raise OSError("neither a file nor a reason")
+
+    with pytest.raises(OSError, match="neither"):
+        fails()

@@ -1,0 +1,28 @@
+"""Statements that some versions of the manual make."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from eos_ref.syntax.manual import FIRST, MANUALS
+from lammps_cases.records.manuals import OfManual
+
+NEWEST = MANUALS[-1]
+
+
+def test_a_statement_is_made_from_the_first_to_the_last_version_that_has_it() -> None:
+    assert len(MANUALS) > 1
+    made = {
+        (since, until): [OfManual(since=since, until=until).made_in(manual) for manual in (FIRST, NEWEST)]
+        for since, until in ((FIRST, FIRST), (NEWEST, NEWEST), (FIRST, NEWEST))
+    }
+    assert [*made.values()] == [[True, False], [False, True], [True, True]]
+    assert all(OfManual().made_in(manual) for manual in MANUALS)
+
+
+def test_no_version_is_before_it_is_made_nor_unknown() -> None:
+    with pytest.raises(ValidationError, match="since must not be later than until"):
+        OfManual(since=NEWEST, until=FIRST)
+    with pytest.raises(ValidationError, match="since"):
+        OfManual(since="1995.1.1")

@@ -1,0 +1,53 @@
+"""`lammps_cases.run(...)`: what it takes, and what it refuses before LAMMPS is opened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lammps_cases.run
+from eos_ref import InputError
+from lammps_cases.engine import forkserver
+from lammps_cases.run import campaign, command
+from lammps_cases.run.command import cores, several
+
+
+def test_one_name_or_path_is_a_list_of_one() -> None:
+    assert several("walls") == ["walls"] and several(Path("a.yaml")) == ["a.yaml"]
+    assert several(["a", Path("b")]) == ["a", "b"] and several(()) == []
+    assert cores() >= 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({"names": "no-such-case"}, "no such case: 'no-such-case'"),
+        ({"tag": "no-such-tag"}, "tag: no case has it"),
+        ({"cases": "no-such-folder"}, "no-such-folder"),
+        ({"engine": "nonsense"}, "env, pypi:VERSION or path:DIR"),
+        ({"jobs": 0}, r"argument jobs: .*greater than or equal to 1, found 0 \(run\(\)\)"),
+        ({"jobs": 1.5}, r"argument jobs: .*integer"),
+        ({"fail_on": "never"}, "argument fail_on"),
+    ],
+)
+def test_bad_arguments_are_one_line(arguments: dict[str, Any], complaint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(forkserver, "start_for_judging", lambda: None)
+    with pytest.raises(InputError, match=complaint) as refused:
+        command.run(**arguments)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_the_command_that_does_the_same_is_in_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    given: list[Any] = []
+
+    def run_cases(cases: Any, engine: Any, jobs: int, folder: Path, line: str, fail_on: str, store: Any) -> Any:
+        given.extend([[case.name for case in cases], jobs, folder, line, fail_on])
+        raise InputError("cases", "are not run here")
+
+    monkeypatch.setattr(forkserver, "start_for_judging", lambda: None)
+    monkeypatch.setattr(campaign, "run_cases", run_cases)
+    with pytest.raises(InputError, match="are not run here"):
+        lammps_cases.run("near-rho0.linear.2d", jobs=3, fail_on="high", out=tmp_path / "out")
+    assert given == [["near-rho0.linear.2d"], 3, tmp_path / "out", "eos-ref run near-rho0.linear.2d", "high"]

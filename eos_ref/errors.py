@@ -40,10 +40,12 @@ class InputError(ValueError):
         The value found.
     where : str, optional
         File and key, or the command, that holds the value.
+    key : str, optional
+        The key that holds the value, where ``what`` is none; not printed.
     """
 
-    def __init__(self, what: str, rule: str, found: object = None, where: str = "") -> None:
-        self.what, self.rule, self.found, self.where = what, rule, found, where
+    def __init__(self, what: str, rule: str, found: object = None, where: str = "", key: str = "") -> None:
+        self.what, self.rule, self.found, self.where, self.key = what, rule, found, where, key or what
         line = f"{brief(what, LONGEST['what'])}: {brief(rule, LONGEST['rule'])}"
         if found is not None:
             line += f", found {brief(_shown(found), LONGEST['found'])}"
@@ -59,10 +61,10 @@ class InputError(ValueError):
     def at(self, where: str) -> InputError:
         """Return the same complaint with the place put in front of what was known of it."""
         place = f"{where}: {self.where}" if self.where else where
-        return InputError(self.what, self.rule, self.found, place)
+        return InputError(self.what, self.rule, self.found, place, self.key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return InputError, (self.what, self.rule, self.found, self.where)
+        return InputError, (self.what, self.rule, self.found, self.where, self.key)
 
 
 class InputErrors(InputError):
@@ -70,7 +72,7 @@ class InputErrors(InputError):
 
     def __init__(self, errors: Sequence[InputError]) -> None:
         first = errors[0]
-        super().__init__(first.what, first.rule, first.found, first.where)
+        super().__init__(first.what, first.rule, first.found, first.where, first.key)
         self._errors = tuple(errors)
 
     @property
@@ -96,12 +98,17 @@ def together(errors: Sequence[InputError]) -> InputError:
     return every[0] if len(every) == 1 else InputErrors(every)
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
-    """Return the name that was probably meant, for the end of a rule; empty if none is similar."""
+def similar(name: str, names: Iterable[str]) -> str:
+    """Return the name that was probably meant; empty if none is similar."""
     import difflib
 
-    close = difflib.get_close_matches(name[:100], list(names), 1, SIMILAR)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+    return next(iter(difflib.get_close_matches(name[:100], list(names), 1, SIMILAR)), "")
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Return the name that was probably meant, for the end of a rule; empty if none is similar."""
+    meant = similar(name, names)
+    return f" (did you mean {meant!r}?)" if meant else ""
 
 
 def unknown(what: str, name: str, names: Iterable[str]) -> InputError:

@@ -33,7 +33,6 @@ from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import FromFile, Scene
 from lammps_cases.scene.atoms import Atoms, build
 from lammps_cases.scene.casefile import Case
-from lammps_cases.scene.complaints import Source
 from lammps_cases.setup import reference_side, twins
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -100,10 +99,7 @@ def prepare(case: Case) -> PreparedCase:
     InputError
     """
     eos = None if case.scene.expect else case.scene.eos(case.where)
-    try:
-        atoms = build(case, eos)
-    except InputError as error:
-        raise (Source(case.source).placed(error, case.name) if case.source.is_file() else error) from None
+    atoms = build(case, eos)
     if case.scene.whole_model and not case.scene.expect:
         reference_side.state(case.scene, atoms, case.where)  # refuses what has no meaning before LAMMPS sees it
     return PreparedCase(case, eos, atoms, twins.make(case, atoms) if case.scene.twin else None)

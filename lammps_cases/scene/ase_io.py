@@ -78,7 +78,7 @@ def as_atoms(arrays: dict[str, Any]) -> ase.Atoms:
     return atoms
 
 
-def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
+def read_extxyz(path: Path, scene: Scene) -> dict[str, Any]:
     """Return the particles of an extended XYZ file: x, low, high, periodic, spacing and, if present, type, rho, e.
 
     Raises
@@ -86,10 +86,10 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
     InputError
         Unreadable, truncated, empty, without an orthogonal cell, or with particles outside of it.
     """
-    arrays = _arrays(path, where)
-    x_nc, cell_cc, place = arrays["positions"], arrays["cell"], f"{where}, {path.name}"
+    arrays = _arrays(path)
+    x_nc, cell_cc, place = arrays["positions"], arrays["cell"], path.name
     if len(x_nc) == 0:
-        raise InputError("extxyz", "the scene is empty: needs at least one particle", path.name, where)
+        raise InputError("extxyz", "the scene is empty: needs at least one particle", path.name)
     low_c, high_c = np.zeros(3), np.diag(cell_cc).copy()
     if not np.isfinite(cell_cc).all() or np.any(cell_cc != np.diag(high_c)) or np.any(high_c[: scene.dimension] <= 0):
         raise InputError("Lattice", "must be orthogonal with positive, finite edges", cell_cc.tolist(), place)
@@ -98,7 +98,9 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
     inside_n = np.all((x_nc >= low_c) & (x_nc < high_c), axis=1)
     if not inside_n.all():
         bad = int(np.flatnonzero(~inside_n)[0])
-        raise InputError("position", "must lie within the cell", x_nc[bad].tolist(), f"{place}, atom {bad + 1}")
+        raise InputError(
+            "position", "must lie within the cell", x_nc[bad].tolist(), f"{place}, atom {bad + 1}", "positions"
+        )
     volume = float(np.prod((high_c - low_c)[: scene.dimension]))
     return {
         "x": x_nc,
@@ -110,24 +112,24 @@ def read_extxyz(path: Path, scene: Scene, where: str) -> dict[str, Any]:
     }
 
 
-def _arrays(path: Path, where: str) -> dict[str, Any]:
+def _arrays(path: Path) -> dict[str, Any]:
     """Return a file's arrays as ASE reads them, cached by content: importing ASE takes longer than most scenes."""
     try:
         content = untrusted.read_bytes(path, "extxyz", LARGEST)
     except InputError as error:
-        raise InputError("extxyz", f"no such file or not readable ({error.rule})", path.name, where) from None
+        raise InputError("extxyz", f"no such file or not readable ({error.rule})", path.name) from None
     digest = hashlib.sha256(content + Path(__file__).read_bytes() + version("ase").encode()).hexdigest()
     cached = cache_folder("extxyz") / f"{digest}.npz"
     if not cached.exists():
-        write_arrays(cached, _read_with_ase(content, path, where))
+        write_arrays(cached, _read_with_ase(content, path))
     try:
         with np.load(cached) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile):  # a damaged cache: make it again
-        return _read_with_ase(content, path, where)
+        return _read_with_ase(content, path)
 
 
-def _read_with_ase(content: bytes, path: Path, where: str) -> dict[str, Any]:
+def _read_with_ase(content: bytes, path: Path) -> dict[str, Any]:
     import ase.io
 
     try:
@@ -141,5 +143,5 @@ def _read_with_ase(content: bytes, path: Path, where: str) -> dict[str, Any]:
         if "type" in arrays and np.any(arrays["type"] != atoms.arrays["type"]):
             raise ValueError("types must be whole numbers")
     except Exception as error:  # ASE raises many kinds for a broken file
-        raise InputError("extxyz", f"cannot be read: {str(error) or type(error).__name__}", path.name, where) from None
+        raise InputError("extxyz", f"cannot be read: {str(error) or type(error).__name__}", path.name) from None
     return arrays

@@ -18,6 +18,8 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.records import untrusted
 from lammps_cases.scene import FromData, FromDump, FromFile, FromXYZ, Lattice, Listed, Scene, Values
 from lammps_cases.scene.casefile import Case
+from lammps_cases.scene.complaints import Source
+from lammps_cases.scene.particles import ValueTable
 
 LARGEST_TABLE = 512 * untrusted.MIB
 IntArray = npt.NDArray[np.integer]
@@ -90,6 +92,17 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     InputError
         An unreadable file, a field of the wrong length, or a density at which a law is not defined.
     """
+    try:
+        return _build(case, eos)
+    except InputError as error:
+        source = case.source.name
+        if case.source.is_file():
+            source = Source(case.source).key(error.key, case.labels)
+        where = ", ".join(filter(None, (source, f"case {case.name}", error.where)))
+        raise InputError(error.what, error.rule, error.found, where, error.key) from None
+
+
+def _build(case: Case, eos: EOSTable | None) -> Atoms:
     scene = case.scene
     if isinstance(scene.positions, Lattice):
         file = _lattice(case, scene.positions)
@@ -102,7 +115,7 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     type_n = file["type"] if "type" in file else _types(case, n)
     wrong = type_n[(type_n < 1) | (type_n > len(scene.types))]
     if wrong.size:
-        raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), case.where)
+        raise InputError("type", f"must lie within 1 to {len(scene.types)}", int(wrong[0]), key="positions")
     mass_n = np.array([t.mass for t in scene.types])[type_n - 1]
     if scene.mass:
         mass_n = _field(case, "mass", scene.mass, type_n, mass_n)
@@ -111,7 +124,7 @@ def build(case: Case, eos: EOSTable | None) -> Atoms:
     e_n = _field(case, "energy", scene.energy, type_n, rho0_n) if scene.energy else file.get("e")
     energy_n = file.get("energy") if e_n is None else mass_n * e_n
     e_n = energy_n / mass_n if e_n is None and energy_n is not None else e_n
-    _check_masses(case, mass_n)
+    _check_masses(mass_n)
     _check_fields(case, eos, type_n, rho_n, e_n)
     v_nc = _velocities(case, type_n, file.get("v"))
     atoms = Atoms(np.arange(1, n + 1), type_n, x_nc, mass_n, low_c, high_c, periodic, spacing, v_nc, rho_n, energy_n)
@@ -172,7 +185,7 @@ def _region_types(case: Case, lattice: Lattice, place_nc: FloatArray) -> IntArra
     for region in lattice.regions:
         type_n[np.all((place_nc >= region.low) & (place_nc < region.high), axis=1)] = region.type or 0
     if not (type_n != 0).any():
-        raise InputError("positions", "the scene is empty: its regions remove every particle", where=case.where)
+        raise InputError("positions", "the scene is empty: its regions remove every particle")
     named = {region.type for region in lattice.regions}
     rest = [t for t in range(1, len(case.scene.types) + 1) if t not in named] or [1]
     free = int((type_n < 0).sum())
@@ -185,7 +198,7 @@ def _velocities(case: Case, type_n: IntArray, of_file_nc: FloatArray | None) -> 
     if scene.velocity.values is not None:
         v_nc = np.zeros((len(type_n), 3))
         given = np.array(scene.velocity.values)
-        v_nc[:, : scene.dimension] = _one_per_particle(given, len(type_n), f"{case.where}, velocity")
+        v_nc[:, : scene.dimension] = _one_per_particle(given, len(type_n), "velocity")
         return v_nc
     moves = scene.velocity.random or scene.velocity.uniform or any(t.velocity for t in scene.types)
     if not moves:
@@ -205,15 +218,15 @@ def _check_positions(case: Case, atoms: Atoms) -> None:
     x_nc, low_c, high_c, periodic = atoms.x_nc, atoms.low_c, atoms.high_c, atoms.periodic
     outside = np.flatnonzero(atoms.box().outside(x_nc))
     if outside.size:
-        place = f"{case.where}, atom {outside[0] + 1}"
-        raise InputError("position", "must lie in the box (margin)", x_nc[outside[0]].tolist(), place)
+        place = f"atom {outside[0] + 1}"
+        raise InputError("position", "must lie in the box (margin)", x_nc[outside[0]].tolist(), place, "positions")
     wrapped_nc = np.where((x_nc == high_c) & np.array(periodic), low_c, x_nc)
     order_n = np.lexsort(wrapped_nc.T)
     same = np.flatnonzero((wrapped_nc[order_n[1:]] == wrapped_nc[order_n[:-1]]).all(axis=1))
     if same.size:
         one, other = sorted((order_n[same[0]] + 1, order_n[same[0] + 1] + 1))
         rule = f"of atom {other} must differ from that of atom {one}"
-        raise InputError("position", rule, x_nc[one - 1].tolist(), case.where)
+        raise InputError("position", rule, x_nc[one - 1].tolist(), key="positions")
 
 
 def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
@@ -244,15 +257,14 @@ def _deal(case: Case, n: int, types: Sequence[int]) -> IntArray:
 
 def _field(case: Case, name: str, values: Values, type_n: IntArray, unit_n: FloatArray) -> FloatArray:
     n = len(type_n)
-    where = f"{case.where}, {name}"
     if values.constant is not None:
         return np.full(n, values.constant)
     if values.per_type is not None:
         return np.array(values.per_type)[type_n - 1]
     if values.values is not None:
-        return _one_per_particle(np.array(values.values), n, where)
+        return _one_per_particle(np.array(values.values), n, name)
     if values.table is not None:
-        return _one_per_particle(_column(case.source.parent, values.table.csv, values.table.column, where), n, where)
+        return _one_per_particle(_column(case.source.parent, values.table, name), n, name)
     if values.offset is not None:
         d_n: FloatArray = np.geomspace(values.offset.low, values.offset.high, n)
         if values.offset.sign != "+":
@@ -264,22 +276,23 @@ def _field(case: Case, name: str, values: Values, type_n: IntArray, unit_n: Floa
     return np.asarray(dealt_n * unit_n if values.ratio else dealt_n)
 
 
-def _one_per_particle(values_n: FloatArray, n: int, where: str) -> FloatArray:
+def _one_per_particle(values_n: FloatArray, n: int, key: str) -> FloatArray:
     if len(values_n) != n:
-        raise InputError("per-atom values", f"need one value per particle ({n})", len(values_n), where)
+        raise InputError("per-atom values", f"need one value per particle ({n})", len(values_n), key, key)
     return np.asarray(values_n, float)
 
 
-def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
+def _column(folder: Path, table: ValueTable, key: str) -> FloatArray:
+    name, column = table.csv, table.column
     try:
         text = untrusted.read_text(folder / name, "table", LARGEST_TABLE)
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (InputError, csv.Error) as error:
         rule = error.rule if isinstance(error, InputError) else f"cannot be read: {error}"
-        raise InputError("table", rule, name, where) from None
+        raise InputError("table", rule, name, key, key) from None
     names = [name for name in rows[0] if name] if rows else []  # None: of what stands beyond the last column
     if column not in names:
-        raise InputError("column", f"must be one of {', '.join(names) or 'none (no rows)'}", column, where)
+        raise InputError("column", f"must be one of {', '.join(names) or 'none (no rows)'}", column, key, key)
     values_n = np.empty(len(rows))
     for k, row in enumerate(rows):
         try:
@@ -287,30 +300,30 @@ def _column(folder: Path, name: str, column: str, where: str) -> FloatArray:
         except (TypeError, ValueError):
             values_n[k] = np.nan
         if not np.isfinite(values_n[k]):
-            raise InputError("table", "must hold finite numbers", row[column], f"{where}, line {k + 2} of {name}")
+            raise InputError("table", "must hold finite numbers", row[column], f"{key}, line {k + 2} of {name}", key)
     return values_n
 
 
-def _check_masses(case: Case, mass_n: FloatArray) -> None:
+def _check_masses(mass_n: FloatArray) -> None:
     bad = np.flatnonzero(~(np.isfinite(mass_n) & (mass_n > 0)))
     if bad.size:
-        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"{case.where}, atom {bad[0] + 1}")
+        raise InputError("mass", "must be positive", float(mass_n[bad[0]]), f"atom {bad[0] + 1}")
 
 
 def _check_fields(
     case: Case, eos: EOSTable | None, type_n: IntArray, rho_n: FloatArray | None, e_n: FloatArray | None
 ) -> None:
-    where, scene = case.where, case.scene
+    scene = case.scene
     for key, values_n in (("rho", rho_n), ("energy", e_n)):
         if values_n is not None and not np.isfinite(values_n).all():
-            raise InputError(key, "must be finite for every particle", where=where)
+            raise InputError(key, "must be finite for every particle")
     if eos is None:
         return
     if scene.thermal and e_n is None:
         needing = "ideal/gas needs" if eos.needs_energy else "thermal properties of types need"
-        raise InputError("energy", f"{needing} the energy of every particle", where=where)
+        raise InputError("energy", f"{needing} the energy of every particle")
     if rho_n is None and not scene.rho_sum:
-        raise InputError("rho", "must be given unless rho_sum is on", where=where)
+        raise InputError("rho", "must be given unless rho_sum is on")
     for t, law in enumerate(eos.laws, 1):
         if rho_n is None:
             continue
@@ -318,7 +331,7 @@ def _check_fields(
         bad = np.flatnonzero(of_type & ~law.is_defined(rho_n))
         if bad.size:
             rule = f"{law.style} of type {t} is defined within {law.defined.low:g} to {law.defined.high:g}"
-            raise InputError("rho", rule, float(rho_n[bad[0]]), f"{where}, atom {bad[0] + 1}")
+            raise InputError("rho", rule, float(rho_n[bad[0]]), f"atom {bad[0] + 1}")
         with np.errstate(all="ignore"):
             large = np.flatnonzero(of_type)[
                 ~np.isfinite(law.evaluate(rho_n[of_type], None if e_n is None else e_n[of_type]))
@@ -328,7 +341,7 @@ def _check_fields(
                 "rho",
                 f"the pressure of {law.style} overflows",
                 float(rho_n[large[0]]),
-                f"{where}, atom {large[0] + 1}",
+                f"atom {large[0] + 1}",
             )
 
 
@@ -338,19 +351,19 @@ def _from_file(case: Case, positions: FromXYZ | FromData | FromDump) -> dict[str
     if isinstance(positions, FromXYZ):
         from lammps_cases.scene.ase_io import read_extxyz
 
-        return read_extxyz(folder / positions.file, scene, case.where)
+        return read_extxyz(folder / positions.file, scene)
     from lammps_cases.scene.lammps_files import read_data, read_dump
 
     if isinstance(positions, FromData):
-        arrays = read_data(folder / positions.file, scene, positions.periodic, case.where)
+        arrays = read_data(folder / positions.file, scene, positions.periodic)
     else:
         named = positions.columns.model_dump(exclude_none=True)
-        arrays = read_dump(folder / positions.file, scene, positions.step, named, case.where)
+        arrays = read_dump(folder / positions.file, scene, positions.step, named)
     solid_t = np.array([False, *(t.phase == "solid" for t in scene.types)])
     for k in np.flatnonzero(arrays.get("solid", False) != solid_t.take(arrays["type"], mode="clip")):
         if "solid" in arrays:
             rule = f"of type {arrays['type'][k]} must be that of the particles of the file"
-            raise InputError("phase", rule, "solid" if arrays["solid"][k] else "fluid", f"{case.where}, atom {k + 1}")
+            raise InputError("phase", rule, "solid" if arrays["solid"][k] else "fluid", f"atom {k + 1}")
     return arrays
 
 
@@ -359,7 +372,7 @@ def _check_tilt_of_file(case: Case, tilt: tuple[float, ...]) -> None:
     twin, evolve = case.scene.twin, case.scene.evolve
     translated = twin is not None and twin.translate is not None
     if translated or (evolve and (evolve.deform or any(stop.stretch for stop in evolve.stops))):
-        raise InputError("tilt", "of a file's box goes with no translate, stretch or deform", list(tilt), case.where)
+        raise InputError("tilt", "of a file's box goes with no translate, stretch or deform", list(tilt))
 
 
 def kernel_cut(scene: Scene, spacing: float) -> float:

@@ -46,6 +46,11 @@ class Case:
     exercises: tuple[str, ...] = ()
 
     @property
+    def labels(self) -> list[str]:
+        """Return the labels of the matrix that make it."""
+        return self.name.split(".")[1:]
+
+    @property
     def where(self) -> str:
         """Return the place for messages: file and case."""
         return f"{self.source.name}, case {self.name}"

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from eos_ref import InputError
-from eos_ref.errors import nearest, together
+from eos_ref.errors import nearest, similar, together
 from lammps_cases.records.wording import counted
 from lammps_cases.records.yaml_files import compose, flow, position
 
@@ -120,16 +120,12 @@ class Source:
             mark = key.start_mark if key is not None and of_key else nodes[-1].start_mark
         return mark.line, mark.column
 
-    def placed(self, error: InputError, case: str) -> InputError:
-        """Return a complaint of a case that names a key of its scene, with the line and column of that."""
-        labels = case.split(".")[1:]
-        top = self.mark(("scene",), labels)
-        own = re.search(rf"case {re.escape(case)}, (\w+)", error.where)  # the key that values were for
-        names = (own[1] if own else "", error.what, f"{error.what}s")
-        marks = [self.mark(("scene", name), labels) for name in names]
-        mark = next((mark for mark in marks if mark != top), self.mark(("scene", "positions", error.what), labels))
-        where = error.where.replace(self.path.name, f"{self.path.name}, {position(*mark)}", 1)
-        return InputError(error.what, error.rule, error.found, where)
+    def key(self, key: str, labels: Sequence[str]) -> str:
+        """Return file, line and column of a key of a scene or of its positions, or else of the positions."""
+        mark = self.mark(("scene", key), labels)
+        if mark == self.mark(("scene",), labels):  # there is no such key
+            mark = self.mark(("scene", "positions", key), labels)
+        return f"{self.path.name}, {position(*mark)}"
 
     def _patches(self, labels: Sequence[str]) -> list[yaml.Node]:
         _, axes = _below([self._root], "matrix")
@@ -240,12 +236,11 @@ def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
         if each.rule not in before.rule:
             more = each.rule.removeprefix(" ".join(before.rule.split()[:2]))  # must be, must have
             by_keys[each.keys] = replace(before, rule=f"{before.rule} or {more.strip()}")
-    return [_with_hint(each) if each.kind == "literal_error" else each for each in by_keys.values()]
+    return list(by_keys.values())
 
 
-def _with_hint(complaint: Complaint) -> Complaint:
+def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
     """Return a complaint about a value that is none of some words, with the one that was probably meant."""
-    words = re.findall("'([^']*)'", complaint.rule)
     hint = nearest(str(complaint.found), words)
     rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
     return replace(complaint, rule=rule + hint)
@@ -262,10 +257,23 @@ class Format:
 
     def beside(self, keys: Keys) -> set[str]:
         """Return the keys that can stand where some key stands."""
-        level = [self._schema]
-        for part in keys[:-1]:
+        return set(self._children(self._level(keys[:-1])))
+
+    def words(self, keys: Keys) -> list[str]:
+        """Return the words that the value of some key can be."""
+        return list(dict.fromkeys(word for node in self._level(keys) for word in self._words(node)))
+
+    def _level(self, keys: Keys) -> list[Any]:
+        level: list[Any] = [self._schema]
+        for part in keys:
             level = self._children(level).get(part, []) if isinstance(part, str) else level
-        return set(self._children(level))
+        return level
+
+    def _words(self, node: Mapping[str, Any]) -> Iterator[str]:
+        node = self._resolved(node)
+        yield from (word for word in (*node.get("enum", ()), node.get("const")) if isinstance(word, str))
+        for part in _parts(node):
+            yield from self._words(part)
 
     def homes(self, name: str) -> list[tuple[str, ...]]:
         """Return the keys under which a key can stand."""
@@ -286,13 +294,20 @@ class Format:
 
     def _mappings(self, node: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
         """Yield the mappings that a node is, can be, or has as members."""
-        if "$ref" in node:
-            node = self._schema["$defs"][node["$ref"].rpartition("/")[2]]
+        node = self._resolved(node)
         if "properties" in node:
             yield node
-        parts = [*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("prefixItems", ())]
-        for part in [*parts, *([node["items"]] if "items" in node else [])]:
+        for part in _parts(node):
             yield from self._mappings(part)
+
+    def _resolved(self, node: Mapping[str, Any]) -> Mapping[str, Any]:
+        return self._schema["$defs"][node["$ref"].rpartition("/")[2]] if "$ref" in node else node
+
+
+def _parts(node: Mapping[str, Any]) -> list[Any]:
+    """Return what a node can be, or has as members."""
+    members = [node["items"]] if "items" in node else []
+    return [*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("prefixItems", ()), *members]
 
 
 def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
@@ -304,7 +319,11 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
             hint, key = _meant(each.keys, missing, allowed)
             first.append(replace(each, rule=each.rule + hint))
             meant.add(key)
-    others = [each for each in every if each.kind != "extra_forbidden" and each.keys not in meant]
+    others = [
+        _with_hint(each, allowed.words(each.keys)) if each.kind == "literal_error" else each
+        for each in every
+        if each.kind != "extra_forbidden" and each.keys not in meant
+    ]
     # A list that is too short has perhaps but bad members.
     above = {each.keys[:at] for each in others for at in range(len(each.keys))}
     rest = [each for each in others if each.kind != "too_short" or each.keys not in above]
@@ -321,11 +340,12 @@ def _meant(keys: Keys, missing: set[Keys], allowed: Format) -> tuple[str, Keys]:
     wanted = [str(key[-1]) for key in missing if key[:-1] == tuple(parent)]
     homes = allowed.homes(name)
     homes = [home for home in homes if (*home, name) in missing] or homes
-    if not (hint := nearest(name, wanted)) and 1 <= len(homes) <= 2:
+    key = similar(name, wanted)
+    if not key and 1 <= len(homes) <= 2:
         under = " or ".join(f"{'.'.join(home[len(home) > 1 :])}:" if home else "no other key" for home in homes)
         return f" (belongs under {under})", (*homes[0], name)
-    hint = hint or nearest(name, sorted(allowed.beside(keys)))
-    return hint, (*parent, hint.split("'")[1]) if hint else ()
+    key = key or similar(name, sorted(allowed.beside(keys)))
+    return nearest(name, [key]), (*parent, key) if key else ()
 
 
 def refused(every: Sequence[Complaint], source: Source) -> InputError:

@@ -68,7 +68,7 @@ class FileSnapshot:
             raise InputError(f"column {name}", f"must hold numbers ({error})") from None
 
 
-def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None, where: str) -> dict[str, Any]:
+def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None) -> dict[str, Any]:
     """Return the particles of a data file, by id: what a scene takes of them.
 
     Returns
@@ -81,8 +81,7 @@ def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None, where
     InputError
         Not readable, not such a file, or its box does not suit the scene.
     """
-    place = f"{where}, {path.name}"
-    with _at(place):
+    with _at(path.name):
         snapshot = data_file(path)
         if periodic is not None and len(periodic) != scene.dimension:
             raise InputError("positions.periodic", f"needs {scene.dimension} flags", list(periodic))
@@ -90,7 +89,7 @@ def read_data(path: Path, scene: Scene, periodic: tuple[bool, ...] | None, where
         return arrays(replace(snapshot, periodic=flags), {}) | _box(replace(snapshot, periodic=flags), scene)
 
 
-def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, str], where: str) -> dict[str, Any]:
+def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, str]) -> dict[str, Any]:
     """Return the particles of a snapshot of a dump, by id, as `read_data` does.
 
     Parameters
@@ -105,7 +104,7 @@ def read_dump(path: Path, scene: Scene, step: int | None, named: Mapping[str, st
     InputError
         As `read_data`; or there is no such snapshot or column.
     """
-    with _at(f"{where}, {path.name}"):
+    with _at(path.name):
         every = list(snapshots(path))
         if not every:
             raise InputError("dump", "must hold a snapshot")

@@ -25,6 +25,7 @@ from lammps_cases.scene.ase_io import _read_with_ase
 from lammps_cases.scene.atoms import _column, build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.lammps_files import arrays, data_file, snapshots
+from lammps_cases.scene.particles import ValueTable
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
 from tests.support import made_runs
@@ -142,8 +143,12 @@ def _dump(path: Path) -> None:
         arrays(snapshot, {})
 
 
+def _csv(path: Path) -> None:
+    _column(path.parent, ValueTable(csv=path.name, column="b"), "rho")
+
+
 def _xyz(path: Path) -> None:
-    _read_with_ase(path.read_bytes(), path, "here")
+    _read_with_ase(path.read_bytes(), path)
 
 
 def _message(path: Path) -> None:
@@ -191,7 +196,7 @@ def readers() -> dict[str, Reader]:
         "data file": Reader(lambda path: arrays(data_file(path), {}), "a.data", (DATA,)),
         "dump": Reader(_dump, "a.dump", (DUMP,)),
         "extxyz": Reader(_xyz, "a.extxyz", (XYZ,)),
-        "csv": Reader(lambda path: _column(path.parent, path.name, "b", "here"), "a.csv", (b"a,b\n1,2\n3,4\n",)),
+        "csv": Reader(_csv, "a.csv", (b"a,b\n1,2\n3,4\n",)),
         "message": Reader(_message, "message", (b"\x80\x04]\x94.",)),
     }
 

@@ -24,13 +24,17 @@ ENGINES: tuple[Engine, ...] = ("reference", "lammps")
 
 @dataclass(frozen=True)
 class FlowResult:
-    """Outcome of a flow: snapshots, processor time of its steps, particles, steps taken, the error if it failed."""
+    """Outcome of a flow: snapshots, processor time of its steps, particles, steps taken.
+
+    Of one that failed also the error, and whether particles were lost.
+    """
 
     snapshots: tuple[Snapshot, ...]
     seconds: float
     n: int
     steps: int
     message: str = ""
+    lost: bool = False
 
 
 def by_reference(start: Start, evaluator: Callable[..., Any] | None = None) -> FlowResult:
@@ -52,7 +56,8 @@ def by_lammps(start: Start, lmp: Any) -> FlowResult:
 
 def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
     """Return the snapshots at the steps of a flow, with the processor time of the steps alone: of one core."""
-    snapshots, seconds, done, message = [], 0.0, 0, ""
+    snapshots, seconds, done, message, lost = [], 0.0, 0, "", False
+    run = None
     try:
         run = begin()
         for step in start.steps:
@@ -65,8 +70,8 @@ def _timed(start: Start, begin: Callable[[], FlowRun]) -> FlowResult:
     except EngineBroken:
         raise
     except EngineRefused as error:
-        message = " ".join(str(error).split())
-    return FlowResult(tuple(snapshots), seconds, len(start.atoms), done, message)
+        message, lost = " ".join(str(error).split()), run is not None and not run.keeps_all()
+    return FlowResult(tuple(snapshots), seconds, len(start.atoms), done, message, lost)
 
 
 def solve(site: str | None, start: Start) -> FlowResult:

@@ -11,6 +11,7 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
 from eos_ref.numbers.number import Array
+from lammps_cases.engine import session
 from lammps_cases.engine.session import EngineRefused
 from lammps_cases.engine.stepping import Stepping
 from lammps_cases.scene import Scene
@@ -32,6 +33,9 @@ class FlowRun(Protocol):
 
     def snapshot(self) -> Snapshot:
         """Return the fields now."""
+
+    def keeps_all(self) -> bool:
+        """Return whether all particles are still there, also after an error."""
 
 
 class Driven(Simulation):
@@ -66,6 +70,10 @@ class ReferenceFlow:
         """Return the fields now."""
         names = ("x", "v", "rho", "pressure", *(["energy"] if self.simulation.state.energy_n is not None else []))
         return _snapshot(self.start, self.step, {name: self.simulation.output(name) for name in names})
+
+    def keeps_all(self) -> bool:
+        """Return that all are: none is taken away."""
+        return True
 
 
 class LammpsFlow:
@@ -111,6 +119,10 @@ class LammpsFlow:
             raise EngineRefused("a position or velocity of LAMMPS is no finite number")
         fields = arrays | {"pressure": arrays["q.pressure"]} | ({"energy": arrays["esph"]} if "esph" in arrays else {})
         return _snapshot(self.start, self.step, fields)
+
+    def keeps_all(self) -> bool:
+        """Return whether LAMMPS has all atoms."""
+        return not self._stepping.lost(session.read(self._stepping.lmp)["id"]).size
 
 
 def _body(body: Body, scene: Scene) -> Iterator[str]:

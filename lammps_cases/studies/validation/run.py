@@ -161,7 +161,7 @@ def _run(task: FlowTask, start: Start) -> FlowRecord:
     result = _solved(task, start)
     about = (of.name, task.side, n, result.n, result.steps, result.seconds)
     if result.message:
-        explained = task.explained and "lost" in result.message.lower()
+        explained = task.explained and result.lost
         return FlowRecord(
             *about, result.message, {}, {}, {}, lost.explain(start, task.solve, of.findings) if explained else None
         )

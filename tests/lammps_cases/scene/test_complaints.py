@@ -13,6 +13,7 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.scene import casefile
+from lammps_cases.scene.atoms import build
 from tests.support.outcome import Outcome
 
 MANY = """name: many
@@ -103,14 +104,40 @@ def test_a_mistake_in_a_patch_is_placed_in_the_patch_and_said_once(tmp_path: Pat
     assert "velocity.uniform needs 2 components, found 3 (line 10, column 29, case matrix.a.u)" in said_of_vector
 
 
-def test_a_case_that_cannot_be_built_names_line_and_column(case_file: Callable[..., Path]) -> None:
-    from lammps_cases.run.campaign import prepare
+LISTED: dict[str, Any] = {"x": [[0.2, 0.2], [0.6, 0.6]], "low": [0, 0], "high": [1, 1]}
+OUTSIDE = LISTED | {"x": [[0.2, 0.2], [2, 2]], "periodic": [False, False]}
 
-    (case,) = casefile.load_file(case_file(rho={"values": [1.0, 1.1]}))
-    with pytest.raises(
-        InputError, match=r"one value per particle \(20\).*mine\.yaml, line 16, column 3, case mine, rho"
-    ):
-        prepare(case)
+
+@pytest.mark.parametrize(
+    ("key", "values", "rule", "where"),
+    [
+        ("rho", {"values": [1.0, 1.1]}, r"one value per particle \(20\)", ", rho"),
+        ("rho", {"constant": -1.0}, "is defined within", ", atom 1"),
+        ("mass", {"constant": -1.0}, "mass: must be positive", ", atom 1"),
+        (
+            "energy",
+            {"table": {"csv": "none.csv", "column": "e"}},
+            "table: cannot be read: No such file.*none.csv",
+            ", energy",
+        ),
+        ("velocity", {"values": [[1.0, 0.0]]}, "one value per particle", ", velocity"),
+        ("positions", LISTED | {"types": [1, 2]}, "type: must lie within 1 to 1, found 2", ""),
+        ("positions", OUTSIDE, "position: must lie in the box", ", atom 2"),
+        ("positions", {"dump": "none.dump"}, "file: no such file", ", none.dump"),
+        ("positions", {"extxyz": "none.xyz"}, "extxyz: no such file", ""),
+    ],
+)
+def test_a_case_that_cannot_be_built_names_line_and_column(
+    key: str, values: dict[str, Any], rule: str, where: str, case_file: Callable[..., Path]
+) -> None:
+    path = case_file(**{key: values}, compare=["f"])
+    (case,) = casefile.load_file(path)
+    with pytest.raises(InputError, match=rule) as refused:
+        build(case, case.scene.eos())
+    at = re.search(r"\(mine\.yaml, line (\d+), column \d+, case mine(.*)\)$", str(refused.value))
+    assert at is not None and at[2] == where, refused.value
+    of_key = path.read_text().splitlines().index(f"  {key}:") + 1
+    assert int(at[1]) in (of_key, of_key + 1), "the key, or the first one below it"
 
 
 RICH: dict[str, Any] = {

@@ -78,8 +78,12 @@ def test_lost_atoms_leave_a_message() -> None:
     assert start.atoms.v_nc is not None
     fast = replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc + np.array([1e9, 0.0, 0.0])))
     with Workers(None, 1) as workers:
-        assert "Lost atoms" in in_worker(fast, workers).message
-        assert "time limit" in in_worker(SHEAR.start(48, SHEAR.options), workers, 0.01).message
+        fled = in_worker(fast, workers)
+        assert fled.lost and "Lost atoms" in fled.message
+        unreal = in_worker(replace(start, atoms=replace(start.atoms, v_nc=start.atoms.v_nc * np.nan)), workers)
+        assert not unreal.lost and unreal.message
+        late = in_worker(SHEAR.start(48, SHEAR.options), workers, 0.01)
+        assert not late.lost and "time limit" in late.message
         assert not in_worker(start, workers).message  # the worker lives on
 
 

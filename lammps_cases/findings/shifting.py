@@ -39,6 +39,13 @@ def asks_for_support(problem: Problem) -> bool:
     return shift.scale_cross_type[2] > 0
 
 
+def any_where_cancelled(normal: Axes, gradient: Axes) -> Axes:
+    """Return normals, of any direction where rounding alone is left of the gradient."""
+    cancel_n = np.all([np.abs(value(c)) <= error(c) for c in gradient], axis=0)
+    cancel_n &= np.any([error(c) > 0 for c in gradient], axis=0)
+    return [unbounded(n, cancel_n) for n in normal]
+
+
 class NormalOfLastPair(FollowingLists):
     """The gradient of the color function takes for all pairs the kernel gradients of the last one in the list.
 
@@ -61,10 +68,11 @@ class NormalOfLastPair(FollowingLists):
     def _left(self) -> Axes:
         """Return for every pair the gradient that the last pair of its list has on the same side."""
         ranks, first_p = self.lists[self.at].rank_p, self.forward_p >= 0
+        met_p = ~(self.solid_n[self.i] & self.solid_n[self.j])  # the loop skips pairs of solids
         rank_p = ranks[np.where(first_p, self.forward_p, self.backward_p)]
         left_p = np.full(len(self.i), -1)
         for rank in np.unique(rank_p):
-            last = int(np.argmax(np.where(first_p & (rank_p == rank), self.forward_p, -1)))
+            last = int(np.argmax(np.where(first_p & met_p & (rank_p == rank), self.forward_p, -1)))
             left_p[rank_p == rank] = np.where(first_p, last, self.reverse_p[last])[rank_p == rank]
         return [where(left_p < 0, 0.0, g_a[left_p]) for g_a in self.g]
 
@@ -74,9 +82,7 @@ class NormalOfLastPair(FollowingLists):
         It is that of the pair in its present place; 0 as long as no pair is known.
         """
         if self.lists:
-            cancel_n = np.all([np.abs(value(c)) <= error(c) for c in gradient], axis=0)
-            cancel_n &= np.any([error(c) > 0 for c in gradient], axis=0)
-            return [unbounded(n, cancel_n) for n in super().cross_type_normal(gradient)]
+            return any_where_cancelled(super().cross_type_normal(gradient), gradient)
         if self.pair == (-1, -1):
             return [np.zeros(self.n) for _ in self.x]
         here = np.flatnonzero((self.i == self.pair[0]) & (self.j == self.pair[1]))
@@ -92,7 +98,22 @@ class NormalOfLastPair(FollowingLists):
         return [(x_a / size)[same] for x_a in x]
 
 
-class CorrectingShifts(CountingSteps):
+class CorrectedColor(ArrayEvaluator):
+    """The gradient of the color function takes the reproducing kernel's; the color function itself does not."""
+
+    def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
+        """Return the sums, the gradient of corrected kernel gradients."""
+        own, self.gradw = self.gradw, self.g
+        sums = super().color_sums(volume_n)
+        self.gradw = own
+        return sums
+
+    def cross_type_normal(self, gradient: Axes) -> Axes:
+        """Return the direction of the sums, of any direction where they cancel."""
+        return any_where_cancelled(super().cross_type_normal(gradient), gradient)
+
+
+class CorrectingFirst(Simulation):
     """Steps that correct gradients whatever is looked at, as shifts take them too."""
 
     def _start(self, state: State, evaluator: Evaluator, fields: tuple[str, ...]) -> None:
@@ -101,11 +122,20 @@ class CorrectingShifts(CountingSteps):
             self.plan = (*self.plan, "correction")
 
 
+class CorrectingShifts(CorrectingFirst, CountingSteps):
+    """The same with LAMMPS' own lists."""
+
+
 def scales_across_types(problem: Problem) -> bool:
     """Return whether shifts that show are scaled along the normal between types."""
     shift = problem.model.fix.shift
     scaled = shift is not None and shift.scale_cross_type is not None and shift.scale_cross_type[0] != 1
     return scaled and "shift/v" in quantities.required(problem.model, wanted(problem))
+
+
+def corrects_across_types(problem: Problem) -> bool:
+    """Return whether shifts that show are scaled along the normal between types, with a reproducing kernel."""
+    return problem.model.corrects_gradients and scales_across_types(problem)
 
 
 def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
@@ -190,4 +220,25 @@ CROSS_TYPE_NORMAL = Finding(
     ),
 )
 
-ENTRIES = (CROSS_TYPE_SUPPORT, CROSS_TYPE_NORMAL)
+CROSS_TYPE_CORRECTED = Finding(
+    id="cross-type-corrected",
+    number=66,
+    title="With RK1 and RK2 shift scale/cross/type takes another normal than that of its color function",
+    severity="medium",
+    effect="With RK1 and RK2 shifts at an interface of two fluids are scaled along another direction",
+    documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
+    "normal. Shifts and the color function take the quintic spline whatever the kernel.",
+    observed="The color function that is compared with cmin is a sum of the quintic spline. Since 2026.7.4 the "
+    "gradient that gives the normal is the sum of the gradients of the reproducing kernel.",
+    argument="The gradient of the color function, by differences of the color that a particle has when it is moved by "
+    "a little, is the sum of the spline's gradients; that of the corrected ones has another direction. "
+    "Two fluids in disorder (49 particles, 2D, a cutoff of 2.6 spacings): of the particles with a color of 0.05 or "
+    "more the normals with RK1 differ by 2.7 degrees in the median, and by up to 10.5. Corrected gradients of all "
+    "neighbours cancel, as RK1 and RK2 reproduce constants: where all are of the other type, as around a single "
+    "particle of one fluid in another, rounding alone is left, and decides on the normal.",
+    workaround="Use the kernel quintic, whose gradients are not corrected.",
+    scene="two types in disorder, RK1, shiftscale 0",
+    model_variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True),
+)
+
+ENTRIES = (CROSS_TYPE_SUPPORT, CROSS_TYPE_NORMAL, CROSS_TYPE_CORRECTED)

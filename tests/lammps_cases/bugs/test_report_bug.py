@@ -130,6 +130,9 @@ def test_a_deck_of_a_crash_ends_without_an_error_of_lammps(name: str) -> None:
 def test_the_number_misses_by_this_finding_alone_and_by_far(name: str, tmp_path: Path) -> None:
     """On an engine that has it, its variant alone explains the scene, and the reference is far outside the bound."""
     entry, shown = _finding(name), demonstrations()[name]
+    if not any(entry.listed(_version(engine)) for engine in _engines()):
+        assert entry.engines == KNOWN[-1:]  # the newest LAMMPS is no wheel: `make engines` puts it to this test
+        return
     case = case_of(name, entry.title, shown.scene)
     (record,) = campaign.run_cases([case], _engine(_having(entry)), 1, tmp_path / "run").cases
     assert record.verdict == "explained"

@@ -12,11 +12,14 @@ import pytest
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.quintic import quintic
+from eos_ref.numbers.rounded import error, value
+from lammps_cases.findings.shifting import CorrectedColor, CorrectingFirst
 from tests.support.told import ENTRIES, Engine, Told, agree, engine, said, told
 
 pytestmark = pytest.mark.lammps
 
 SUPPORT, NORMAL = "cross-type-support", "cross-type-normal"
+CORRECTED = "cross-type-corrected"
 LAYER, STALE = "layer-depends-on-pair-order", "stale-gradient-below-zmin"
 N = 7
 SITES = np.indices((N, N)).reshape(2, -1).T + 0.5
@@ -151,6 +154,60 @@ def test_exclude_type_is_not_affected(lammps: Engine) -> None:
     for types in ("1", "2", "*"):
         excluded = interface(0.0, rheo={"shift": {"exclude": [types]}})
         assert agree(lammps.fields(excluded)[0]["shift/v"], excluded.predicted(), "shift/v")
+
+
+# --- cross-type-corrected
+
+
+def test_normals_of_the_color_and_of_corrected_gradients() -> None:
+    """The color's gradient by central differences is that of the spline; that of corrected gradients is another."""
+    *_, least, median, most = said(
+        CORRECTED, "argument", r"\(# particles, 2D, a cutoff of # spacings\): .* color of # or more .* by # .* up to #"
+    )
+    scene = interface(0.0, rheo={"kernel": "RK1"})
+    problem = scene.problem
+    sim = CorrectingFirst(problem.model, problem.box, problem.state, ("shift/v",), CorrectedColor)
+    sim.run(0, 0.0)
+    volume_n = sim.evaluator.volume_of_wall(sim.state.rho_n)
+    corrected, color_n, _ = sim.evaluator.color_sums(volume_n)
+    own, *_ = ArrayEvaluator.color_sums(sim.evaluator, volume_n)
+    normals = [np.stack(g, axis=1) / np.linalg.norm(g, axis=0)[:, None] for g in (own, corrected)]
+    cosine_n = np.abs((normals[0] * normals[1]).sum(axis=1)).clip(max=1.0)
+    angle_n = np.degrees(np.arccos(cosine_n))[color_n >= least]
+    assert len(color_n) == N * N and median.is_rounded(np.median(angle_n)) and most.is_rounded(angle_n.max())
+    at, step = int(np.argmax(np.asarray(color_n))), 1e-4
+    moved = [np.array(problem.state.x_nc) for _ in range(4)]
+    for k, (axis, sign) in enumerate([(0, 1), (0, -1), (1, 1), (1, -1)]):
+        moved[k][at, axis] += sign * step
+    colors = []
+    for x_nc in moved:
+        sim.evaluator.move(x_nc)
+        colors.append(ArrayEvaluator.color_sums(sim.evaluator, volume_n)[1][at])
+    slope = np.array([colors[0] - colors[1], colors[2] - colors[3]]) / (2 * step)
+    assert angle(slope, normals[0][at]) < angle(slope, normals[1][at]) / 1000
+
+
+@pytest.mark.parametrize("kernel", ["RK1", "RK2"])
+def test_corrected_gradients_around_a_single_particle_cancel(kernel: str) -> None:
+    """And those of the spline do not; elsewhere at the interface the corrected ones do not either."""
+    problem = interface(0.0, rheo={"kernel": kernel}).problem
+    alone = N * N // 2
+    sim = CorrectingFirst(problem.model, problem.box, problem.state, ("shift/v",), CorrectedColor)
+    sim.run(0, 0.0)
+    sim = sim.rounded(CorrectedColor)
+    sim.evaluator.type_n = 1 + (np.arange(N * N) == alone)
+    volume_n = sim.evaluator.volume_of_wall(sim.state.rho_n)
+    corrected, color_n, _ = sim.evaluator.color_sums(volume_n)
+    own, *_ = ArrayEvaluator.color_sums(sim.evaluator, volume_n)
+    cancels = [np.all([np.abs(value(c)) <= error(c) for c in g], axis=0) for g in (own, corrected)]
+    (touched,) = np.nonzero(value(color_n))
+    assert alone in touched and len(touched) > 1
+    assert [at for at in touched if cancels[1][at]] == [alone] and not cancels[0][touched].any()
+
+
+def angle(one: Any, other: Any) -> float:
+    """The angle between two directions, whatever their signs."""
+    return float(np.arccos(min(abs(one @ other) / np.linalg.norm(one) / np.linalg.norm(other), 1.0)))
 
 
 # --- layer-depends-on-pair-order

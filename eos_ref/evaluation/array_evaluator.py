@@ -121,10 +121,8 @@ class ArrayEvaluator(Evaluator):
 
     def follow(self, x_nc: Array) -> None:
         """Find the pairs of positions in a box that has changed; particles keep their corrections."""
-        kept = self.correction if self.model.corrects_gradients else None
         self.move(x_nc)
-        if kept:
-            self.correction = kept
+        if self.model.corrects_gradients:
             self.corrected_gradients(basis(self.model.order, [x_p / self.model.cut for x_p in self.x]))
 
     def corrects(self, definite_n: Any) -> Any:

@@ -454,7 +454,7 @@ class Simulation:
         if "surface" not in self.fields:
             return solid_n
         class_n, layer = self.surface.class_n, ~self.state.solid_n & (self.surface.r_n < self.model.cut)
-        status_n = where(layer, LAYER + solid_n, BULK + solid_n)
+        status_n = where(layer, LAYER, BULK + solid_n)
         for number, bit in ((1, SURFACE), (2, SPLASH)):
             status_n = where(is_class(class_n, number), bit + solid_n, status_n)
         return status_n

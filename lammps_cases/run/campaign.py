@@ -73,6 +73,11 @@ class PreparedCase:
         """The jobs for LAMMPS: one, or those of the original and its twin."""
         return [job(scene, atoms, plan(scene)) for scene, atoms in self.sides]
 
+    @property
+    def reading_lists(self) -> list[Job]:
+        """The same jobs, read at every step with the neighbour lists."""
+        return [job(scene, atoms, plan(scene), every_step=True, lists=True) for scene, atoms in self.sides]
+
 
 MaybePrepared = PreparedCase | Case  # beyond `KEPT` cases the latter: checked, and prepared when it is its turn
 
@@ -393,11 +398,16 @@ def with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, record
         return []
     if not any(asks_for_lists(ready.case, scene, atoms) for scene, atoms in ready.sides):
         return []
+    return listed(site, ready, outcomes, ready.reading_lists)
+
+
+def listed(site: str | None, ready: PreparedCase, outcomes: Outcomes, reading: Sequence[Job]) -> Outcomes:
+    """Return the outcomes of a case with the lists of the same runs, read at every step; nothing if they are others."""
     found: Outcomes = []
-    for (scene, atoms), outcome in zip(ready.sides, outcomes, strict=True):
+    for (scene, _), outcome, every_step in zip(ready.sides, outcomes, reading, strict=True):
         if isinstance(outcome, Failure):
             return []
-        again = solve(site, job(scene, atoms, plan(scene), every_step=True, lists=True))
+        again = solve(site, every_step)
         compared = zip(scene.snapshots, outcome.snapshots, strict=True)
         if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
             return []  # another run than the one judged: its lists say nothing

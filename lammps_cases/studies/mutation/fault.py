@@ -73,12 +73,14 @@ class Detection:
     Attributes
     ----------
     field : first field outside its bound; empty where LAMMPS gave no numbers
+    manual : whether the mistaken reference stood in for a LAMMPS without the engine's findings, which hide the fault
     """
 
     case: str
     verdict: str
     field: str
     message: str
+    manual: bool = False
 
 
 def files(detections: Sequence[Detection]) -> set[str]:

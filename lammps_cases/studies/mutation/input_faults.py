@@ -33,15 +33,18 @@ class InputFault(Fault):
     change_job: JobChange | None = None
 
 
-def jobs(fault: InputFault, ready: PreparedCase) -> list[Job] | None:
-    """Return the jobs of a case, or of both runs of a twin, with a fault; None if it does not apply."""
-    right_jobs, faulty = ready.jobs, []
+def jobs(fault: InputFault, ready: PreparedCase, lists: bool = False) -> list[Job] | None:
+    """Return the jobs of a case, or of both runs of a twin, with a fault; None if it does not apply.
+
+    With ``lists`` those that read every step and the neighbour lists.
+    """
+    right_jobs, faulty = ready.reading_lists if lists else ready.jobs, []
     for (scene, atoms), right in zip(ready.sides, right_jobs, strict=True):
         wrong = right
         if fault.change_scene is not None:
             try:
                 changed = fault.change_scene(scene)
-                wrong = _job(changed, atoms, scene) if changed != scene else right
+                wrong = _job(changed, atoms, scene, lists) if changed != scene else right
             except (InputError, ValueError, IndexError, ZeroDivisionError, OverflowError):
                 return None  # the change makes no sense for this scene
         if fault.change_job is not None:
@@ -51,13 +54,13 @@ def jobs(fault: InputFault, ready: PreparedCase) -> list[Job] | None:
     return None if all(same) else faulty
 
 
-def _job(changed: Scene, atoms: Atoms, scene: Scene) -> Job:
+def _job(changed: Scene, atoms: Atoms, scene: Scene, lists: bool) -> Job:
     """Return the job of a changed scene; it may ask for what it no longer has, which is LAMMPS' to refuse."""
     try:
         items = plan(changed)
     except InputError:
         items = plan(scene)
-    return job(changed, atoms, items)
+    return job(changed, atoms, items, every_step=lists, lists=lists)
 
 
 def _same(one: Job, other: Job) -> bool:

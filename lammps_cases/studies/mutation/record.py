@@ -114,12 +114,18 @@ class Power:
         return [fault for fault in self.faults if fault.single]
 
     @property
+    def hidden(self) -> list[FaultRecord]:
+        """Return the faults in what findings of the engine replace: seen only in place of a LAMMPS without these."""
+        return [fault for fault in self.faults if fault.seen and all(one.manual for one in fault.seen)]
+
+    @property
     def statement(self) -> str:
         """Return the rate with what it leaves out, in one sentence; empty without faults."""
         if not self.faults:
             return ""
         caught = f"{self.caught} of {len(self.faults)} planted faults caught ({self.caught / len(self.faults):.1%})"
-        return f"{caught}, {len(self.single)} of them by the cases of a single file; {coverage().sentence()}."
+        of_them = f"{len(self.single)} of them by the cases of a single file, {len(self.hidden)} only where no finding"
+        return f"{caught}, {of_them} of the engine stands in their place; {coverage().sentence()}."
 
     @property
     def missed(self) -> list[FaultRecord]:
@@ -191,7 +197,7 @@ def controls(measured: Sequence[Control]) -> tuple[ControlRecord, ...]:
     def of(family: Family) -> ControlRecord:
         by_lammps = family in ("told", "read")
         used = [c for c in measured if by_lammps or c.played is not None]
-        red = [c for c in used if not (c.answered if by_lammps else c.played)]
+        red = [c for c in used if not (c.answered if by_lammps else c.played and c.manual is not False)]
         return ControlRecord(family, len(used), tuple(f"{c.case}: {'; '.join(c.red)}" for c in red))
 
     return tuple(of(family) for family in FAMILIES)

@@ -76,6 +76,7 @@ class MutationPool:
         self.jobs, self.every = self._workers.count, every
         self.answered: list[str] = []
         self.played: list[str] = []
+        self.manual: list[str] = []
         self.quick: set[str] = set()
 
     @property
@@ -111,6 +112,7 @@ class MutationPool:
         order = [by_case[case.name] for case in cases]
         self.answered = [c.case for c in order if c.answered]
         self.played = [c.case for c in order if c.answered and c.played]
+        self.manual = [c.case for c in order if c.answered and c.manual]
         self.quick = {case.name for case in cases if "quick" in case.tags}
         return order
 
@@ -190,15 +192,22 @@ class MutationPool:
         return [outcome] if isinstance(outcome, Detection) else []
 
     def _ask_substitute(self, fault: Fault) -> Detecting:
-        """Have the mutated reference answer in place of LAMMPS, and judge the answers that differ."""
+        """Have the mutated reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
+        detections = yield from self._ask_in_place(fault, self.played, self.engine.distribution, [])
+        if not self._enough(detections):
+            detections = yield from self._ask_in_place(fault, self.manual, None, detections)
+        return detections
+
+    def _ask_in_place(self, fault: Fault, cases: list[str], engine: str | None, before: list[Detection]) -> Detecting:
+        """Have the mutated reference answer cases, judge the answers that differ; return what is detected by now."""
         mutation = _mutation(fault)
-        enough = len(self.played) if self.every else ENOUGH
-        detections: list[Detection] = []
-        quick = [name for name in self.played if name in self.quick]
-        ahead = [part for part in (quick, self.played[len(quick) :]) if part]
+        enough = len(cases) if self.every else ENOUGH
+        detections = list(before)
+        quick = [name for name in cases if name in self.quick]
+        ahead = [part for part in (quick, cases[len(quick) :]) if part]
         while ahead and not self._enough(detections):
             names = ahead.pop(0)
-            played = yield self._call_substitute(mutation, names, enough)
+            played = yield self._call_substitute(mutation, names, engine, enough)
             if isinstance(played, Failure):
                 if len(names) > 1:
                     ahead[:0] = [[name] for name in names]
@@ -215,10 +224,12 @@ class MutationPool:
                 ahead[:0] = [rest] if rest else []
         return detections
 
-    def _call_substitute(self, mutation: Mutation, names: list[str], enough: int) -> Future[list[Substitution]]:
+    def _call_substitute(
+        self, mutation: Mutation, names: list[str], engine: str | None, enough: int
+    ) -> Future[list[Substitution]]:
         future: Future[list[Substitution]] = self._substitutes.schedule(
             substitute.answer_cases,
-            args=(mutation, self.folder, names, self.engine.distribution, enough, CASE_LIMIT),
+            args=(mutation, self.folder, names, engine, enough, CASE_LIMIT),
             timeout=60.0 + CASE_LIMIT * len(names),
         )
         return future

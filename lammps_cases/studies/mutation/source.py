@@ -96,6 +96,9 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
     "other callers": (
         "eos.laws:cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law
         "kernels.reproducing:basis_size",
+        "evaluation.array_evaluator:ArrayEvaluator.any_neighbour",  # of an audit
+        "evaluation.pairs:Search.half",  # of the compiled sums
+        "evaluation.pairs:_points_up",
         "evaluation.time_step:Simulation.run",
         "evaluation.time_step:Simulation._check_steps",
     ),

@@ -1,4 +1,4 @@
-"""The reference in place of LAMMPS: its fields, with the findings that the engine shows, as an answer to be judged.
+"""The reference in place of LAMMPS, with the findings that the engine shows or without any: an answer to be judged.
 
 A mutated reference is loaded in a process of its own, before anything of the package is: its source is changed as it is
 read, so that everything built on it is built on the mutation. Only functions of this module therefore import it.
@@ -43,12 +43,24 @@ class Substitution:
     Attributes
     ----------
     verdict : crashed or timeout, where there are no answers
+    manual : whether it stands in for a LAMMPS that does what its manual says, without findings
     """
 
     case: str
     answers: tuple[Answer, ...] = ()
     verdict: Literal["crashed", "timeout", ""] = ""
     message: str = ""
+    manual: bool = False
+
+    @property
+    def right(self) -> str:
+        """Return the name of the file that holds the answers without a mutation."""
+        return played_name(self.case, self.manual)
+
+
+def played_name(case: str, manual: bool) -> str:
+    """Return the name of the file of the reference's answers to a case, with the engine's findings or without any."""
+    return f"{case}.{'manual' if manual else 'played'}"
 
 
 class TimeLimitExceeded(Exception):
@@ -101,13 +113,14 @@ class _Loader(importlib.machinery.SourceFileLoader):
 
 
 def answer_cases(
-    mutation: Mutation, folder: Path, names: Sequence[str], engine: str, enough: int, limit: float
+    mutation: Mutation, folder: Path, names: Sequence[str], engine: str | None, enough: int, limit: float
 ) -> list[Substitution]:
     """Answer cases until some answers differ from those without the mutation; a task for a fresh process.
 
     Parameters
     ----------
     folder : of the run without a fault: cases, and both sides' answers
+    engine : whose findings the reference shows; None: none
     enough : number of differing answers after which the rest of the cases is left
     limit : seconds of the processor that a case may take, loading included
 
@@ -122,6 +135,7 @@ def answer_cases(
         if len(differing) >= enough:
             break
         substitution = _within(limit, name, lambda case: answer_case(mutation, folder, case, engine))
+        substitution = replace(substitution, manual=engine is None)
         if substitution.verdict or not _as_without(folder, substitution):
             differing.append(substitution)
     return differing
@@ -146,7 +160,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def _as_without(folder: Path, substitution: Substitution) -> bool:
-    right = pickle.loads((folder / f"{substitution.case}.played").read_bytes())
+    right = pickle.loads((folder / substitution.right).read_bytes())
     return all(
         np.array_equal(a[name], b[name], equal_nan=True)
         for one, other in zip(substitution.answers, right, strict=True)
@@ -155,26 +169,43 @@ def _as_without(folder: Path, substitution: Substitution) -> bool:
     )
 
 
-def answer_case(mutation: Mutation, folder: Path, name: str, engine: str) -> Substitution:
+def answer_case(mutation: Mutation, folder: Path, name: str, engine: str | None) -> Substitution:
     """Return the answers of this process' reference to a case that the folder holds."""
     from lammps_cases.studies.mutation.answers import recall
 
     case = recall(folder, name)
     answers: list[Answer] = []
+    same = case.ready.twin is not None and case.ready.twin.same_problem
     for scene, atoms, answer in case.sides:
-        same = answers and case.ready.twin is not None and case.ready.twin.same_problem
-        if same and len(answers[0].snapshots) == len(answer.snapshots):
+        if same and answers and len(answers[0].snapshots) == len(answer.snapshots):
             answers.append(answers[0])
-        else:
-            answers.append(answer_side(mutation, case.ready.case.where, scene, atoms, answer, engine))
+        else:  # a variant fitted to LAMMPS' first snapshot is the same for the same problem, whenever that was read
+            fit = case.sides[0] if same else (scene, atoms, answer)
+            answers.append(answer_side(mutation, case.ready.case.where, scene, atoms, answer, engine, fit))
     return Substitution(name, tuple(answers))
 
 
-def answer_side(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
-    """Return LAMMPS' answer with this process' reference in its place; what no law or stage gives stays LAMMPS'."""
+def answer_side(
+    mutation: Mutation,
+    where: str,
+    scene: Any,
+    atoms: Any,
+    answer: Answer,
+    engine: str | None,
+    fit: tuple[Any, Any, Answer],
+) -> Answer:
+    """Return LAMMPS' answer with this process' reference in its place; what no law or stage gives stays LAMMPS'.
+
+    ``fit`` is the scene, particles and answer that findings are fitted to.
+    """
+    from lammps_cases.verdict.model_cases import problem_of, snapshot
+
     if not scene.whole_model:
         return _answer_law(mutation, where, scene, atoms, answer)
-    return _answer_model(mutation, where, scene, atoms, answer, engine)
+    stages, stepping = stages_of(
+        mutation, problem_of(fit[0], fit[1], where, fit[0].snapshots), snapshot(fit[0], fit[2].snapshots[0]), engine
+    )
+    return _answer_model(where, scene, atoms, answer, stages, stepping)
 
 
 def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer) -> Answer:
@@ -197,13 +228,12 @@ def _answer_law(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: 
     return replace(answer, arrays=arrays, snapshots=(*answer.snapshots[:-1], arrays))
 
 
-def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer: Answer, engine: str) -> Answer:
+def _answer_model(where: str, scene: Any, atoms: Any, answer: Answer, stages: Any, stepping: Any) -> Answer:
     """Return the fields of the particle model at the steps that LAMMPS was read at."""
     from lammps_cases.comparison.trajectory import visit, wanted
-    from lammps_cases.verdict.model_cases import problem_of, snapshot
+    from lammps_cases.verdict.model_cases import problem_of
 
     problem = problem_of(scene, atoms, where, scene.snapshots)
-    stages, stepping = stages_of(mutation, problem, snapshot(scene, answer.snapshots[0]), engine)
     sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
     snapshots = []
     for at, _ in enumerate(visit(sim, problem.steps, problem.timestep, problem.stops)):
@@ -212,14 +242,15 @@ def _answer_model(mutation: Mutation, where: str, scene: Any, atoms: Any, answer
     return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
 
 
-def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: str) -> tuple[Any, Any]:
+def stages_of(mutation: Mutation, problem: Any, first: dict[str, Any], engine: str | None) -> tuple[Any, Any]:
     """Return stages and stepping with all findings that the engine shows, a mistake of the lint in front of them."""
     from eos_ref.evaluation.array_evaluator import ArrayEvaluator
     from eos_ref.evaluation.time_step import Simulation
     from lammps_cases.findings import shown_by
     from lammps_cases.findings.variants import combined
 
-    variants = [entry.model_variant for entry in shown_by(problem, engine) if entry.model_variant]
+    shown = [] if engine is None else shown_by(problem, engine)
+    variants = [entry.model_variant for entry in shown if entry.model_variant]
     stages, stepping = combined(variants, problem, first) or (ArrayEvaluator, Simulation)
     if mutation.table == "stage":
         from lammps_cases.verdict.model_mistakes import MUTANTS

@@ -7,18 +7,19 @@ worker finds what it needs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lammps_cases.engine.session import Answer
+from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused
 from lammps_cases.engine.workers import Failure
-from lammps_cases.findings import LEDGER
+from lammps_cases.findings import LEDGER, shown_by
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
-from lammps_cases.run.campaign import PreparedCase, faulty, with_lists
+from lammps_cases.run.campaign import PreparedCase, faulty, listed, with_lists
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep, recall
 from lammps_cases.studies.mutation.fault import Detection, files
 from lammps_cases.studies.mutation.perturbed import PerturbedCase, PerturbedJudge, outcome
+from lammps_cases.verdict.model_cases import problem_of
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Control:
     Attributes
     ----------
     played : None where the reference cannot stand in: refusals
+    manual : the same, the reference without the engine's findings; None where these change nothing either
     red : what is wrong, if it is not as expected
     """
 
@@ -35,6 +37,7 @@ class Control:
     answered: bool
     played: bool | None
     red: tuple[str, ...] = ()
+    manual: bool | None = None
 
 
 def answer_case(
@@ -54,13 +57,30 @@ def answer_case(
     keep(folder / f"{name}.known", case)
     red = [] if plain.as_expected else [f"{plain.verdict}: {plain.message}"]
     played: bool | None = None
+    manual: bool | None = None
     if all(isinstance(one, Answer) for one in outcomes) and ready.eos is not None:
-        answers = substitute.answer_case(substitute.Mutation(), folder, name, judge.engine.distribution).answers
-        keep(folder / f"{name}.played", answers)
-        record = _verdict(judge, case, answers)
-        played = record.as_expected
-        red += [] if played else [f"played: {record.verdict}: {record.message}"]
-    return Control(name, plain.as_expected, played, tuple(red))
+        played = _plays(judge, folder, case, judge.engine.distribution, red)
+        if _hidden(ready, judge.engine.distribution):
+            manual = _plays(judge, folder, case, None, red)
+    return Control(name, plain.as_expected, played, tuple(red), manual)
+
+
+def _plays(judge: PerturbedJudge, folder: Path, case: AnsweredCase, engine: str | None, red: list[str]) -> bool:
+    """Keep the reference's answers in place of an engine's, or of one without findings; return whether all is well."""
+    name = case.ready.case.name
+    answers = substitute.answer_case(substitute.Mutation(), folder, name, engine).answers
+    keep(folder / substitute.played_name(name, engine is None), answers)
+    record = _verdict(judge, case, answers)
+    if not record.as_expected:
+        red.append(f"played{' by the manual' * (engine is None)}: {record.verdict}: {record.message}")
+    return record.as_expected
+
+
+def _hidden(ready: PreparedCase, engine: str) -> bool:
+    """Return whether findings of the engine stand in for a part of the reference, whose mistakes they would hide."""
+    where = ready.case.where
+    problems = [problem_of(s, atoms, where, s.snapshots) for s, atoms in ready.sides if s.whole_model]
+    return any(entry.model_variant for problem in problems for entry in shown_by(problem, engine))
 
 
 def detect(
@@ -79,14 +99,19 @@ def detect(
 
 
 def _of_input(site: str | None, fault: str, case: AnsweredCase) -> list[Outcome]:
-    """Return LAMMPS' answers to the faulty input; none if the fault does not apply, or lists decide the verdict.
+    """Return LAMMPS' answers to the faulty input; none if the fault does not apply, or lists that decide are others'.
 
-    A run with a fault has no lists, and would be red for want of them.
+    Where lists decide the verdict, those of the faulty run are read: without any it would be red for want of them.
     """
-    if any(isinstance(one, Answer) and one.lists for one in case.outcomes):
+    planted = catalogue.input_faults()[fault]
+    outcomes = [outcome(site, job) for job in input_faults.jobs(planted, case.ready) or ()]
+    followed = any(isinstance(one, Answer) and one.lists for one in case.outcomes)
+    if not outcomes or not followed or not all(isinstance(one, Answer) for one in outcomes):
+        return outcomes
+    try:
+        return listed(site, case.ready, outcomes, input_faults.jobs(planted, case.ready, lists=True) or ())
+    except (EngineRefused, EngineCrashed):  # of a run that was read at fewer steps a moment ago
         return []
-    jobs = input_faults.jobs(catalogue.input_faults()[fault], case.ready)
-    return [outcome(site, job) for job in jobs or ()]
 
 
 def _of_output(fault: str, case: AnsweredCase) -> list[Outcome]:
@@ -112,8 +137,10 @@ def judge_substitution(
     """Task: judge what a mutated reference answered."""
     if substitution.verdict:
         failure = Failure(substitution.verdict, substitution.message)
-        return judge_failure(site, judge, folder, substitution.case, failure)
-    return _detection(judge, recall(folder, substitution.case), substitution.answers)
+        detection = judge_failure(site, judge, folder, substitution.case, failure)
+    else:
+        detection = _detection(judge, recall(folder, substitution.case), substitution.answers)
+    return detection and replace(detection, manual=substitution.manual)
 
 
 def _detection(judge: PerturbedJudge, case: AnsweredCase, outcomes: Sequence[Outcome]) -> Detection | None:

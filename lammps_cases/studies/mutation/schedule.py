@@ -195,7 +195,9 @@ class MutationPool:
         """Have the mutated reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
         detections = yield from self._ask_in_place(fault, self.played, self.engine.distribution, [])
         if not self._enough(detections):
-            detections = yield from self._ask_in_place(fault, self.manual, None, detections)
+            seen = {one.case for one in detections}
+            others = [name for name in self.manual if name not in seen]
+            detections = yield from self._ask_in_place(fault, others, None, detections)
         return detections
 
     def _ask_in_place(self, fault: Fault, cases: list[str], engine: str | None, before: list[Detection]) -> Detecting:

@@ -36,9 +36,10 @@ def has_masses(problem: Problem) -> bool:
 
 
 def _unit_volumes(problem: Problem) -> bool:
-    mass_n = masses(problem.model, problem.state)
-    alike = bool(np.all(mass_n == problem.state.rho_n)) and not has_masses(problem)
-    return alike and not problem.model.fix.rho_sum
+    mass_n, fix, s = masses(problem.model, problem.state), problem.model.fix, problem.state
+    alike = bool(np.all(mass_n == s.rho_n)) and not has_masses(problem)
+    walls = fix.interface_reconstruct and bool(s.solid_n.any())  # whose densities follow from the fluid
+    return alike and not fix.rho_sum and not walls
 
 
 def has_forces(problem: Problem) -> bool:

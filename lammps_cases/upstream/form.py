@@ -24,6 +24,7 @@ from lammps_cases.setup.plan import plan
 
 SCENES = Path(__file__).with_name("scenes")
 TEMPLATE, COEFFICIENTS = "in.rheo", "coeffs.rheo"
+WRITE_DATA = "write_data_pair"  # the variable of test_pair_style behind its ``write_data FILE pair``; ii by default
 MODES = ("sumsq", "min", "max")  # of a column over all particles; sums of conserved fields are rounding alone
 Program = Literal["test_pair_style", "test_fix_timestep"]
 PREFIX: dict[Program, str] = {"test_pair_style": "atomic-pair-rheo_", "test_fix_timestep": "fix-timestep-rheo_"}
@@ -81,8 +82,13 @@ class ForceTest:
 
     @property
     def pre_commands(self) -> tuple[str, ...]:
-        """Return the commands before the template is read."""
-        return tuple(f"variable {name} index {_quoted(text)}" for name, text in self.variables.items())
+        """Return the commands before the template is read.
+
+        A variable of ``test_pair_style`` ends its write_data: with nofix LAMMPS reads reconstructed walls back.
+        """
+        walls = self.program == "test_pair_style" and self.scene.rheo.interface_reconstruct
+        given = {**self.variables, **({WRITE_DATA: "ii nofix"} if walls else {})}
+        return tuple(f"variable {name} index {_quoted(text)}" for name, text in given.items())
 
     @property
     def pair(self) -> str:

@@ -87,10 +87,11 @@ def problem(test: ForceTest, stage: Stage, fields: tuple[str, ...] = ()) -> Prob
     none = np.zeros(len(test.atoms), dtype=bool)
     begins = {"test_pair_style": (0,), "test_fix_timestep": (0, 4)}[test.program] if stage.after else ()
     stops = [ProblemStop(step, none) for step in begins]
-    # What a binary file holds is the state itself, with which a first run begins as with any other.
-    if stage.digits or (stage.read_back and stops):
+    # What a binary file holds is the state itself, with which a first run begins as with any other but for walls.
+    if stage.digits or (stage.read_back and (stops or test.scene.rheo.interface_reconstruct)):
         place = stops[-1].step if stops else 0
-        stops = [*stops[:-1], ProblemStop(place, ~none, read_back=True, digits=stage.digits)]
+        new_n = np.full(len(test.atoms), stage.digits is not None)  # a restart file holds what fixes keep for walls
+        stops = [*stops[:-1], ProblemStop(place, new_n, read_back=True, digits=stage.digits)]
     return replace(whole, fields=fields or test.scene.compare, stops=tuple(stops))
 
 

@@ -186,6 +186,7 @@ def table(result: Measured) -> str:
 
 def _pattern(names: list[str], every: list[str]) -> str:
     """Return how many tests a group has, and the shortest words for them: what only their names hold, or the names."""
+    every = [name for name in every if name.partition("_")[0] == names[0].partition("_")[0]]
     words = {name: set(name.split("_")[1:]) for name in every}
     own = set().union(*(words[name] for name in names))
     tails = [name.partition("_")[2] for name in names]

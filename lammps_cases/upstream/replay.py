@@ -20,7 +20,7 @@ from lammps_cases.engine import session
 from lammps_cases.engine.session import Array, Compute
 from lammps_cases.findings.neighbour_lists import NeighbourList
 from lammps_cases.scene.fields import FIELDS
-from lammps_cases.upstream.form import COEFFICIENTS, TEMPLATE, ForceTest, Program
+from lammps_cases.upstream.form import COEFFICIENTS, TEMPLATE, WRITE_DATA, ForceTest, Program
 from lammps_cases.upstream.numbers import (
     COLUMNS,
     STAGES,
@@ -84,7 +84,8 @@ def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
             lmp.file(str(folder / TEMPLATE))
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *", "pair_modify table 0", "pair_modify table/disp 0")
             seen[f"newton {newton}"] = _looked(lmp, *given.after)
-            _each(lmp, f"write_restart {folder}/test.restart", f"write_data {folder}/test.data pair ii")
+            _each(lmp, f"write_restart {folder}/test.restart", f"variable {WRITE_DATA} index ii")
+            lmp.command(f"write_data {folder}/test.data pair ${{{WRITE_DATA}}}")
             _each(lmp, "thermo_style custom step temp pe press", "thermo 2", "fix 1 all nve")
             seen[f"newton {newton}, 4 steps"] = _looked(lmp, run=4, defined=True)
     for stage, more in (("restart", ()), ("nofdotr", ("pair_modify nofdotr",))):

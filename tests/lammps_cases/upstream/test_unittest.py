@@ -26,7 +26,7 @@ from lammps_cases.engine.workers import Workers
 from lammps_cases.setup import reference_side
 from lammps_cases.upstream import files, programs
 from lammps_cases.upstream.files import TESTS, kit_files, write_folder, yaml_text
-from lammps_cases.upstream.form import shipped, template
+from lammps_cases.upstream.form import WRITE_DATA, shipped, template
 from lammps_cases.upstream.numbers import STAGES, Expected, error, expected, relative
 from lammps_cases.upstream.replay import Commands, failing, replay
 from tests.support.outcome import Outcome
@@ -61,10 +61,11 @@ def columns(text: str) -> Any:
 
 
 def test_every_law_kernel_and_option_has_tests_in_2d_and_3d_with_and_without_unit_volumes() -> None:
-    pair = [test for test in shipped() if "pair." in test.case.name]
+    pair = [test for test in shipped() if test.case.name.startswith(("pair.", "walls."))]
     of = {tuple(test.name.partition("_")[2].rsplit("_", 2)) for test in pair}
     options = {option for option, _, _ in of}
     assert of == {(option, volume, d) for option in options for volume in ("own", "unit") for d in ("2d", "3d")}
+    assert options >= {"stored", "reconstructed"}
     kernels = {test.scene.rheo.kernel for test in pair}
     laws = {law.style for test in pair for law in test.scene.pressure}
     assert kernels == {"quintic", "RK0", "RK1", "RK2"}
@@ -137,8 +138,40 @@ def test_the_template_has_every_variable_that_tests_set() -> None:
     given = set(re.findall(r"^variable +(\S+) ", template(), re.M))
     used = set(re.findall(r"\$\{(\w+)\}", template()))
     set_by_tests = {line.split()[1] for test in shipped() for line in test.pre_commands}
-    assert set_by_tests <= given and used <= given
+    assert set_by_tests - {WRITE_DATA} <= given and used <= given  # the one left out is the program's own
     assert set_by_tests >= {"data_file", "dimension", "atom_style"}
+
+
+def test_particles_of_tests_named_phases_melt_and_freeze() -> None:
+    """Which ones, and that the walls of other tests stay what they are."""
+    seen = {}
+    for name in ("property_phases", "thermal_phases", "thermal_phases_3d", "rheo_reconstructed"):
+        test = ALL[name]
+        fields = ("phase", *needed_to_step(reference_side.model(test.scene, test.atoms, "")))
+        sim = reference_side.simulation(test.scene, test.atoms, fields, evaluator=ArrayEvaluator)
+        sim.setup()
+        phases = [np.asarray(sim.output("phase"))]
+        for _ in range(8):
+            sim.run(1, 0.25)
+            phases.append(np.asarray(sim.output("phase")))
+        seen[name] = set(np.diff(phases, axis=0).ravel().tolist())
+    assert seen.pop("rheo_reconstructed") == {0}
+    assert all(changes == {-1, 0, 1} for changes in seen.values())
+
+
+@pytest.mark.lammps
+def test_walls_are_read_back_only_as_their_tests_write_them(tmp_path: Path, workers: Workers) -> None:
+    test = ALL["reconstructed_unit_2d"]
+    (tmp_path / "in.rheo").write_text(template())
+    (tmp_path / test.data_name).write_text(test.data)
+    given = Commands.of(test)
+    plain = replace(given, before=tuple(line for line in given.before if WRITE_DATA not in line))
+    assert len(plain.before) == len(given.before) - 1
+    looks, refused = (workers.outcome(workers.call(replay, of, str(tmp_path), time_limit=60)) for of in (given, plain))
+    assert set(looks) == {stage.name for stage in STAGES[test.program]}
+    assert "rheo_interface_fix_property_atom" in refused.message
+    others = {name for name, of in ALL.items() if WRITE_DATA in " ".join(of.pre_commands)}
+    assert others == {name for name in ALL if name.startswith("reconstructed_")}
 
 
 # --- epsilon
@@ -189,11 +222,15 @@ def test_a_component_that_rounding_alone_could_make_0_is_refused() -> None:
 
 @pytest.mark.lammps
 @pytest.mark.slow
-def test_lammps_fails_where_the_test_programs_did_and_by_the_same_findings(folder: Path, workers: Workers) -> None:
+def test_lammps_fails_where_the_test_programs_did_and_by_the_same_findings(
+    folder: Path, workers: Workers, predictor: Predictor
+) -> None:
     """The commands of the YAML files, stage by stage; the findings are looked for anew."""
     engine = workers.outcome(workers.identify())["distribution"]
-    found = programs.replayed([ALL[name] for name in FEW], folder, workers, engine)
-    assert found == {ALL[name].name: programs.measured().tests[ALL[name].name] for name in FEW}
+    chosen = [ALL[name] for name in (*FEW, "reconstructed_unit_2d")]
+    write_folder(folder, kit_files(predictor, chosen[-1:]))
+    found = programs.replayed(chosen, folder, workers, engine)
+    assert found == {test.name: programs.measured().tests[test.name] for test in chosen}
 
 
 @pytest.mark.lammps

@@ -7,7 +7,7 @@ these are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ class ArrayEvaluator(Evaluator):
         self.i, self.j, shift_pc = self.pairs(value(x_nc).astype(float), cut)
         x = axes(x_nc)
         self.x = [self._apart(x_n, shift_pc[:, a]) for a, x_n in enumerate(x)]
+        self.shift_pc = shift_pc
         self.rr = dot(self.x, self.x)
         self.r = sqrt(self.rr)
         sigma = self.constant(kernel.normalisation(model.dimension, cut))
@@ -63,6 +64,15 @@ class ArrayEvaluator(Evaluator):
             return apart
         same = (value(apart) == 0) & (error(x_n)[self.i] == 0) & (error(x_n)[self.j] == 0) & (shift_p == 0)
         return Rounded(apart.value, np.where(same, 0.0, apart.error))
+
+    def velocities_met(self, v_nc: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield the components of the velocities of both particles of every pair, (p,), of j that of its image."""
+        for a, v_n in enumerate(axes(v_nc)):
+            v_i, v_j = v_n[self.i], v_n[self.j]
+            if self.image_velocity_cc is not None:
+                image_pc = self.box.periods(self.shift_pc)
+                v_j = v_j + self.constant(image_pc @ self.image_velocity_cc[:, a])
+            yield v_i, v_j
 
     def constant(self, factor: N) -> N:
         """Return a parameter's value; its evaluation rounds at most nine times on either side (pi, h, powers)."""
@@ -173,15 +183,14 @@ class ArrayEvaluator(Evaluator):
 
     def velocity_difference(self, v_nc: Array, chi_n: Array | None) -> Axes:
         """Return the velocity of i less that of j, a solid's as its fluid partner meets it (no slip at the wall)."""
-        v = axes(v_nc)
         if not self.walls:
-            return [v_n[self.i] - v_n[self.j] for v_n in v]
+            return [v_i - v_j for v_i, v_j in self.velocities_met(v_nc)]
         assert chi_n is not None
         solid_i, solid_j = self.solid_n[self.i], self.solid_n[self.j]
         chi_i, chi_j = chi_n[self.i], chi_n[self.j]
         ratio = self.no_slip(where(solid_i, chi_i, chi_j), where(solid_i, chi_j, chi_i))
         difference = []
-        for v_i, v_j in ((v_n[self.i], v_n[self.j]) for v_n in v):
+        for v_i, v_j in self.velocities_met(v_nc):
             met_i = where(solid_i & ~solid_j, self.wall_velocity(v_i, v_j, ratio), v_i)
             met_j = where(solid_j & ~solid_i, self.wall_velocity(v_j, v_i, ratio), v_j)
             difference.append(met_i - met_j)
@@ -329,7 +338,7 @@ class ArrayEvaluator(Evaluator):
     def artificial(self, v_nc: Array, rho_n: Array, sound: Array, grad: Gradients) -> Array:
         """Return the artificial viscous pressure of every pair, (p,); not between fluid and reconstructed solid."""
         i, j = self.i, self.j
-        u = [v_n[i] - v_n[j] for v_n in axes(v_nc)]
+        u = [v_i - v_j for v_i, v_j in self.velocities_met(v_nc)]
         G = [[0.5 * (c_n[i] + c_n[j]) for c_n in row] for row in matrix(grad.v_ncc)]
         u = [u_a - dot(G_a, self.x) for u_a, G_a in zip(u, G, strict=True)]
         zeta = self.model.pair.artificial_viscosity

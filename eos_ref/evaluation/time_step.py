@@ -119,7 +119,7 @@ class Simulation:
         self.virial_ncc: Any = None  # of all particles
         self.set_n = np.zeros(len(state.x_nc), bool)
         self.fresh = True  # no step taken yet
-        self.begun, self.run_steps = self.box, 0  # the box that the run began in, and the steps since
+        self._begin_run()
         self.evaluated_in = self.box
         self.evaluated = self.state  # what the last evaluation began with; steps make new arrays of all they change
 
@@ -228,13 +228,19 @@ class Simulation:
 
     def setup(self) -> None:
         """Evaluate before the first step, without a history of forces."""
-        self.begun, self.run_steps = self.box, 0
+        self._begin_run()
         self.evaluate()
+
+    def _begin_run(self) -> None:
+        """Take the box for that which the run begins in, by which it grows and its images move."""
+        self.begun, self.run_steps = self.box, 0  # and the steps since
+        if self.model.deform:
+            self.evaluator.image_velocity_cc = self.model.deform.image_velocity(self.begun)
 
     def remap(self, box: Box) -> None:
         """Change the box, and the positions with it: fractions of its edges stay what they are."""
-        fraction_nc = (self.state.x_nc - np.array(self.box.low_c)) / self.box.edge_c
-        self.state.x_nc = np.array(box.low_c) + fraction_nc * box.edge_c
+        fraction_nc = self.box.upright(self.state.x_nc - np.array(self.box.low_c)) / self.box.edge_c
+        self.state.x_nc = np.array(box.low_c) + box.shift(fraction_nc)
         self.box = box
         self.evaluator.take(box)
 
@@ -279,7 +285,7 @@ class Simulation:
         self.fresh = False
         fluid = ~s.solid_n
         s.v_nc = s.v_nc + 0.5 * dt * self.acceleration()
-        if model.deform:
+        if model.deform and model.deform.remap != "v":  # else images are where they were: they move as particles do
             self.evaluator.follow(s.x_nc)
         before = self.fields  # the last evaluation's; the next one makes a dictionary of its own
         if model.fix.interface_reconstruct:
@@ -305,10 +311,10 @@ class Simulation:
             self.deform(model.deform, dt)
 
     def deform(self, by: Deform, dt: float) -> None:
-        """Let the box grow at the end of a step, with the positions or without them; velocities and densities stay."""
+        """Let the box grow and lean at the end of a step, with the positions or without them; all else stays."""
         self.run_steps += 1
         box = self.grown(by, self.run_steps * dt)
-        if by.remap:
+        if by.remap == "x":
             self.remap(box)
         else:
             self.box = box
@@ -358,6 +364,7 @@ class Simulation:
         energy_n = None if s.energy_n is None else number(s.energy_n)
         twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
         twin.evaluator = evaluator(self.model, self.evaluated_in, s.type_n, s.solid_n)
+        twin.evaluator.image_velocity_cc = self.evaluator.image_velocity_cc
         if s.mass_n is not None:
             twin.evaluator.weigh(s.mass_n)
         twin.other_nc = number(self.other_nc)

@@ -29,6 +29,7 @@ IntArray = npt.NDArray[np.integer[Any]]
 
 
 TILTED = ((0, 1), (0, 2), (1, 2))  # xy, xz and yz: along which axis the edge of which leans
+Remap = Literal["x", "v", "none"]  # what fix deform changes with the box
 SMALLEST = float(np.finfo(float).tiny)  # the least number with all its digits
 
 
@@ -50,7 +51,8 @@ class Box:
     ----------
     low_c, high_c : one corner, and that of the upright box, in which the edges lean by nothing
     periodic : one flag per axis
-    tilt : by how much the edges lean, xy or xy, xz, yz, between periodic axes alone; empty: the box is rectangular
+    tilt : by how much the edges lean, xy or xy, xz, yz, between periodic axes alone; empty: the box is rectangular,
+        and positions in it never go to fractions of its edges
     """
 
     low_c: tuple[float, ...]
@@ -124,7 +126,7 @@ class Box:
         the difference 1, an element of the inverse 5, its products and sums 3, the number of an image 1, the products
         and sums back 3, the corner 1.
         """
-        if not self.tilted:
+        if not self.tilt:
             return np.zeros(len(self.low_c))
         cell_cc = np.abs(self.cell_cc)
         lean_cc = cell_cc / np.array(self.edge_c)[:, None]  # of H = E (1 + N), N being triangular: 1 + |N|
@@ -222,22 +224,48 @@ class Force:
 
 @dataclass(frozen=True)
 class Deform:
-    """A box whose edges grow at engineering strain rates (fix deform, style erate), one per axis.
+    """A box whose edges grow and lean at engineering strain rates (fix deform, style erate).
 
-    ``remap``: whether positions keep their fractions of the edges (remap x), or stay where they are (remap none).
+    Attributes
+    ----------
+    rate_c : of the edges, one per axis
+    remap : positions keep their fractions of the edges (x), or stay where they are (v, none); with v a particle that
+        crosses a periodic boundary takes on the velocity of its image, which moves with the box
+    shear : of the tilts, xy or xy, xz, yz; empty: none
     """
 
     rate_c: tuple[float, ...]
-    remap: bool = True
+    remap: Remap = "x"
+    shear: tuple[float, ...] = ()
+
+    @property
+    def changes(self) -> bool:
+        """Return whether the box changes at all."""
+        return any((*self.rate_c, *self.shear))
 
     def box(self, first: Box, time: float) -> Box:
         r"""Return the box some time after the run began in another one.
 
-        :math:`L(t)=L_0(1+\dot\varepsilon t)`, the middle of every edge staying where it is.
+        :math:`L(t)=L_0(1+\dot\varepsilon t)`, the middle of every edge staying where it is, and
+        :math:`T(t)=T_0+L_0\dot\gamma t`, :math:`L_0` being that of the axis along which the edge that leans goes.
         """
         growth = np.array(self.rate_c) * (0.5 * time) * np.array(first.edge_c)
         low_c, high_c = np.array(first.low_c) - growth, np.array(first.high_c) + growth
-        return replace(first, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()))
+        tilt = first.tilt
+        if self.shear:
+            edges = [first.edge_c[of] for (_, of), _ in zip(TILTED, self.shear, strict=False)]
+            lean = np.array(self.shear) * time * np.array(edges)
+            tilt = tuple((np.array(first.tilt or np.zeros(len(lean))) + lean).tolist())
+        return replace(first, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()), tilt=tilt)
+
+    def image_velocity(self, first: Box) -> FloatArray | None:
+        """Return how fast images move that are one edge away, (d, d), by rows: with remap v, else not at all."""
+        if self.remap != "v":
+            return None
+        velocity_cc = np.diag(np.array(self.rate_c) * np.array(first.edge_c))
+        for rate, (to, of) in zip(self.shear, TILTED, strict=False):
+            velocity_cc[of, to] = rate * first.edge_c[of]
+        return velocity_cc
 
 
 @dataclass(frozen=True)
@@ -342,8 +370,12 @@ class Model:
     def _check_deform(self, deform: Deform) -> None:
         if len(deform.rate_c) != self.dimension:
             raise InputError("deform", f"needs {self.dimension} rates", len(deform.rate_c))
-        if not all(map(math.isfinite, deform.rate_c)):
-            raise InputError("deform", "needs finite rates", deform.rate_c)
+        if deform.shear and len(deform.shear) != self.dimension * (self.dimension - 1) // 2:
+            raise InputError("deform", "needs rates of xy in 2D, of xy, xz and yz in 3D", deform.shear)
+        if not all(map(math.isfinite, (*deform.rate_c, *deform.shear))):
+            raise InputError("deform", "needs finite rates", (*deform.rate_c, *deform.shear))
+        if deform.remap == "v" and self.fix.shift:
+            raise InputError("deform", "with remap v goes without shift, which follows the speed of each image")
 
     @property
     def cut(self) -> float:

@@ -86,6 +86,19 @@ class Problem:
         """Return the box at a step, before a stop there."""
         return replace(self, stops=tuple(stop for stop in self.stops if stop.step < step)).box_at(step)
 
+    def box_of_images(self, step: int) -> Box:
+        """Return the box that tells where the images of the positions at a step are.
+
+        That of the last forces where images move as particles do (fix deform, remap v), not the one that follows.
+        """
+        moving = self.model.deform is not None and self.model.deform.remap == "v"
+        return self.box_at(max(step - 1, 0) if moving else step)
+
+    def image_velocity(self, step: int) -> FloatArray | None:
+        """Return how fast images move at a step that are one edge away, (d, d), by rows; None: not at all."""
+        begun = max((stop.step for stop in self.stops if stop.step <= step), default=0)
+        return self.model.deform.image_velocity(self.box_at(begun)) if self.model.deform else None
+
     def _grown(self, box: Box, time: float) -> Box:
         return self.model.deform.box(box, time) if self.model.deform else box
 
@@ -291,14 +304,17 @@ class Shaken(Simulation):
         """Change box and positions, and move these by all roundings on the way to fractions and back, 6 on a side."""
         super().remap(box)
         reach_c = np.abs(box.low_c) + np.array(box.edge_c)
-        self.state.x_nc = self.state.x_nc + self._signs(self.state.x_nc) * 6 * EPS * reach_c
+        size_c = 6 * EPS * reach_c + box.rounding(self.model.cut)
+        self.state.x_nc = self.state.x_nc + self._signs(self.state.x_nc) * size_c
 
     def grown(self, by: Deform, time: float) -> Box:
         """Return the box with its corners moved by all roundings on the way to them, 6 on a side."""
         box = super().grown(by, time)
         moved = 6 * EPS * np.maximum(np.abs(box.low_c), np.abs(box.high_c))
         low_c, high_c = (np.array(end_c) + self._signs(moved) * moved for end_c in (box.low_c, box.high_c))
-        return replace(box, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()))
+        tilt = np.array(box.tilt)
+        tilt = tilt + self._signs(tilt) * 6 * EPS * np.abs(tilt) * bool(by.shear)
+        return replace(box, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()), tilt=tuple(tilt.tolist()))
 
     def shake(self, relative: float = 0.0) -> None:
         """Move the state by one unit of the last place and by a fraction of every value, with random signs."""
@@ -307,6 +323,8 @@ class Shaken(Simulation):
         size_nc = EPS * reach_c + self.box.rounding(self.model.cut) + relative * np.abs(s.x_nc)
         s.x_nc = s.x_nc + self._signs(s.x_nc) * size_nc
         s.v_nc = s.v_nc * (1 + (EPS + relative) * self._signs(s.v_nc))
+        if (moving_cc := self.evaluator.image_velocity_cc) is not None:  # what a particle takes on at the boundary
+            s.v_nc = s.v_nc + self._signs(s.v_nc) * 2 * EPS * np.abs(moving_cc).sum(axis=0)
         s.rho_n = s.rho_n * (1 + (EPS + relative) * self._signs(s.rho_n))
         if s.energy_n is not None:
             s.energy_n = s.energy_n * (1 + (EPS + relative) * self._signs(s.energy_n))

@@ -135,7 +135,9 @@ class RedCase:
         lammps_n = np.asarray(self.snapshots[at][name], float)
         if name != "x":
             return lammps_n
-        return nearest_image(self.problem.box_at(self.problem.steps[at]), lammps_n, np.asarray(fields[name], float))
+        return nearest_image(
+            self.problem.box_of_images(self.problem.steps[at]), lammps_n, np.asarray(fields[name], float)
+        )
 
     def changed(self, values: list[Fields]) -> bool:
         """Return whether fields differ from the reference's where LAMMPS' do first."""

@@ -153,9 +153,9 @@ class CountingLate(CountingSteps):
 
 
 def grows(problem: Problem) -> bool:
-    """Return whether the box grows or shrinks while particles move."""
+    """Return whether the box changes while particles move, and images at the ends of steps alone."""
     deform = problem.model.deform
-    return deform is not None and any(deform.rate_c) and problem.steps[-1] > 0
+    return deform is not None and deform.changes and deform.remap != "v" and problem.steps[-1] > 0
 
 
 BOUNDARY_PAIRS_TWICE = Finding(

@@ -259,6 +259,13 @@ WALL_VELOCITY_LOST = Finding(
     "1.3), so that a Couette flow depends on how the particles of the wall lie.",
     workaround="Keep walls at rest: choose the frame of the wall, or drive the fluid by addforce.",
     scene="fluid at rest over one row of solid particles that moves",
+    gaps=(
+        Gap(
+            lambda scene: scene.rheo.interface_reconstruct and scene.remaps_velocities,
+            "as forces depend on the frame, those across a boundary whose images move (fix deform, remap v) are those "
+            "of the frame of the particle that LAMMPS' list has first",
+        ),
+    ),
     model_variant=Variant(has_moving_walls, WallVelocityLost),
 )
 

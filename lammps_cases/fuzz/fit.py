@@ -59,7 +59,7 @@ def _with_time_step(evolve: Content, step: float) -> Content:
     made = evolve | {"timestep": step} | ({"stops": stops} if stops else {})
     if shares := evolve.get("deform"):  # until here, of what the edges grow by in all steps
         time = step * evolve["steps"]
-        made["deform"] = {key: rounded(of / time) if key in "xyz" else of for key, of in shares.items()}
+        made["deform"] = {key: rounded(of / time) if key != "remap" else of for key, of in shares.items()}
     return made
 
 

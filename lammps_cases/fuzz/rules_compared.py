@@ -40,15 +40,19 @@ def evolve(scope: Scope, chance: Chance) -> Any:
 
 
 def _deform(scope: Scope, chance: Chance) -> Content:
-    """Return by what share the edges of a box grow in all steps, from which rates follow with the time step.
+    """Return by what share the edges of a box grow and lean in all steps, from which rates follow with the time step.
 
     Where positions stay, faces that are not periodic move outwards alone.
     """
     periodic = scope.content["positions"].get("periodic") or [True] * scope.d
-    remap = chance.coin(0.6)
-    shares = [chance.between(-0.08 if remap or around else 0.0, 0.08) for around in periodic]
+    shifts = scope.content["rheo"].get("shift", False) is not False
+    remap = chance.choice(["x", "x", "none", *["v"] * (not shifts and not scope.stops)])
+    shares = [chance.between(-0.08 if remap == "x" or around else 0.0, 0.08) for around in periodic]
     content: Content = {axis: share for axis, share in zip("xyz", shares, strict=False) if chance.coin(0.7)}
-    return content | ({"remap": remap} if not remap or chance.coin() else {})
+    for pair, can in zip(("xy", "xz", "yz"), leaning(periodic, scope.d), strict=False):
+        if can and chance.at(pair).coin(0.4):
+            content[pair] = chance.at(pair).between(-0.4, 0.4)
+    return content | ({"remap": remap} if remap != "x" or chance.coin() else {})
 
 
 def _stops(scope: Scope, chance: Chance, steps: int, grows: bool) -> list[Content]:
@@ -97,7 +101,9 @@ def compare(scope: Scope, chance: Chance) -> Any:
     fields = chance.some([name for name in FIELDS if _has(scope, name)], chance.choice([0.15, 0.4, 0.7, 1.0]))
     if "stress/t" in fields and "pressure" not in fields and chance.coin(0.9):
         fields.append("pressure")  # without it most releases of LAMMPS crash
-    return [*fields, chance.choice(["f", "rho", "v", "x"])] if set(fields) <= {"pressure"} else fields
+    if _crosses(scope) and "v" in fields and "x" not in fields:
+        fields.append("x")  # tells of which image the velocity is
+    return [*fields, chance.choice(["f", "rho", "grad/v", "x"])] if set(fields) <= {"pressure"} else fields
 
 
 def _has(scope: Scope, field: str) -> bool:
@@ -108,8 +114,15 @@ def _has(scope: Scope, field: str) -> bool:
         "surface/detection": "surface_detection" in rheo,
         "thermal": scope.thermal,
     }
+    if field == "press" and _crosses(scope):
+        return False
     keyword = keyword_of(field)
     return keyword is None or not keyword or bool(given.get(keyword, True))
+
+
+def _crosses(scope: Scope) -> bool:
+    """Return whether particles that cross a boundary take on another velocity."""
+    return scope.content.get("evolve", {}).get("deform", {}).get("remap") == "v"  # type: ignore[no-any-return]
 
 
 def _rebuild(chance: Chance) -> Content:

@@ -58,11 +58,19 @@ def _crossed(at: Evaluated) -> Any:
     return at.sim.box.images(at.sim.state.x_nc).any(axis=1) & (at.step > 0)
 
 
-def _deformed(at: Evaluated, remap: bool | None = None) -> Any:
+def _deformed(at: Evaluated, remap: str | None = None) -> Any:
     """Return the particles, all or none, of a box that has grown: with positions, without them, or either."""
     deform = at.sim.model.deform
-    grown = deform is not None and any(deform.rate_c) and remap in (None, deform.remap)
+    grown = deform is not None and deform.changes and remap in (None, deform.remap)
     return np.full(at.evaluator.n, grown and at.step > 0)
+
+
+def _meets_moving_images(at: Evaluated) -> Any:
+    """Return the particles that meet images whose velocities are not the particles'."""
+    if at.evaluator.image_velocity_cc is None:
+        return np.zeros(at.evaluator.n, bool)
+    moving_pc = at.sim.box.periods(at.evaluator.shift_pc) @ at.evaluator.image_velocity_cc
+    return at.any_of_n(np.any(moving_pc, axis=1))
 
 
 _force, _step = rules_of("f"), rules_of("pairs")
@@ -166,16 +174,35 @@ RULES = (
         "formula.deform-compound",
     ),
     _step(
+        "step-sheared",
+        "Edges of the box lean at their rates, of the length along which they go.",
+        lambda at: _every(at) & at.sim.box.tilted & (at.sim.model.deform is not None),
+        "formula.shear-of-the-other-edge",
+    ),
+    _step(
+        "step-sheared-again",
+        "A run begins with edges that lean as the last one left them.",
+        lambda at: _every(at) & any(at.sim.begun.tilt) & (at.sim.model.deform is not None),
+        "formula.shear-anew",
+    ),
+    _step(
+        "images-moving",
+        "Periodic images have velocities of their own where the box changes and positions stay (remap v).",
+        lambda at: _meets_moving_images(at),
+        "formula.images-at-rest",
+        "formula.images-sheared-alone",
+    ),
+    _step(
         "step-remapped",
         "Positions grow with the box before the next step begins.",
-        lambda at: _deformed(at, remap=True),
+        lambda at: _deformed(at, remap="x"),
         "formula.deform-alone",
         "formula.deform-late",
     ),
     _step(
         "step-not-remapped",
         "Positions stay where they are in a box that grows.",
-        lambda at: _deformed(at, remap=False),
+        lambda at: _deformed(at, remap="none"),
         "formula.deform-with-positions",
     ),
 )

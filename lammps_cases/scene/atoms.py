@@ -57,10 +57,11 @@ class Atoms:
         return len(self.id_n)
 
     def within(self, box: Box) -> Atoms:
-        """Return the particles where they are, in a box with other corners along some axes."""
+        """Return the particles where they are, in another box along some axes."""
         d = len(box.low_c)
         low_c, high_c = np.array([*box.low_c, *self.low_c[d:]]), np.array([*box.high_c, *self.high_c[d:]])
-        return replace(self, low_c=low_c, high_c=high_c)
+        xy, xz, yz = (*box.tilt, 0.0, 0.0, 0.0)[:3]
+        return replace(self, low_c=low_c, high_c=high_c, tilt=(xy, xz, yz))
 
     def box(self, dimension: int = 3) -> Box:
         """Return the box along some axes."""

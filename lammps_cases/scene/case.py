@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
+from eos_ref.model.parameters import TILTED
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.manual import FIRST, Manual
@@ -224,12 +225,32 @@ class Scene(SceneModel):
             raise ValueError("deform compares fields of the whole model: it needs more in compare than pressure")
         if deform.z and self.dimension == 2:
             raise ValueError(f"deform.z must be 0 in 2D, found {deform.z!r}")
+        self._check_shear(deform)
         self._check_faces("deform")
         for stop in self.evolve.stops:
             if stop.stretch or stop.by in AS_TEXT:
                 raise ValueError(f"deform goes with neither stretch nor a stop by data, found one at {stop.at}")
         if self.twin and self.twin.kind in ("translate", "boost", "tilt"):
             raise ValueError(f"deform: a box that grows about its middle is another one under twin.{self.twin.kind}")
+
+    def _check_shear(self, deform: DeformSettings) -> None:
+        if self.dimension == 2 and (deform.xz or deform.yz):
+            raise ValueError(f"deform.xz and deform.yz must be 0 in 2D, found {deform.xz!r} and {deform.yz!r}")
+        periodic = getattr(self.positions, "periodic", None) or (True,) * self.dimension
+        for rate, axes in zip(deform.shears, TILTED, strict=True):
+            if rate and not all(periodic[a] for a in axes):
+                raise ValueError(f"deform: xy, xz and yz must be 0 but between periodic axes, found {deform.shears}")
+        if deform.remap != "v":
+            return
+        assert self.evolve is not None
+        if self.rheo.shift:
+            raise ValueError("deform: remap v goes without shift, which follows the speed of each image")
+        if "press" in self.compare:
+            raise ValueError("deform: press has a kinetic part, which with remap v depends on the image")
+        if "v" in self.compare and "x" not in self.compare:
+            raise ValueError("deform: with remap v the image, which compare v is of, needs compare x")
+        if self.evolve.stops:
+            raise ValueError(f"deform: remap v goes without stops, found one at {self.evolve.halts[0]}")
 
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):
@@ -287,6 +308,11 @@ class Scene(SceneModel):
     def whole_model(self) -> bool:
         """Return whether the particle model is compared, not the equation of state alone."""
         return self.compare != ("pressure",) or (self.evolve is not None and self.evolve.compare_at is not None)
+
+    @property
+    def remaps_velocities(self) -> bool:
+        """Return whether periodic images move with the box (fix deform, remap v)."""
+        return bool(self.evolve and self.evolve.deform and self.evolve.deform.remap == "v")
 
     @property
     def interacts(self) -> bool:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from eos_ref.kernels.styles import KernelStyle
+from eos_ref.model.parameters import Remap
 from eos_ref.syntax.fixes import SurfaceStyle
 from lammps_cases.scene.stops import Stop, counted
 from lammps_cases.scene.values import RANGE_SCHEMA, Finite, NonNegative, Positive, SceneModel, TypeRange
@@ -100,17 +101,27 @@ class ForceSettings(SceneModel):
 
 
 class DeformSettings(SceneModel):
-    """A box that grows while particles move (fix deform 1, styles erate): engineering strain rates of its edges."""
+    """A box that grows and leans while particles move (fix deform 1, styles erate): engineering strain rates."""
 
     x: Finite = 0.0
     y: Finite = 0.0
     z: Finite = 0.0
-    remap: bool = Field(True, strict=True, description="positions grow with the box (remap x), or not (remap none)")
+    xy: Finite = 0.0
+    xz: Finite = 0.0
+    yz: Finite = 0.0
+    remap: Remap = Field(
+        "x", description="positions grow with the box (x), velocities change at its faces (v), or nothing does (none)"
+    )
 
     @property
     def rates(self) -> tuple[float, float, float]:
-        """Return the rates by axis."""
+        """Return the rates of the edges by axis."""
         return self.x, self.y, self.z
+
+    @property
+    def shears(self) -> tuple[float, float, float]:
+        """Return the rates of the tilts, xy, xz and yz."""
+        return self.xy, self.xz, self.yz
 
 
 class Evolve(SceneModel):

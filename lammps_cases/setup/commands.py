@@ -125,11 +125,17 @@ def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     yield from _style(scene, atoms)
     yield from _neighbours(scene, atoms, plan)
     edges = " ".join(_numbers(pair) for pair in zip(atoms.low_c, atoms.high_c, strict=True))
-    yield f"region box prism {edges} {_numbers(atoms.tilt)}" if any(atoms.tilt) else f"region box block {edges}"
+    yield f"region box prism {edges} {_numbers(atoms.tilt)}" if _leans(scene, atoms) else f"region box block {edges}"
     yield f"create_box {len(scene.types)} box"
     if scene.engine.communication == "tiled":
         yield "comm_style tiled"
     yield from _masses(scene)
+
+
+def _leans(scene: Scene, atoms: Atoms) -> bool:
+    """Return whether the edges of the box lean, or come to."""
+    deform = scene.evolve and scene.evolve.deform
+    return any(atoms.tilt) or bool(deform and any(deform.shears))
 
 
 def _masses(scene: Scene) -> Iterable[str]:
@@ -145,7 +151,7 @@ def _style(scene: Scene, atoms: Atoms) -> Iterable[str]:
     if not all(scene.engine.newton_flags):
         yield "newton " + " ".join("on" if flag else "off" for flag in scene.engine.newton_flags)
     yield "boundary " + " ".join("p" if periodic else scene.engine.boundary for periodic in atoms.periodic)
-    if any(atoms.tilt):
+    if _leans(scene, atoms):
         yield "box tilt large"
     if scene.engine.processors:
         yield f"processors {' '.join(map(str, scene.engine.processors))}"
@@ -329,5 +335,7 @@ def _fixes(scene: Scene, cut: float, plan: Plan) -> Iterable[str]:
     if plan.needs("fix enforce2d"):
         yield "fix flat all enforce2d"
     if scene.evolve and (deform := scene.evolve.deform):
-        rates = [f"{axis} erate {rate!r}" for axis, rate in zip("xyz", deform.rates, strict=True)]
-        yield f"fix deform all deform 1 {' '.join(rates[: scene.dimension])} remap {'x' if deform.remap else 'none'}"
+        rates = list(zip("xyz", deform.rates, strict=True))[: scene.dimension]
+        rates += [(pair, rate) for pair, rate in zip(("xy", "xz", "yz"), deform.shears, strict=True) if rate]
+        words = " ".join(f"{what} erate {rate!r}" for what, rate in rates)
+        yield f"fix deform all deform 1 {words} remap {deform.remap}"

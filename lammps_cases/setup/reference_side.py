@@ -8,6 +8,7 @@ the acceleration is the scene's vector to the last bit, and the force on a parti
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -83,7 +84,11 @@ def _fix(scene: Scene, cut: float) -> FixRheo:
 
 def _deform(scene: Scene) -> Deform | None:
     given = scene.evolve and scene.evolve.deform
-    return Deform(given.rates[: scene.dimension], given.remap) if given else None
+    if not given:
+        return None
+    d = scene.dimension
+    shears = given.shears[: d * (d - 1) // 2]
+    return Deform(given.rates[:d], given.remap, shears if any(shears) else ())
 
 
 def _viscosity(atom_type: AtomType) -> Viscosity:
@@ -103,8 +108,9 @@ def _thermal(atom_type: AtomType) -> Thermal:
 
 
 def box(scene: Scene, atoms: Atoms) -> Box:
-    """Return the box of a scene, with as many axes as dimensions."""
-    return atoms.box(scene.dimension)
+    """Return the box of a scene, with as many axes as dimensions; one that comes to lean has edges that lean by 0."""
+    around, deform = atoms.box(scene.dimension), _deform(scene)
+    return replace(around, tilt=around.tilt or (0.0,) * len(deform.shear)) if deform else around
 
 
 def state(scene: Scene, atoms: Atoms, where: str = "") -> State:

@@ -370,7 +370,7 @@ def _rescaled_rheo(rheo: RheoSettings, manual: Manual, scale: Scale, cut: float)
 def _rescaled_deform(evolve: Evolve, scale: Scale) -> DeformSettings | None:
     if evolve.deform is None:
         return None
-    rates = zip("xyz", evolve.deform.rates, strict=True)
+    rates = zip(("x", "y", "z", "xy", "xz", "yz"), (*evolve.deform.rates, *evolve.deform.shears), strict=True)
     return evolve.deform.model_copy(update={axis: rate / scale.of("time") for axis, rate in rates})
 
 

@@ -33,8 +33,13 @@ def sides(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a field of LAMMPS, of the reference, and its bound, at one of the steps."""
     lammps_n, reference_n = snapshot[field], prediction.fields[at][field]
+    step = problem.steps[at]
     if field == "x":
-        lammps_n = nearest_image(problem.box_at(problem.steps[at]), lammps_n, reference_n)
+        lammps_n = nearest_image(problem.box_of_images(step), lammps_n, reference_n)
+    moving_cc = problem.image_velocity(step) if field == "v" else None
+    if moving_cc is not None:  # of a particle that has left through a boundary LAMMPS has the image's
+        image_nc = problem.box_of_images(step).periods(prediction.fields[at]["x"] - snapshot["x"])
+        lammps_n = lammps_n + image_nc @ moving_cc
     return lammps_n, reference_n, np.broadcast_to(prediction.bounds[at][field], reference_n.shape)
 
 

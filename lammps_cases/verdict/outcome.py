@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -138,7 +139,9 @@ def compare_carried(
             if name == "rheo_status" and stop.by in FOR_EACH_ATOM:  # set gives the phase alone
                 before_n, after_n = before_n & 1, after_n & 1
             if name == "x":
-                box = atoms.within(problem.box_before(stop.at)).box()
+                around = problem.box_before(stop.at)
+                box = atoms.within(around).box()
+                box = replace(box, tilt=box.tilt or (0.0,) * 3) if around.tilt else box
                 places = box, before_n, after_n, half, kernel_cut(scene, atoms.spacing)
                 after_n, bound_n = _images(*places)
                 why += BY_IMAGES if bound_n.any() and not text else ""

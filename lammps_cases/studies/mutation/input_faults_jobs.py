@@ -236,6 +236,7 @@ _TABLE: tuple[tuple[str, Kind, str, JobChange], ...] = (
         "positions changed with a box that grows alone",
         _replaced("remap none", "remap x"),
     ),
+    ("images-at-rest", "missing term", "images that do not move with the box", _replaced("remap v", "remap none")),
     ("deform-later", "stale", "the box growing in every second step", _replaced(" deform 1 ", " deform 2 ")),
     # --- between runs
     ("set-up-never-again", "stale", "runs continued where they should be set up anew", _never_again),

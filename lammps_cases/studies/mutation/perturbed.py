@@ -217,7 +217,7 @@ class RepeatedCase:
         for step, (got, fields, bounds) in zip(of.steps, sides, strict=True):
             for name in in_step_order(of.fields):
                 ratios[name] = max(
-                    ratios.get(name, 0.0), _ratio(of.box_at(step), name, got[name], fields[name], bounds[name])
+                    ratios.get(name, 0.0), _ratio(of.box_of_images(step), name, got[name], fields[name], bounds[name])
                 )
         return ratios
 

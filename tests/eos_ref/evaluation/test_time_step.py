@@ -13,7 +13,7 @@ from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.reproducing import basis
-from eos_ref.model.parameters import Box, Deform, Force, Thermal, Viscosity
+from eos_ref.model.parameters import Box, Deform, Force, Remap, Thermal, Viscosity
 from eos_ref.numbers.rounded import error
 from eos_ref.syntax.fixes import Shift
 from tests.support.double_loop import DoubleLoop
@@ -228,8 +228,8 @@ def test_a_box_grows_about_its_middle() -> None:
 
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1", "RK2"])
-@pytest.mark.parametrize("remap", [True, False])
-def test_steps_in_a_box_that_grows(kernel: str, remap: bool) -> None:
+@pytest.mark.parametrize("remap", ["x", "none"])
+def test_steps_in_a_box_that_grows(kernel: str, remap: Remap) -> None:
     """A step is one in a fixed box, then the box grows by a share of what it was when the run began."""
     built = scene(2, kernel=kernel).with_model(deform=replace(GROWS, remap=remap))
     growing, fixed = built.simulate([]), built.with_model(deform=None).simulate([])
@@ -239,7 +239,7 @@ def test_steps_in_a_box_that_grows(kernel: str, remap: bool) -> None:
     assert growing.box == GROWS.box(first, DT)
     fraction_nc = (fixed.state.x_nc - np.array(first.low_c)) / first.edge_c
     moved_nc = np.array(growing.box.low_c) + fraction_nc * growing.box.edge_c
-    np.testing.assert_array_equal(growing.state.x_nc, moved_nc if remap else fixed.state.x_nc)
+    np.testing.assert_array_equal(growing.state.x_nc, moved_nc if remap == "x" else fixed.state.x_nc)
     for name in ("v_nc", "rho_n"):
         np.testing.assert_array_equal(getattr(growing.state, name), getattr(fixed.state, name))
     growing.run(1, DT)
@@ -268,11 +268,60 @@ def test_half_step_gradients_are_those_of_the_box_that_has_grown(kernel: str) ->
         np.testing.assert_array_equal(one, same)
 
 
+LEANS = Deform((0.3, 0.0, -0.2), shear=(0.5, -0.7, 0.9))
+
+
+def test_a_box_leans_by_shares_of_the_edge_that_leans() -> None:
+    first = Box((-1.0, 2.0, 0.0), (3.0, 4.0, 8.0), (True,) * 3, (0.25, 0.0, 0.0))
+    grown = LEANS.box(first, 0.5)
+    assert grown.tilt == pytest.approx((0.25 + 0.5 * 2 * 0.5, -0.7 * 8 * 0.5, 0.9 * 8 * 0.5), rel=4 * EPS)
+    assert replace(LEANS, shear=()).box(first, 0.5).tilt == first.tilt
+    image = np.array([1.0, -2.0, 1.0])  # of a particle, which moves as the box does
+    moved = (grown.shift(image) - first.shift(image)) / 0.5
+    moving = replace(LEANS, remap="v").image_velocity(first)
+    assert moving is not None and moved == pytest.approx(image @ moving, rel=16 * EPS)
+    assert LEANS.image_velocity(first) is None
+
+
+@pytest.mark.parametrize("kernel", ["quintic", "RK1"])
+def test_where_images_move_as_particles_do_a_flow_has_no_boundary(kernel: str) -> None:
+    """v = (x, y) E in a box that moves with it: forces and gradients are those of the same flow cut elsewhere."""
+    built = scene(2, kernel=kernel, artificial=0.5)
+    built = built.with_model(deform=Deform((0.5, -0.25), "v", (0.75,)))
+    box, n = built.box, len(built.state.x_nc)
+    assert built.model.deform is not None
+    moving = built.model.deform.image_velocity(box)
+    flow_cc = np.linalg.inv(box.cell_cc) @ moving
+    flow_nc = (built.state.x_nc - np.array(box.low_c)) @ flow_cc
+    moved_nc = built.state.x_nc + np.array([1.7, 2.3])  # all alike: other pairs lie across a boundary
+    turned_nc = box.images(moved_nc)
+    one, other = (
+        built.with_state(x_nc=x_nc, v_nc=v_nc).simulate()
+        for x_nc, v_nc in (
+            (built.state.x_nc, flow_nc),
+            (moved_nc - box.shift(turned_nc), flow_nc - turned_nc @ moving),
+        )
+    )
+    for field in ("grad/v", "f"):
+        found, same = (simulation.evaluate()[field] for simulation in (one, other))
+        bound = one.rounded().fields[field].error + other.rounded().fields[field].error
+        assert (np.abs(found - same) <= bound + 1e-12 * np.abs(found).max()).all()
+    if kernel == "RK1":
+        np.testing.assert_allclose(one.fields["grad/v"], np.broadcast_to(flow_cc.T, (n, 2, 2)), atol=1e-10)
+
+
 def test_what_a_box_that_grows_cannot_be() -> None:
     built = scene(2)
-    for rates, rule in (((0.1,), "needs 2 rates, found 1"), ((0.1, np.inf), "needs finite rates")):
+    for made, rule in (
+        (Deform((0.1,)), "needs 2 rates, found 1"),
+        (Deform((0.1, np.inf)), "needs finite rates"),
+        (Deform((0.1, 0.1), shear=(np.nan,)), "needs finite rates"),
+        (Deform((0.1, 0.1), shear=(0.1, 0.1)), "needs rates of xy in 2D"),
+    ):
         with pytest.raises(InputError, match=rule):
-            built.with_model(deform=Deform(rates))
+            built.with_model(deform=made)
+    with pytest.raises(InputError, match="remap v goes without shift"):
+        scene(2, shift=Shift()).with_model(deform=replace(GROWS, remap="v"))
     with pytest.raises(InputError, match="sums of all particles at once: take ArrayEvaluator"):
         built.with_model(deform=GROWS).simulate([], evaluator=CompiledEvaluator).run(1, DT)
 

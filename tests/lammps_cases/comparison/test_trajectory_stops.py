@@ -100,6 +100,9 @@ def test_a_box_that_grows_is_known_at_every_step_and_before_stops() -> None:
     for step in visit(sim, growing.steps, growing.timestep, growing.stops):
         assert sim.box == growing.box_at(step)
     assert growing.box_before(2) == grows.box(of.box, 2 * of.timestep) == growing.box_at(2)
+    leaning = replace(of, model=replace(of.model, deform=Deform((0.5, 0.0), "v", (2.0,))), steps=(0, 1, 2))
+    assert [leaning.box_of_images(step) for step in (0, 1, 2)] == [leaning.box_at(step) for step in (0, 0, 1)]
+    assert [growing.box_of_images(step) for step in (1, 2)] == [growing.box_at(step) for step in (1, 2)]
     wider = grows.box(of.box, 1.0)
     assert replace(growing, stops=(stop(of, 2, box=wider),)).box_before(2) == growing.box_before(2) != wider
 

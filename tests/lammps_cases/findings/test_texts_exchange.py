@@ -104,7 +104,7 @@ def test_images_left_behind(lammps: Engine) -> None:
 
 def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Engine) -> None:
     assert ENTRIES[BEHIND].observed.endswith("Without remap, images are left behind by what the edges grow.")
-    scene = parting(7.5, deform={"x": 1.0, "remap": False})
+    scene = parting(7.5, deform={"x": 1.0, "remap": "none"})
     found = lammps.fields(scene, every_step=True)
     assert agree(found[2]["rho"], scene.predicted(BEHIND, snapshot=found[0]), "rho", 2)
     unmoved = parting(7.5, deform={})  # until the first half of the second step nothing has met an image elsewhere

@@ -98,6 +98,16 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
         ({"deform": {}}, {"engine": {"boundary": "fs"}}, "deform needs faces that are periodic or fixed"),
         ({"deform": {}, "stops": [{"at": 1, "by": "data"}]}, {}, "neither stretch nor a stop by data, found one at 1"),
         ({"deform": {}, "stops": [{"at": 2, "stretch": {}}]}, {}, "neither stretch nor a stop by data, found one at 2"),
+        ({"deform": {"yz": 0.5}}, {}, r"deform.xz and deform.yz must be 0 in 2D, found 0.0 and 0.5"),
+        (
+            {"deform": {"xy": 0.5}},
+            {"positions": {"lattice": "sq", "spacing": 1.0, "cells": [6, 6], "periodic": [False, True]}},
+            "deform: xy, xz and yz must be 0 but between periodic axes",
+        ),
+        ({"deform": {"remap": "v"}}, {"rheo": {"shift": True}}, "remap v goes without shift"),
+        ({"deform": {"remap": "v"}}, {"compare": ["f", "press"]}, "press has a kinetic part"),
+        ({"deform": {"remap": "v"}}, {"compare": ["v"]}, "needs compare x"),
+        ({"deform": {"remap": "v"}, "stops": [{"at": 2}]}, {}, "remap v goes without stops, found one at 2"),
         ({"deform": {}}, {"twin": {"boost": [0.1, 0.0]}}, "is another one under twin.boost"),
     ],
 )

@@ -200,6 +200,13 @@ def test_pieces_of_a_run_know_its_ends_where_the_box_grows(case_file: Write) -> 
     assert told == [f"run {n} {pre}post no {ends}" for n, pre, ends in (*pieces, ("3", "pre no ", after))]
 
 
+def test_a_box_that_comes_to_lean_is_a_prism(case_file: Write) -> None:
+    evolve = {"steps": 5, "timestep": 0.1, "deform": {"xy": 0.3, "remap": "v"}}
+    given = job_of(case_file(compare=["f"], evolve=evolve))
+    assert "fix deform all deform 1 x erate 0.0 y erate 0.0 xy erate 0.3 remap v" in given.commands
+    assert "box tilt large" in given.setup and any(line.endswith(" 0.0 0.0 0.0") for line in given.setup)
+
+
 def test_every_step_is_read_where_the_first_one_is_searched(case_file: Write) -> None:
     given = job_of(case_file(**EVERYTHING), every_step=True, lists=True)
     assert given.runs == (RunCommand("run 0 post no"), *[RunCommand("run 1 pre no post no")] * 4)

@@ -31,7 +31,7 @@ def test_a_rate_of_0_changes_no_bit(name: str) -> None:
         with engine() as lammps:
             return lammps.fields(Told(case.scene.model_validate(content), atoms))
 
-    still, without, moving = found({"remap": False}), found(None), found({"x": 0.1, "remap": False})
+    still, without, moving = found({"remap": "none"}), found(None), found({"x": 0.1, "remap": "none"})
     for at, (one, other) in enumerate(zip(still, without, strict=True)):
         assert all(np.array_equal(one[field], other[field]) for field in one), at
     assert not np.array_equal(moving[-1]["f"], still[-1]["f"])
@@ -44,6 +44,8 @@ def test_a_rate_of_0_changes_no_bit(name: str) -> None:
         ("deformed.fluid.remap", "deform-alone"),
         ("deformed.fluid.alone", "deform-with-x"),
         ("deformed.fluid.remap", "deform-later"),
+        ("sheared.fluid.over", "deform-alone"),
+        ("sheared.fluid.crossing", "images-at-rest"),
     ],
 )
 def test_a_fault_in_what_lammps_is_told_of_the_box_is_seen(name: str, fault: str, solver: Solver) -> None:

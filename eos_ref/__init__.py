@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from eos_ref.compiled.evaluator import CompiledEvaluator
     from eos_ref.evaluation.array_evaluator import ArrayEvaluator
     from eos_ref.evaluation.time_step import Simulation
-    from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
+    from eos_ref.model.box import Box
+    from eos_ref.model.parameters import Force, Model, PairRheo, Thermal, Viscosity
+    from eos_ref.model.state import State
 
 __all__ = [
     "EOS",
@@ -54,7 +56,9 @@ _LATER = {
     "ArrayEvaluator": "evaluation.array_evaluator",
     "CompiledEvaluator": "compiled.evaluator",
     "Simulation": "evaluation.time_step",
-    **dict.fromkeys(("Box", "Force", "Model", "PairRheo", "State", "Thermal", "Viscosity"), "model.parameters"),
+    "Box": "model.box",
+    "State": "model.state",
+    **dict.fromkeys(("Force", "Model", "PairRheo", "Thermal", "Viscosity"), "model.parameters"),
 }
 
 

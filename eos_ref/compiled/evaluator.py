@@ -24,7 +24,8 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.jit import announce_first_use
-from eos_ref.model.parameters import Box, Gradients, PairTerms, State
+from eos_ref.model.box import Box
+from eos_ref.model.state import Gradients, PairTerms, State
 from eos_ref.numbers.columns import Axes, axes, joined, matrix, summed, symmetric
 from eos_ref.numbers.number import Array
 

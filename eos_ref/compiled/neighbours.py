@@ -18,7 +18,8 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.pairs import Search
 from eos_ref.jit import cached, inline
-from eos_ref.model.parameters import Box, IntArray
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import IntArray
 
 WINDOW = 4096  # particles whose data fit the second-level cache
 MOST_IMAGES = 2**13  # box lengths by which a position may lie outside

@@ -19,7 +19,9 @@ from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
-from eos_ref.model.parameters import BoolArray, Gradients, IntArray, PairTerms, State
+from eos_ref.model.box import BoolArray
+from eos_ref.model.parameters import IntArray
+from eos_ref.model.state import Gradients, PairTerms, State
 from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix, summed, symmetric
 from eos_ref.numbers.elementary import N, sqrt, where
 from eos_ref.numbers.matrices import cholesky, solve_unit

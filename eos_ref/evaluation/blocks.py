@@ -17,7 +17,9 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
 from eos_ref.evaluation.pairs import Search
-from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, PairTerms, State
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import IntArray
+from eos_ref.model.state import Gradients, PairTerms, State
 from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.number import Array, Number
 from eos_ref.numbers.rounded import Rounded, error, value

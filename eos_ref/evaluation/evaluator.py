@@ -23,7 +23,9 @@ from eos_ref.eos import rounded_eos
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.model import interactions, per_atom
-from eos_ref.model.parameters import BoolArray, Box, Gradients, IntArray, Model, PairTerms, State, Surface
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.state import Gradients, PairTerms, State, Surface
 from eos_ref.numbers.columns import Axes, axes, dot, joined, matrix
 from eos_ref.numbers.elementary import N, maximum, sqrt, where
 from eos_ref.numbers.number import Array, Number

@@ -14,7 +14,8 @@ import numpy as np
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import BoolArray, Box, IntArray
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import IntArray
 
 ROWS = 4096  # particles whose pairs are found at a time: what these take stays in the cache
 ROOM = 1 + 1e-9  # of the reach: what rounding moves must not lose a pair

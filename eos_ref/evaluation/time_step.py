@@ -21,19 +21,10 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, PairInput, is_class
 from eos_ref.model import per_atom, quantities
+from eos_ref.model.box import BoolArray, Box, Deform
 from eos_ref.model.consistent import consistent_model, consistent_state
-from eos_ref.model.parameters import (
-    BoolArray,
-    Box,
-    Deform,
-    Gradients,
-    IntArray,
-    Model,
-    State,
-    Surface,
-    check_state,
-    masses,
-)
+from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.state import Gradients, State, Surface, check_state, masses
 from eos_ref.model.units import UNITS, Units
 from eos_ref.numbers.columns import axes, dot, joined, matrix, summed
 from eos_ref.numbers.elementary import where

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eos_ref.eos.table import EOS, EOSTable
-from eos_ref.model.parameters import Force, Model, State, Thermal, Viscosity
+from eos_ref.model.parameters import Force, Model, Thermal, Viscosity
+from eos_ref.model.state import State
 from eos_ref.model.units import Units
 
 

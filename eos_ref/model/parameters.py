@@ -1,7 +1,7 @@
-r"""The particle model that a deck defines: everything fixed before the first step, the box, and the state.
+r"""The particle model that a deck defines: everything fixed before the first step.
 
 One `Model` holds what fix rheo, pair_style rheo, fix rheo/viscosity, fix rheo/pressure, fix rheo/thermal and the
-external forces say; one `State` what a time step changes. Quantities are in the units of the model's system, and turned
+external forces say. Quantities are in the units of the model's system, and turned
 into consistent ones before anything is computed (`eos_ref.model.consistent`).
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sized
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -20,16 +20,14 @@ from eos_ref.eos.table import EOSTable, FloatArray
 from eos_ref.errors import InputError
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.styles import KERNELS
+from eos_ref.model.box import BoolArray, Deform
 from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.fixes import FixRheo
 from eos_ref.syntax.ranges import type_range
 
-BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.integer[Any]]
 
 
-TILTED = ((0, 1), (0, 2), (1, 2))  # xy, xz and yz: along which axis the edge of which leans
-Remap = Literal["x", "v", "none"]  # what fix deform changes with the box
 SMALLEST = float(np.finfo(float).tiny)  # the least number with all its digits
 
 
@@ -41,98 +39,6 @@ def _check_positive(what: str, number: float) -> None:
 def _check_not_negative(what: str, number: float) -> None:
     if not (math.isfinite(number) and number >= 0):
         raise InputError(what, "must be finite and not negative", number)
-
-
-@dataclass(frozen=True)
-class Box:
-    """A box with the edges (lx, 0, 0), (xy, ly, 0) and (xz, yz, lz); in 2D the third axis is without meaning.
-
-    Attributes
-    ----------
-    low_c, high_c : one corner, and that of the upright box, in which the edges lean by nothing
-    periodic : one flag per axis
-    tilt : by how much the edges lean, xy or xy, xz, yz, between periodic axes alone; empty: the box is rectangular,
-        and positions in it never go to fractions of its edges
-    """
-
-    low_c: tuple[float, ...]
-    high_c: tuple[float, ...]
-    periodic: tuple[bool, ...]
-    tilt: tuple[float, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not len(self.low_c) == len(self.high_c) == len(self.periodic) in (2, 3):
-            raise InputError("box", "needs low, high and periodic for 2 or 3 axes", len(self.low_c))
-        for low, high in zip(self.low_c, self.high_c, strict=True):
-            if not (math.isfinite(low) and math.isfinite(high) and low < high):
-                raise InputError("box", "needs finite edges with low < high", (low, high))
-        if self.tilt and len(self.tilt) != (1 if len(self.low_c) == 2 else 3):
-            raise InputError("tilt of the box", "must be xy in 2D, xy, xz and yz in 3D", self.tilt)
-        for tilt, (one, other) in zip(self.tilt, TILTED, strict=False):
-            if not math.isfinite(tilt) or (tilt and not (self.periodic[one] and self.periodic[other])):
-                raise InputError("tilt of the box", "must be finite, and 0 but between periodic axes", self.tilt)
-
-    @property
-    def edge_c(self) -> tuple[float, ...]:
-        """Return the edge lengths, of the upright box."""
-        return tuple(high - low for low, high in zip(self.low_c, self.high_c, strict=True))
-
-    @property
-    def tilted(self) -> bool:
-        """Return whether an edge leans."""
-        return any(self.tilt)
-
-    @property
-    def cell_cc(self) -> FloatArray:
-        """Return the edges as rows."""
-        cell_cc = np.diag(self.edge_c)
-        for tilt, (to, of) in zip(self.tilt, TILTED, strict=False):
-            cell_cc[of, to] = tilt
-        return cell_cc
-
-    def upright(self, distance_nc: FloatArray) -> FloatArray:
-        """Return distances, (n, d), without what they lean: in a rectangular box the same."""
-        if not self.tilted:
-            return distance_nc
-        upright_nc, cell_cc = np.array(distance_nc, float), self.cell_cc
-        for axis in reversed(range(1, len(self.edge_c))):
-            upright_nc[:, :axis] -= (upright_nc[:, axis] / self.edge_c[axis])[:, None] * cell_cc[axis, :axis]
-        return upright_nc
-
-    def images(self, x_nc: FloatArray) -> FloatArray:
-        """Return by how many edges positions, (n, d), lie outside, in whole numbers; 0 along open axes."""
-        fraction_nc = self.upright(x_nc - np.array(self.low_c)) / self.edge_c
-        return np.where(self.periodic, np.floor(fraction_nc), 0.0)
-
-    def periods(self, distance_nc: FloatArray) -> FloatArray:
-        """Return the whole numbers of edges nearest to distances, (n, d); 0 along open axes."""
-        return np.where(self.periodic, np.round(self.upright(distance_nc) / self.edge_c), 0.0)
-
-    def shift(self, image_nc: FloatArray) -> FloatArray:
-        """Return whole numbers of edges as distances, (n, d)."""
-        return np.asarray(image_nc @ self.cell_cc if self.tilted else image_nc * np.array(self.edge_c))
-
-    def outside(self, x_nc: FloatArray) -> BoolArray:
-        """Return which positions, (n, d), lie beyond a face, (n,)."""
-        low_c, high_c = np.array(self.low_c), np.array(self.high_c)
-        upright_nc = low_c + self.upright(x_nc - low_c) if self.tilted else x_nc
-        return np.asarray(((upright_nc < low_c) | (upright_nc > high_c)).any(axis=1))
-
-    def rounding(self, reach: float) -> FloatArray:
-        r"""Return how far the same position may lie in two codes, (d,), up to a reach outside; 0 if rectangular.
-
-        A position in a tilted box goes to fractions of its edges and back, :math:`\mathbf x=\mathbf x_0+H(H^{-1}
-        (\mathbf x-\mathbf x_0))`, whenever neighbour lists are built. Roundings of the absolute terms of both products:
-        the difference 1, an element of the inverse 5, its products and sums 3, the number of an image 1, the products
-        and sums back 3, the corner 1.
-        """
-        if not self.tilt:
-            return np.zeros(len(self.low_c))
-        cell_cc = np.abs(self.cell_cc)
-        lean_cc = cell_cc / np.array(self.edge_c)[:, None]  # of H = E (1 + N), N being triangular: 1 + |N|
-        inverse_cc = np.linalg.inv(2 * np.eye(len(lean_cc)) - lean_cc)  # 1 + |N| + |N|^2
-        terms_c = np.abs(self.low_c) + (cell_cc.sum(axis=0) + reach) @ inverse_cc @ lean_cc
-        return np.asarray(14 * 2.0**-53 * terms_c)
 
 
 @dataclass(frozen=True)
@@ -220,52 +126,6 @@ class Force:
     def acts_on(self, type_n: IntArray) -> BoolArray:
         """Return which particles it acts on, (n,)."""
         return np.ones(type_n.shape, bool) if self.types is None else np.isin(type_n, self.types)
-
-
-@dataclass(frozen=True)
-class Deform:
-    """A box whose edges grow and lean at engineering strain rates (fix deform, style erate).
-
-    Attributes
-    ----------
-    rate_c : of the edges, one per axis
-    remap : positions keep their fractions of the edges (x), or stay where they are (v, none); with v a particle that
-        crosses a periodic boundary takes on the velocity of its image, which moves with the box
-    shear : of the tilts, xy or xy, xz, yz; empty: none
-    """
-
-    rate_c: tuple[float, ...]
-    remap: Remap = "x"
-    shear: tuple[float, ...] = ()
-
-    @property
-    def changes(self) -> bool:
-        """Return whether the box changes at all."""
-        return any((*self.rate_c, *self.shear))
-
-    def box(self, first: Box, time: float) -> Box:
-        r"""Return the box some time after the run began in another one.
-
-        :math:`L(t)=L_0(1+\dot\varepsilon t)`, the middle of every edge staying where it is, and
-        :math:`T(t)=T_0+L_0\dot\gamma t`, :math:`L_0` being that of the axis along which the edge that leans goes.
-        """
-        growth = np.array(self.rate_c) * (0.5 * time) * np.array(first.edge_c)
-        low_c, high_c = np.array(first.low_c) - growth, np.array(first.high_c) + growth
-        tilt = first.tilt
-        if self.shear:
-            edges = [first.edge_c[of] for (_, of), _ in zip(TILTED, self.shear, strict=False)]
-            lean = np.array(self.shear) * time * np.array(edges)
-            tilt = tuple((np.array(first.tilt or np.zeros(len(lean))) + lean).tolist())
-        return replace(first, low_c=tuple(low_c.tolist()), high_c=tuple(high_c.tolist()), tilt=tilt)
-
-    def image_velocity(self, first: Box) -> FloatArray | None:
-        """Return how fast images move that are one edge away, (d, d), by rows: with remap v, else not at all."""
-        if self.remap != "v":
-            return None
-        velocity_cc = np.diag(np.array(self.rate_c) * np.array(first.edge_c))
-        for rate, (to, of) in zip(self.shear, TILTED, strict=False):
-            velocity_cc[of, to] = rate * first.edge_c[of]
-        return velocity_cc
 
 
 @dataclass(frozen=True)
@@ -429,128 +289,3 @@ class Model:
         for types in self.fix.shift.exclude_types if self.fix.shift else ():
             shifted_t[[t - 1 for t in type_range(types, len(self.mass_t))]] = False
         return shifted_t
-
-
-@dataclass
-class State:
-    """State of the particles, which a step changes: one row per particle.
-
-    Attributes
-    ----------
-    x_nc, v_nc : (n, d) positions and velocities
-    rho_n : (n,) densities; overwritten by the sum if the model sums them
-    type_n : (n,) types, 1 to N
-    solid_n : (n,) whether a particle is solid
-    energy_n : (n,) energy of the particle (not per mass), with a thermal model
-    mass_n : (n,) masses of the particles, if they have masses of their own; None: those of their types
-    """
-
-    x_nc: Any  # float arrays, or `eos_ref.numbers.rounded` ones
-    v_nc: Any
-    rho_n: Any
-    type_n: IntArray
-    solid_n: BoolArray
-    energy_n: Any = None
-    mass_n: FloatArray | None = None
-
-    def copy(self) -> State:
-        """Return a state that shares no array with this one."""
-        return replace(self, **{name: array.copy() for name, array in vars(self).items() if array is not None})
-
-
-@dataclass(frozen=True)
-class PairTerms:
-    """Sums over the pairs: force (n, d), its pressure and artificial part, density diffusion (n,), heat flow (n,).
-
-    And virials (n, d, d), where they are asked for: of each particle, and for every particle that of all.
-    """
-
-    force_nc: Any
-    pressure_force_nc: Any
-    drho_n: Any
-    heat_n: Any
-    virial_ncc: Any = None
-    whole_ncc: Any = None
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Result of surface detection: 0 bulk, 1 surface, 2 splash; distance; normal; divergence of positions."""
-
-    class_n: Any = None
-    r_n: Any = None
-    normal_nc: Any = None
-    divr_n: Any = None
-
-
-@dataclass
-class Gradients:
-    """Gradients of one evaluation; None where nothing asked for them. G[a, b] is d v_a / d x_b."""
-
-    v_ncc: Any = None
-    rho_nc: Any = None
-    energy_nc: Any = None
-
-
-def masses(model: Model, state: State) -> FloatArray:
-    """Return the mass of every particle, (n,): its own, or that of its type."""
-    return model.mass[state.type_n - 1] if state.mass_n is None else state.mass_n
-
-
-def check_state(model: Model, box: Box, state: State, where: str = "") -> None:
-    """Check a state against its model, once, at the edge.
-
-    With a negative energy the square of a gas' speed of sound is negative; with 0 the gas is at absolute zero. To
-    conduction, melting and freezing only differences of energies matter: those of other laws are counted from any zero.
-
-    Raises
-    ------
-    InputError
-        Arrays of the wrong shape, values that are not finite, particles outside the box or on the same spot, densities
-        or masses that are not positive, energies missing for a thermal model or negative for a gas.
-    """
-    n, d = len(state.x_nc), model.dimension
-    if n == 0:
-        raise InputError("particles", "must be at least one", n, where)
-    if len(box.low_c) != d:
-        raise InputError("box", f"needs {d} axes", len(box.low_c), where)
-    names = ("positions", "velocities", "density", "type", "solid", "energy", "mass")
-    shapes = ((n, d), (n, d), (n,), (n,), (n,), (n,), (n,))
-    for what, values, shape in zip(names, vars(state).values(), shapes, strict=True):
-        if values is None and what in ("energy", "mass"):
-            continue
-        if np.shape(values) != shape:
-            raise InputError(what, f"must have the shape {shape}", np.shape(values), where)
-        finite = np.isfinite(np.asarray(values, float)).reshape(n, -1).all(axis=1)
-        if not finite.all():
-            raise InputError(what, f"must be finite, but is not for particle {int(np.argmin(finite)) + 1}", where=where)
-    kinds = (("type", state.type_n, "iu", "whole numbers"), ("solid", state.solid_n, "b", "flags"))
-    for what, values, kind, rule in kinds:
-        if values.dtype.kind not in kind:
-            raise InputError(what, f"must be {rule}", str(values.dtype), where)
-    low, high = int(state.type_n.min()), int(state.type_n.max())
-    if low < 1 or high > len(model.mass_t):
-        raise InputError("type", f"must lie within 1 to {len(model.mass_t)}", low if low < 1 else high, where)
-    if model.thermal is not None and state.energy_n is None:
-        raise InputError("energy", "must be given for every particle of a thermal model", where=where)
-    if state.energy_n is not None:
-        gas_n = np.array([law.needs_energy for law in model.eos])[state.type_n - 1]
-        if (bad_n := gas_n & (state.energy_n < 0)).any():
-            k = int(np.argmax(bad_n))
-            raise InputError("energy", f"of gas particle {k + 1} must not be negative", float(state.energy_n[k]), where)
-    if not model.fix.rho_sum and not (state.rho_n > 0).all():
-        k = int(np.argmin(state.rho_n > 0))
-        raise InputError("density", f"must be positive, but is not for particle {k + 1}", float(state.rho_n[k]), where)
-    if state.mass_n is not None and not (state.mass_n > 0).all():
-        k = int(np.argmin(state.mass_n > 0))
-        raise InputError("mass", f"must be positive, but is not for particle {k + 1}", float(state.mass_n[k]), where)
-    if (outside := box.outside(state.x_nc)).any():
-        k = int(np.argmax(outside))
-        raise InputError("position", f"of particle {k + 1} must lie in the box", tuple(state.x_nc[k].tolist()), where)
-    low_c, high_c = np.array(box.low_c), np.array(box.high_c)
-    wrapped_nc = np.where(np.array(box.periodic) & (state.x_nc == high_c), low_c, state.x_nc)  # one spot, two names
-    unique, first = np.unique(wrapped_nc, axis=0, return_index=True)
-    if len(unique) < n:
-        k = int(np.setdiff1d(np.arange(n), first)[0])
-        rule = f"of particle {k + 1} must differ from those of all others"
-        raise InputError("position", rule, tuple(state.x_nc[k].tolist()), where)

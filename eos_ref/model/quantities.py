@@ -14,7 +14,8 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Gradients, Model, State, Surface
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import Gradients, State, Surface
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 

@@ -11,7 +11,8 @@ import numpy as np
 from eos_ref.analytic import channel, waves
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Force, Model, State
+from eos_ref.model.parameters import Force, Model
+from eos_ref.model.state import State
 from lammps_cases.audit.outlook import Good, model_with_forces
 from lammps_cases.records.audit_record import ClosedRecord, SeriesRecord
 

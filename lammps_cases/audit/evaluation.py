@@ -18,7 +18,9 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, Box, Model, State
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import State
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.audit.deck import Action

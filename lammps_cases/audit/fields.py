@@ -13,7 +13,8 @@ from typing import Any
 import numpy.typing as npt
 
 from eos_ref.errors import InputError, nearest
-from eos_ref.model.parameters import TILTED, Model
+from eos_ref.model.box import TILTED
+from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES, has, keyword_of, required
 from lammps_cases.audit.deck import Deck
 from lammps_cases.scene.fields import FIELDS

@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Box, Model
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import has, keyword_of
 from eos_ref.numbers.rounded import Rounded, error, value
 from eos_ref.syntax.manual import manual_of

@@ -18,8 +18,9 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model.parameters import Gradients, Model, State
+from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import required
+from eos_ref.model.state import Gradients, State
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import Rounded, error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation

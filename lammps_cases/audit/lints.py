@@ -17,7 +17,7 @@ from eos_ref import EOS
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model.parameters import BoolArray
+from eos_ref.model.box import BoolArray
 from lammps_cases.audit.evaluation import ParticleSample
 
 Array = npt.NDArray[Any]

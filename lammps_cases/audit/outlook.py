@@ -12,8 +12,9 @@ import numpy as np
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Force, Model, State
+from eos_ref.model.parameters import Force, Model
 from eos_ref.model.quantities import needed_to_step
+from eos_ref.model.state import State
 from lammps_cases.audit.effects import effects, touching
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.comparison.trajectory import Problem, own_stages

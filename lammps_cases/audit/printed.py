@@ -15,7 +15,7 @@ import numpy as np
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.numbers.rounded import Rounded
 from lammps_cases.audit.options import DeckDump, RunSetup

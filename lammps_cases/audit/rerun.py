@@ -14,8 +14,10 @@ from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Force, Model, State
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Force, Model
 from eos_ref.model.quantities import needed_to_step
+from eos_ref.model.state import State
 from lammps_cases.audit.outlook import RUNAWAY, Good, boxed, fastest, model_with_forces
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings import Finding

@@ -14,8 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.parameters import BoolArray, Box, Model, State
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES
+from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.deck import Action
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Model, PairTerms, State
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import PairTerms, State
 from lammps_cases.comparison.trajectory import Problem, halted
 
 MOST_PAIRS = 12  # that are printed; the nearest ones

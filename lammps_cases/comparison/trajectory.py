@@ -23,8 +23,10 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, Box, Deform, Gradients, Model, PairTerms, State
+from eos_ref.model.box import BoolArray, Box, Deform
+from eos_ref.model.parameters import Model
 from eos_ref.model.quantities import QUANTITIES, needed_to_step
+from eos_ref.model.state import Gradients, PairTerms, State
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.comparison.rounded_input import moved_input
 from lammps_cases.records.stages import stage

@@ -18,7 +18,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import PairInput
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Gradients, IntArray, Model, PairTerms
+from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.rounded import Rounded, placed, value
 
 Stages = type[ArrayEvaluator]

@@ -13,7 +13,8 @@ from functools import cache
 from typing import Any
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.parameters import Gradients, Model
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import Gradients
 from eos_ref.numbers.elementary import where
 from lammps_cases.diagnosis.changes import (
     MEETINGS,

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Box, Deform, Gradients, IntArray
+from eos_ref.model.box import Box, Deform
+from eos_ref.model.parameters import IntArray
+from eos_ref.model.state import Gradients
 from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array

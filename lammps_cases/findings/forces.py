@@ -8,7 +8,7 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model import quantities
-from eos_ref.model.parameters import masses
+from eos_ref.model.state import masses
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value

@@ -13,7 +13,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import PairInput
 from eos_ref.kernels.kernel import Kernel
 from eos_ref.kernels.quintic import QUINTIC
-from eos_ref.model.parameters import Gradients, Model, PairTerms
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import Gradients, PairTerms
 from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.elementary import maximum
 from eos_ref.numbers.number import Array

@@ -10,7 +10,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model import quantities
-from eos_ref.model.parameters import State
+from eos_ref.model.state import State
 from eos_ref.numbers.columns import Axes, axes, dot, joined
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.number import Array

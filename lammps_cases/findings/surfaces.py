@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.evaluation.time_step import BULK, LAYER
-from eos_ref.model.parameters import BoolArray
+from eos_ref.model.box import BoolArray
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem

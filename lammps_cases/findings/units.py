@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Gradients
+from eos_ref.model.state import Gradients
 from eos_ref.model.units import UNITS, Units
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.trajectory import Problem

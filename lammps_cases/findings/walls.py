@@ -10,7 +10,9 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, IntArray, Model, PairTerms
+from eos_ref.model.box import BoolArray
+from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.state import PairTerms
 from eos_ref.numbers.columns import axes, dot
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array

@@ -9,7 +9,8 @@ import numpy as np
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.consistent import consistent_model, consistent_state
-from eos_ref.model.parameters import Model, State
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import State
 from eos_ref.model.units import UNITS
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.scope import Content

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from eos_ref.model.parameters import TILTED
+from eos_ref.model.box import TILTED
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.scope import Content, Scope
 

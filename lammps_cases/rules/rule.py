@@ -16,7 +16,9 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import BoolArray, Box, IntArray, State
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import IntArray
+from eos_ref.model.state import State
 
 Counted = Literal["particle", "pair"]
 

@@ -19,7 +19,8 @@ from ase.calculators.calculator import CalculationFailed, Calculator, all_change
 
 from eos_ref.errors import InputError, unknown
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import TILTED, Model
+from eos_ref.model.box import TILTED
+from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import error
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine import installations

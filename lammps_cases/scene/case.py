@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from eos_ref import EOSTable, InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
-from eos_ref.model.parameters import TILTED
+from eos_ref.model.box import TILTED
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS, UnitStyle
 from eos_ref.syntax.manual import FIRST, Manual

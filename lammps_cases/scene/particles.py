@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from eos_ref.model.parameters import TILTED
+from eos_ref.model.box import TILTED
 from lammps_cases.scene.values import Finite, LocalFile, NonNegative, Positive, SceneModel, Vector
 
 LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]

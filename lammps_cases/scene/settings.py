@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from eos_ref.kernels.styles import KernelStyle
-from eos_ref.model.parameters import Remap
+from eos_ref.model.box import Remap
 from eos_ref.syntax.fixes import SurfaceStyle
 from lammps_cases.scene.stops import Stop, counted
 from lammps_cases.scene.values import RANGE_SCHEMA, Finite, NonNegative, Positive, SceneModel, TypeRange

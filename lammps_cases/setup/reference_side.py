@@ -16,7 +16,9 @@ from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
-from eos_ref.model.parameters import Box, Deform, Force, Model, PairRheo, State, Thermal, Viscosity, check_state
+from eos_ref.model.box import Box, Deform
+from eos_ref.model.parameters import Force, Model, PairRheo, Thermal, Viscosity
+from eos_ref.model.state import State, check_state
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 from eos_ref.syntax.manual import weighs_distance
 from eos_ref.syntax.ranges import type_range
@@ -119,7 +121,7 @@ def state(scene: Scene, atoms: Atoms, where: str = "") -> State:
     Raises
     ------
     InputError
-        See `eos_ref.model.parameters.check_state`; or particles outside the plane of a 2D scene.
+        See `eos_ref.model.state.check_state`; or particles outside the plane of a 2D scene.
         The overall pressure of a single particle, to which LAMMPS gives no temperature.
     """
     if "press" in scene.compare and len(atoms) == 1:

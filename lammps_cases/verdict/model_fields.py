@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
 from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.findings.variants import Snapshot

@@ -11,7 +11,7 @@ import numpy as np
 
 from eos_ref import EOSTable
 from eos_ref.eos.bounds import EPS
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import Comparison, compare_field
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem

@@ -9,7 +9,9 @@ import numpy as np
 from eos_ref import EOS, EOSTable, FixRheo
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Viscosity
+from eos_ref.model.state import State
 from eos_ref.numbers.rounded import Rounded
 
 PAGE = Path(__file__).parents[2] / "eos_ref" / "NUMERICS.md"

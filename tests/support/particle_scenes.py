@@ -16,8 +16,10 @@ import numpy as np
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import MakeEvaluator, Simulation
-from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Force, Model, PairRheo, Thermal, Viscosity
 from eos_ref.model.quantities import order
+from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 

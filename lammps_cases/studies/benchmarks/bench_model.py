@@ -16,7 +16,8 @@ import numba
 import numpy as np
 
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, State
+from eos_ref.model.box import Box
+from eos_ref.model.state import State
 from lammps_cases.engine import session
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import build

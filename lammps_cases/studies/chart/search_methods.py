@@ -20,7 +20,7 @@ import numpy as np
 
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 
 WIDER = 1 + 1e-9  # of the cutoff: cells, and lists that are filtered, must not lose a pair by a rounding error
 _jit = numba.njit(error_model="numpy", cache=True, nogil=True)

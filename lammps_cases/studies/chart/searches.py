@@ -14,7 +14,9 @@ from eos_ref.analytic.waves import taylor_green
 from eos_ref.compiled.neighbours import Neighbours
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Viscosity
+from eos_ref.model.state import State
 from eos_ref.syntax.fixes import FixRheo
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.benchmarks import measure

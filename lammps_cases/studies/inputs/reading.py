@@ -10,8 +10,10 @@ import numpy as np
 
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
 from eos_ref.model import quantities
+from eos_ref.model.box import Box
 from eos_ref.model.commands import parse_fix_rheo_thermal, parse_fix_rheo_viscosity, parse_pair_style_rheo
-from eos_ref.model.parameters import Box, Model, State, check_state
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import State, check_state
 from eos_ref.syntax.ranges import type_range
 from eos_ref.syntax.words import Words, split
 from lammps_cases.probes.probe import Commands

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError, parse_fix_rheo, parse_fix_rheo_pressure, resolve
-from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity, check_state
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Viscosity
+from eos_ref.model.state import State, check_state
 from lammps_cases.probes.probe import Probe, commands, load_scene
 
 

@@ -26,6 +26,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
     "analytic solutions of flows, which judge no case": ("analytic.*",),
     "records that say which formula is whose": ("eos.law", "eos.registry", "kernels.kernel", "kernels.styles"),
     "factors of units, which every twin in other units tests": ("model.units", "model.consistent"),
+    "the box and the state, in which mistakes are planted by name": ("model.box", "model.state"),
     "the manual's text, messages and caches: no numbers of a scene": (
         *("syntax.manual", "syntax.words", "model.commands", "errors", "cache", "__init__", "*.__init__"),
     ),

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.prediction_keys import current
 from lammps_cases.comparison.predictor import Predictor

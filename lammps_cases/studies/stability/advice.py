@@ -12,7 +12,9 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.parameters import Box, Model, State
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import State
 from eos_ref.syntax.fixes import SurfaceDetection
 from lammps_cases.studies.stability.kinds import moment_matrices
 from lammps_cases.studies.stability.limits import Curve, Limits, Numbers, Tension, numbers, pressures, read

@@ -19,7 +19,7 @@ from matplotlib.ticker import NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import BoolArray
+from eos_ref.model.box import BoolArray
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis, plain_text
 from lammps_cases.scene.atoms import IntArray
 from lammps_cases.studies.stability.model import KINDS, Axis, Boundary, CellRun, Engine, Kind, MapCell, Theory

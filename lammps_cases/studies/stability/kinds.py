@@ -11,7 +11,8 @@ from eos_ref import InputError
 from eos_ref.eos.table import EOSTable, FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model.parameters import BoolArray, Box, IntArray, Model
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import IntArray, Model
 from eos_ref.numbers.matrices import cholesky
 from eos_ref.numbers.rounded import value
 from lammps_cases.setup import reference_side

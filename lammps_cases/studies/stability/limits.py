@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.parameters import Model, State, masses
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import State, masses
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.setup import reference_side
 from lammps_cases.studies.flows.flow import Start

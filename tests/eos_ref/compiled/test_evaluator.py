@@ -20,7 +20,8 @@ from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.compiled.neighbours import WINDOW
 from eos_ref.errors import InputError
 from eos_ref.kernels.quintic import QUINTIC
-from eos_ref.model.parameters import Box, Gradients, State
+from eos_ref.model.box import Box
+from eos_ref.model.state import Gradients, State
 from eos_ref.numbers import elementary
 from eos_ref.numbers.rounded import error, value
 from tests.support.double_loop import DoubleLoop

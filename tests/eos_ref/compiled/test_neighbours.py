@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from eos_ref.compiled.neighbours import WINDOW, Neighbours
 from eos_ref.errors import InputError
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 
 pytestmark = pytest.mark.slow
 

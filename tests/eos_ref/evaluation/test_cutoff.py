@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from eos_ref.evaluation.cutoff import AtCutoff
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from eos_ref.numbers.rounded import error, value
 from tests.support.particle_scenes import recipe
 

@@ -10,7 +10,8 @@ from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, is_class
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model.parameters import Box, Thermal, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Thermal, Viscosity
 from eos_ref.numbers.rounded import Decision, Rounded, value
 from tests.support.particle_scenes import CS, MASS, RHO0, Scene, scene
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from tests.support.particle_scenes import HOT, RECIPES, assert_same, bounded, recipe, scene
 
 pytestmark = pytest.mark.slow

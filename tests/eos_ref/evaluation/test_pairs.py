@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eos_ref.evaluation.pairs import directed_pairs
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 
 
 def all_pairs(x_nc: Any, box: Box, cut: float) -> set[tuple[Any, ...]]:

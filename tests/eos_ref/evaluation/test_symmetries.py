@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.model.parameters import Box, Force
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Force
 from eos_ref.model.quantities import QUANTITIES
 from eos_ref.syntax.fixes import Shift
 from tests.support.particle_scenes import EPS, RECIPES, Scene, assert_same, bounded, recipe, scene

@@ -13,7 +13,8 @@ from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.table import EOS, EOSTable
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.reproducing import basis
-from eos_ref.model.parameters import Box, Deform, Force, Remap, Thermal, Viscosity
+from eos_ref.model.box import Box, Deform, Remap
+from eos_ref.model.parameters import Force, Thermal, Viscosity
 from eos_ref.numbers.rounded import error
 from eos_ref.syntax.fixes import Shift
 from tests.support.double_loop import DoubleLoop

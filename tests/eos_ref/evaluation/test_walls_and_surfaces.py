@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from tests.support.particle_scenes import EPS, scene
 
 pytestmark = pytest.mark.slow

@@ -9,8 +9,10 @@ import pytest
 
 from eos_ref import EOS, EOSTable, InputError
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.box import Box
 from eos_ref.model.consistent import consistent_model, consistent_state
-from eos_ref.model.parameters import Box, Force, Model, PairRheo, State, Thermal, Viscosity
+from eos_ref.model.parameters import Force, Model, PairRheo, Thermal, Viscosity
+from eos_ref.model.state import State
 from eos_ref.model.units import UNITS
 from eos_ref.syntax.fixes import FixRheo
 

@@ -11,7 +11,9 @@ import pytest
 
 from eos_ref import EOS, EOSTable, InputError
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Force, PairRheo, State, Thermal, Viscosity, check_state
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Force, PairRheo, Thermal, Viscosity
+from eos_ref.model.state import State, check_state
 from eos_ref.syntax.fixes import Shift
 from tests.support.particle_scenes import HOT, TWO_LAWS, scene
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eos_ref.eos.bounds import EPS
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from eos_ref.numbers.columns import axes, summed
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import balance, rerun

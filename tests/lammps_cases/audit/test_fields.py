@@ -17,7 +17,9 @@ import pytest
 from click.testing import CliRunner
 
 from eos_ref import EOS, EOSTable, InputError, parse_fix_rheo
-from eos_ref.model.parameters import Box, Model, PairRheo, State, Thermal, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Thermal, Viscosity
+from eos_ref.model.state import State
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fields, share, supervise
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation

@@ -9,7 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from eos_ref import EOS, EOSTable, parse_fix_rheo
-from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Viscosity
+from eos_ref.model.state import State
 from lammps_cases.audit import AuditOptions, audit_deck
 from lammps_cases.audit.deck import hyphens
 from lammps_cases.audit.evaluation import ParticleSample

@@ -9,7 +9,7 @@ import pytest
 
 from eos_ref.evaluation import blocks
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases.comparison.trajectory import Prediction, Problem, precise_setup, predict
 from lammps_cases.findings.forces import ForcePerVolume, MassOfFirst
 from lammps_cases.run.campaign import prepare

@@ -10,7 +10,7 @@ import pytest
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Deform
+from eos_ref.model.box import Box, Deform
 from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, visit, wanted
 from lammps_cases.run import campaign
 from lammps_cases.scene import casefile

@@ -10,7 +10,9 @@ import pytest
 
 from eos_ref import EOS, EOSTable
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Box, Model, PairRheo, State, Viscosity
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model, PairRheo, Viscosity
+from eos_ref.model.state import State
 from eos_ref.syntax.fixes import FixRheo, Shift, SurfaceDetection
 from lammps_cases.rules import RULES, SUBJECTS, Evaluated, fields
 from lammps_cases.rules.neighbours import REFUSED

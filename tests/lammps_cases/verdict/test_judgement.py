@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases import findings
 from lammps_cases.comparison import compare
 from lammps_cases.comparison.compare import EosState, compare_field

@@ -13,7 +13,7 @@ import pytest
 from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.trajectory import Fields, Prediction, Problem

@@ -28,7 +28,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model import interactions
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases.scene.atoms import seed
 from lammps_cases.studies.flows.flow import Options, Start
 from lammps_cases.studies.flows.layout import fluid, rows, start, time_step

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from eos_ref.model.parameters import Box
+from eos_ref.model.box import Box
 from lammps_cases.studies.chart.search_methods import METHODS, PairList, SearchMethod, keys, truth, wrong
 from lammps_cases.studies.chart.searches import CUT, at_the_cutoff
 

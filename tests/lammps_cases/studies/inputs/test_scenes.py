@@ -128,7 +128,8 @@ def test_refusal_is_that_of_the_scene(id: str) -> None:
 # --- every rule of the reference and of scenes
 
 
-MODULES = ("syntax/ranges", "syntax/words", "eos/table", "syntax/fixes", "model/parameters", "model/commands")
+MODEL = ("model/box", "model/parameters", "model/state", "model/commands")
+MODULES = ("syntax/ranges", "syntax/words", "eos/table", "syntax/fixes", *MODEL)
 # Refusals that are nothing to LAMMPS: calls from Python, and the same rule met earlier elsewhere.
 PYTHON_ONLY = (
     "must be one of {', '.join(STYLES)}",

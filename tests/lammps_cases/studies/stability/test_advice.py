@@ -14,7 +14,9 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.kernels.quintic import quintic
-from eos_ref.model.parameters import Box, Model, State
+from eos_ref.model.box import Box
+from eos_ref.model.parameters import Model
+from eos_ref.model.state import State
 from lammps_cases.audit.evaluation import ParticleSample
 from lammps_cases.audit.warn import Questions
 from lammps_cases.setup import reference_side

@@ -41,7 +41,9 @@ def _lines(chart: Chart) -> Iterator[str]:
     found = [row for section in chart.sections for row in rows(section.codes)]
     for (flow, measure, code), of in groupby(found, key=lambda row: row[:3]):
         runs = list(of)
-        cells = "; ".join(f"{n}: {error} in {seconds} s" for *_, n, _, _, seconds, error in runs)
+        cells = "; ".join(
+            f"{n}: {error}" + (f" in {seconds} s" if seconds != "0" else "") for *_, n, _, _, seconds, error in runs
+        )
         yield f"| {flow}, {measure} | {code} | {cells} | {runs[-1][4]}, {runs[-1][5]} |"
     if words := without(chart):
         yield f"\n{words}"

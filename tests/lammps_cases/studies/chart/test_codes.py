@@ -26,7 +26,7 @@ from tests.support.outcome import Outcome
 
 Run = Callable[..., Outcome]
 N = 8
-VORTICES, CAVITY, DAM = COMPARED
+VORTICES, CAVITY, RECONSTRUCTED, DAM = COMPARED
 
 
 def python(folder: Path, code: str) -> str:

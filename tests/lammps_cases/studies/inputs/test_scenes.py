@@ -164,7 +164,6 @@ MET_EARLIER = {
     "'needs a number for every axis": "gravity-left-open",
     "'needs finite components'": "force-infinite",
     "InputError('kernel'": "unknown-kernel",
-    "InputError('mass', f'must be positive": "mass-of-a-particle-zero",
     "InputError('tilt of the box'": "tilt-at-an-open-face",
     "InputError('cutoff of pair_style rheo'": "cutoff-of-the-pair-style",
     "InputError('self/mass', 'is an argument of rho/sum')": "self-mass-alone",

@@ -34,15 +34,18 @@ def announce_first_use(loop: Any) -> None:
         logging.getLogger("eos_ref").warning("eos-ref: compiling the particle model, once on this machine (some 20 s)")
 
 
-def cached(*sources: str) -> Any:
-    """Return a decorator of a compiled loop that is kept on disk until one of these files, or of `SOURCES`, changes."""
+def cached(*sources: str, signature: str | None = None) -> Any:
+    """Return a decorator of a compiled loop that is kept on disk until one of these files, or of `SOURCES`, changes.
+
+    With a signature it is compiled at once, for that alone.
+    """
     folder = str(cache_directory((*SOURCES, *sources)))
 
     def decorate(loop: Any) -> Any:
         # Other packages' functions stay where they were: the setting is read when a loop is decorated.
         users, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder
         try:
-            return numba.njit(cache=True, error_model="numpy", nogil=True)(loop)
+            return numba.njit(signature, cache=True, error_model="numpy", nogil=True)(loop)
         finally:
             numba.config.CACHE_DIR = users
 

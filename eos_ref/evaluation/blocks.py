@@ -16,7 +16,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
-from eos_ref.evaluation.pairs import Search
+from eos_ref.evaluation.pairs import Search, separations
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import IntArray
 from eos_ref.model.state import Gradients, PairTerms, State
@@ -27,6 +27,7 @@ from eos_ref.numbers.rounded import Rounded, error, value
 ROWS = 2048  # particles of a block: their pairs' numbers stay in the processor's cache
 SKIN = 0.1  # of the cutoff, by which pairs are listed beyond it
 KEPT = 2**22  # directed pairs whose values are kept between two stages; of more only who meets whom
+COMPILED_ABOVE = 2**13  # particles: loading compiled operations takes as long as they save. The bits are the same
 FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `move`
 
 
@@ -82,6 +83,8 @@ def in_blocks(stages: type[ArrayEvaluator], n: int) -> type[ArrayEvaluator]:
     """Return stages whose sums are taken in blocks, if there are particles for two and nothing hinders it."""
     if n <= ROWS or not stages.by_rows:
         return stages
+    if n > COMPILED_ABOVE:
+        import eos_ref.evaluation.rounded_loops  # noqa: F401  which `Rounded` takes from here on
     part = type("Part", (BlockStages, stages), {"__module__": __name__})
     return type("InBlocks", (InBlocks, stages), {"__module__": __name__, "part": part})
 
@@ -95,10 +98,13 @@ class BlockStages(ArrayEvaluator):
         """Return the block's pairs closer than a cutoff."""
         b = self.block
         assert cut <= b.reach
-        r = np.sqrt(((x_nc[b.i_p] - (x_nc[b.j_p] + b.shift_pc)) ** 2).sum(axis=1))
-        near = r < cut
-        shift_pc = np.broadcast_to(b.shift_pc, (len(r), x_nc.shape[1]))
-        return b.i_p[near], b.j_p[near], shift_pc[near]
+        if Rounded.loops:
+            from eos_ref.evaluation.pair_loops import near
+
+            return near(x_nc, b.i_p, b.j_p, b.shift_pc, cut)
+        shift_pc = np.broadcast_to(b.shift_pc, (len(b.i_p), x_nc.shape[1]))
+        inside = separations(x_nc, b.i_p, b.j_p, shift_pc) < cut
+        return b.i_p[inside], b.j_p[inside], shift_pc[inside]
 
 
 class InBlocks(ArrayEvaluator):

@@ -8,6 +8,7 @@ import numpy as np
 
 from eos_ref.eos import bounds
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.pairs import separations
 from eos_ref.numbers.rounded import Rounded, value
 
 
@@ -27,9 +28,9 @@ class AtCutoff(ArrayEvaluator):
         # on either side; so are the squares, their sum and the root.
         reach = float(np.abs(value(x_nc)).max(initial=0.0)) + np.abs(self.box.cell_cc).sum(axis=0).max()
         width = 8 * bounds.EPS * (reach + cut) + 4 * self.box.rounding(cut).max() + self.spread
-        i, j, shift_pc = self.pairs(value(x_nc).astype(float), cut + 2 * width)
         x = value(x_nc)
-        r = np.sqrt(((x[i] - (x[j] + shift_pc)) ** 2).sum(axis=1))
+        i, j, shift_pc = self.pairs(x.astype(float), cut + 2 * width)
+        r = separations(x, i, j, shift_pc)
         near_n = np.bincount(i[r > cut - width], minlength=self.n)
         self.counted_n = Rounded(self.coordination_n, near_n)
         if near_n.any():

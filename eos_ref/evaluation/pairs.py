@@ -58,16 +58,23 @@ class Search:
         j = self.of_g[g]
         image_pc = self.image_gc[g] + (self.outside_nc[i] - self.outside_nc[j])
         shift_pc = self.box.shift(image_pc)
-        x_nc = self.x_nc
-        r = np.sqrt(((x_nc[i] - (x_nc[j] + shift_pc)) ** 2).sum(axis=1))
-        near = (r < cut) & (i != g)  # the first n copies are the particles themselves
+        near = (separations(self.x_nc, i, j, shift_pc) < cut) & (i != g)  # the first n copies are themselves
         i, j, shift_pc = i[near], j[near], shift_pc[near]
-        order = _order(i - first, j, image_pc[near].astype(np.int64), len(x_nc))
+        order = _order(i - first, j, image_pc[near].astype(np.int64), len(self.x_nc))
         return i[order], j[order], shift_pc[order]
 
     @cached_property
     def _tree(self) -> Any:
         return self.make(self.inside_nc[self.of_g] + self.box.shift(self.image_gc))
+
+
+def separations(x_nc: FloatArray, i_p: IntArray, j_p: IntArray, shift_pc: FloatArray) -> FloatArray:
+    """Return the distances of pairs from i to the images of j, (p,): axis by axis, which takes half of the memory."""
+    rr = np.zeros(len(i_p))
+    for x_n, shift_p in zip(x_nc.T, shift_pc.T, strict=True):
+        x_n = np.ascontiguousarray(x_n)
+        rr += (x_n[i_p] - (x_n[j_p] + shift_p)) ** 2
+    return np.sqrt(rr)
 
 
 def _copies(x_nc: FloatArray, box: Box, wide: float) -> tuple[IntArray, FloatArray]:

@@ -15,7 +15,7 @@ depends on it has an error as large as the difference between the two outcomes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -99,6 +99,7 @@ class Rounded:
     """Values with the largest difference that rounding makes between two correct evaluations."""
 
     __array_ufunc__ = None  # so that numpy leaves array * Rounded to us
+    loops: Any = None  # operations on large arrays, compiled: `eos_ref.evaluation.rounded_loops`, once it is imported
 
     def __init__(self, value: Any, error: Any = 0.0) -> None:
         self.value = np.asarray(value, float)
@@ -106,6 +107,17 @@ class Rounded:
         if np.isnan(bound).any():  # inf times 0: nothing is known
             bound = np.where(np.isnan(bound), np.inf, bound)
         self.error = np.broadcast_to(bound, self.value.shape)
+
+    @classmethod
+    def known(cls, value: Array, error: Array) -> Self:
+        """Return an array of values and errors of the same shape, all of them known to be numbers."""
+        made = cls.__new__(cls)
+        made.value, made.error = value, error
+        return made
+
+    def _compiled(self, name: str, a: Any, b: Any) -> Rounded | None:
+        """Return an operation on large arrays, compiled; None: it is left to the arrays."""
+        return self.loops.operation(name, a, b) if self.loops else None
 
     def _rounded(self, value: Array, error: Array, underflow: float = TINY) -> Rounded:
         """Add the rounding of one operation; sums and differences do not underflow."""
@@ -117,29 +129,37 @@ class Rounded:
         return self.value.shape
 
     def __getitem__(self, at: Any) -> Rounded:
-        return Rounded(self.value[at], self.error[at])
+        return Rounded.known(np.asarray(self.value[at]), np.asarray(self.error[at]))
 
     def __len__(self) -> int:
         return len(self.value)
 
     def __neg__(self) -> Rounded:
-        return Rounded(-self.value, self.error)
+        return Rounded.known(np.asarray(-self.value), self.error)
 
     def __abs__(self) -> Rounded:
-        return Rounded(np.abs(self.value), self.error)
+        return Rounded.known(np.asarray(np.abs(self.value)), self.error)
 
     def __add__(self, other: Any) -> Rounded:
+        if (compiled := self._compiled("add", self, other)) is not None:
+            return compiled
         return self._rounded(self.value + value(other), self.error + error(other), 0.0)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Rounded:
+        if (compiled := self._compiled("subtract", self, other)) is not None:
+            return compiled
         return self._rounded(self.value - value(other), self.error + error(other), 0.0)
 
     def __rsub__(self, other: Any) -> Rounded:
+        if (compiled := self._compiled("subtract", other, self)) is not None:
+            return compiled
         return self._rounded(value(other) - self.value, self.error + error(other), 0.0)
 
     def __mul__(self, other: Any) -> Rounded:
+        if (compiled := self._compiled("multiply", self, other)) is not None:
+            return compiled
         a, b, da, db = self.value, value(other), self.error, error(other)
         with np.errstate(invalid="ignore"):  # an unbounded error times 0 stays unbounded: NaN is never inside a bound
             product = self._rounded(a * b, np.abs(a) * db + np.abs(b) * da + da * db)
@@ -149,9 +169,13 @@ class Rounded:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Rounded:
+        if (compiled := self._compiled("divide", self, other)) is not None:
+            return compiled
         return _quotient(self.value, self.error, value(other), error(other))
 
     def __rtruediv__(self, other: Any) -> Rounded:
+        if (compiled := self._compiled("divide", other, self)) is not None:
+            return compiled
         return _quotient(value(other), error(other), self.value, self.error)
 
     def __pow__(self, power: Any) -> Rounded:
@@ -211,6 +235,8 @@ class Rounded:
 
     def sum_by(self, row_p: Array, n: int) -> Rounded:
         """Return the sums (n,) of the elements with each row number, in any order."""
+        if self.loops and (compiled := self.loops.sum_by(self, row_p, n)) is not None:
+            return compiled  # type: ignore[no-any-return]
         count_n = np.bincount(row_p, minlength=n)
         absolute_n = np.bincount(row_p, np.abs(self.value), n)
         error_n = np.bincount(row_p, self.error, n) + count_n * (ROUNDING * absolute_n)

@@ -1,0 +1,109 @@
+"""Operations on large `Rounded` arrays, compiled: one pass over memory where arrays take a dozen.
+
+Every loop rounds as the operations in arrays do and in their order, so that the bits are the same. Once this module is
+imported `Rounded` takes them: loading them costs as much as the bounds of some thousand particles.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+
+from eos_ref.jit import cached, inline
+from eos_ref.numbers.rounded import ROUNDING, TINY, Array, Rounded, value
+
+LEAST = 1024  # elements; with fewer the calls take longer than what they save
+_READ, _OUT = "Array(float64, 1, 'C', True, aligned=True)", "float64[::1]"
+_ROWS = "Array(int64, 1, 'C', True, aligned=True)"
+_operation = cached("numbers/rounded.py", signature=f"void({', '.join([_READ] * 4 + [_OUT] * 2)})")
+
+
+@inline
+def _known(error: float) -> float:
+    """Return an error, infinite if nothing is known of it."""
+    return math.inf if math.isnan(error) else error
+
+
+@_operation
+def _add(a: Any, da: Any, b: Any, db: Any, x: Any, dx: Any) -> None:
+    for k in range(x.size):
+        x[k] = a[k] + b[k]
+        dx[k] = _known(da[k] + db[k] + ROUNDING * abs(x[k]))
+
+
+@_operation
+def _subtract(a: Any, da: Any, b: Any, db: Any, x: Any, dx: Any) -> None:
+    for k in range(x.size):
+        x[k] = a[k] - b[k]
+        dx[k] = _known(da[k] + db[k] + ROUNDING * abs(x[k]))
+
+
+@_operation
+def _multiply(a: Any, da: Any, b: Any, db: Any, x: Any, dx: Any) -> None:
+    for k in range(x.size):
+        x[k] = a[k] * b[k]
+        error = _known(abs(a[k]) * db[k] + abs(b[k]) * da[k] + da[k] * db[k] + ROUNDING * abs(x[k]) + TINY)
+        none = (a[k] == 0 and da[k] == 0 and db[k] < math.inf) or (b[k] == 0 and db[k] == 0 and da[k] < math.inf)
+        dx[k] = 0.0 if none else error
+
+
+@_operation
+def _divide(a: Any, da: Any, b: Any, db: Any, x: Any, dx: Any) -> None:
+    for k in range(x.size):
+        x[k] = a[k] / b[k]
+        room = abs(b[k]) - db[k]
+        error = (da[k] + abs(x[k]) * db[k]) / room if room > 0 else math.inf
+        none = a[k] == 0 and da[k] == 0 and room > 0
+        dx[k] = 0.0 if none else _known(error + ROUNDING * abs(x[k]) + TINY)
+
+
+@cached("numbers/rounded.py", signature=f"void({', '.join([_ROWS, *[_READ] * 2, *[_OUT] * 4])})")
+def _sum_by(row_p: Any, x: Any, dx: Any, count_n: Any, absolute_n: Any, error_n: Any, sum_n: Any) -> None:
+    for p in range(row_p.size):
+        n = row_p[p]
+        count_n[n] += 1
+        absolute_n[n] += abs(x[p])
+        error_n[n] += dx[p]
+        sum_n[n] += x[p]
+
+
+OPERATIONS = {"add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide}
+
+
+def operation(name: str, a: Any, b: Any) -> Rounded | None:
+    """Return the sum, difference, product or quotient of two, one of which is `Rounded`; None: the arrays are small."""
+    shape = a.shape if isinstance(a, Rounded) else b.shape
+    if math.prod(shape) < LEAST or any(np.shape(value(side)) not in ((), shape) for side in (a, b)):
+        return None
+    x, dx = np.empty(shape), np.empty(shape)
+    OPERATIONS[name](*_flat(a, shape), *_flat(b, shape), x.reshape(-1), dx.reshape(-1))
+    return Rounded.known(x, dx)
+
+
+def sum_by(x: Rounded, row_p: Array, n: int) -> Rounded | None:
+    """See `Rounded.sum_by`; None: the array is small, or its errors are not those of one axis."""
+    if len(row_p) < LEAST or x.value.ndim != 1:
+        return None
+    count_n, absolute_n, error_n, sum_n = np.zeros((4, n))
+    _sum_by(np.ascontiguousarray(row_p, np.int64), *_flat(x, x.shape), count_n, absolute_n, error_n, sum_n)
+    return Rounded(sum_n, error_n + count_n * (ROUNDING * absolute_n))
+
+
+def _flat(side: Any, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return values and errors of one side of an operation, as arrays of one axis."""
+    bound = side.error if isinstance(side, Rounded) else 0.0
+    return _one_axis(value(side), shape), _one_axis(bound, shape)
+
+
+def _one_axis(array: Any, shape: tuple[int, ...]) -> Array:
+    if np.shape(array) == shape:
+        return np.ascontiguousarray(array, float).reshape(-1)
+    return np.full(math.prod(shape), array, float)
+
+
+Rounded.loops = sys.modules[__name__]

@@ -1,0 +1,88 @@
+"""Compiled operations on large `Rounded` arrays: the bits of those in arrays."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.evaluation import pair_loops, rounded_loops
+from eos_ref.evaluation.pairs import separations
+from eos_ref.numbers.rounded import Rounded
+
+pytestmark = pytest.mark.slow
+N = rounded_loops.LEAST
+ODD = [0.0, -0.0, 1.0, -1.5, 5e-324, 1e-308, 1e300, np.inf, -np.inf, np.nan]
+
+
+@pytest.fixture(autouse=True)
+def loops_as_before() -> Iterator[None]:
+    kept = Rounded.loops
+    yield
+    Rounded.loops = kept
+
+
+def numbers(seed: int) -> Rounded:
+    """Values and errors of every kind, each meeting each."""
+    random = np.random.default_rng(seed)
+    values = np.where(
+        random.random(N) < 0.5, random.choice(ODD, N), random.normal(size=N) * 10.0 ** random.integers(-9, 9, N)
+    )
+    errors = np.where(random.random(N) < 0.5, random.choice([0.0, 1e-320, np.inf, np.nan], N), random.random(N) * 1e-9)
+    return Rounded(values, errors)
+
+
+def both(compute: Callable[[], Rounded]) -> tuple[Rounded, Rounded]:
+    made = []
+    for loops in (None, rounded_loops):
+        Rounded.loops = loops
+        with np.errstate(all="ignore"):
+            made.append(compute())
+    return made[0], made[1]
+
+
+def same(one: Rounded, other: Rounded) -> None:
+    for a, b in ((one.value, other.value), (one.error, other.error)):
+        # The sign and the payload of a NaN mean nothing.
+        assert np.where(np.isnan(a), 0, a).tobytes() == np.where(np.isnan(b), 0, b).tobytes()
+        assert (np.isnan(a) == np.isnan(b)).all()
+
+
+@pytest.mark.parametrize("name", ["add", "sub", "mul", "truediv"])
+@pytest.mark.parametrize("other", ["array", "plain", "number", "itself"])
+def test_operations_have_the_same_bits(name: str, other: str) -> None:
+    a = numbers(1)
+    b: Any = {"array": numbers(2), "plain": numbers(3).value, "number": 1.7, "itself": a}[other]
+    same(*both(lambda: getattr(operator, name)(a, b)))
+    same(*both(lambda: getattr(operator, name)(b, a)))
+
+
+def test_large_arrays_are_left_to_the_loops_and_small_ones_are_not() -> None:
+    a = numbers(1)
+    assert rounded_loops.operation("add", a, a) is not None
+    assert rounded_loops.operation("add", a[: N - 1], a[: N - 1]) is None
+    assert rounded_loops.operation("add", a, numbers(2).value[:1]) is None  # another shape: arrays broadcast it
+
+
+def test_sums_by_row_have_the_same_bits() -> None:
+    random = np.random.default_rng(4)
+    x, rows = Rounded(random.normal(size=N), random.random(N) * 1e-9), random.integers(0, 50, N)
+    same(*both(lambda: x.sum_by(rows, 60)))
+
+
+@pytest.mark.parametrize("rows", [1, N])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_pairs_within_the_cutoff_are_the_same(dimension: int, rows: int) -> None:
+    random = np.random.default_rng(5)
+    x_nc = random.random((40, dimension)) * 3
+    i, j = (random.integers(0, 40, N).astype(np.int32) for _ in range(2))
+    shift_pc = random.integers(-1, 2, (rows, dimension)) * 3.0 * (rows > 1)
+    whole_pc = np.broadcast_to(shift_pc, (N, dimension))
+    inside = separations(x_nc, i, j, whole_pc) < 1.0
+    found = pair_loops.near(x_nc, i, j, shift_pc, 1.0)
+    assert 0 < inside.sum() < N
+    for one, other in zip(found, (i[inside], j[inside], whole_pc[inside]), strict=True):
+        assert (one == other).all()

@@ -60,10 +60,15 @@ class ArrayEvaluator(Evaluator):
         self.corrected_n = np.zeros(self.n, bool)
 
     def _apart(self, x_n: Array, shift_p: Array) -> Array:
-        """Return the distance along an axis from j, or its image, to i, (p,); of equal coordinates 0 without error."""
+        """Return the distance along an axis from j, or its image, to i, (p,); of equal coordinates 0 without error.
+
+        The other side may take the image of i instead, whose place rounds by its own size: that of the box.
+        """
         apart = x_n[self.i] - (x_n[self.j] + shift_p)
         if not isinstance(apart, Rounded):
             return apart
+        image_p = np.where(shift_p != 0, ROUNDING * np.abs(value(x_n)[self.i] - shift_p), 0.0)
+        apart.error = apart.error + image_p
         same = (value(apart) == 0) & (error(x_n)[self.i] == 0) & (error(x_n)[self.j] == 0) & (shift_p == 0)
         return Rounded(apart.value, np.where(same, 0.0, apart.error))
 

@@ -58,9 +58,11 @@ class Search:
         j = self.of_g[g]
         image_pc = self.image_gc[g] + (self.outside_nc[i] - self.outside_nc[j])
         shift_pc = self.box.shift(image_pc)
-        near = (separations(self.x_nc, i, j, shift_pc) < cut) & (i != g)  # the first n copies are themselves
+        x_nc = self.x_nc
+        r = separations(x_nc, i, j, shift_pc)
+        near = (r < cut) & (i != g)  # the first n copies are the particles themselves
         i, j, shift_pc = i[near], j[near], shift_pc[near]
-        order = _order(i - first, j, image_pc[near].astype(np.int64), len(self.x_nc))
+        order = _order(i - first, j, image_pc[near].astype(np.int64), len(x_nc))
         return i[order], j[order], shift_pc[order]
 
     @cached_property

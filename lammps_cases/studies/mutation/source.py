@@ -120,6 +120,7 @@ ONLY = {
 # search lie, which of two forms of a logarithm is taken), or what its rounding bound will be.
 EXCLUDED_ASSIGNMENTS = {
     "numbers.elementary:powm1": ("normal",),
+    "evaluation.array_evaluator:ArrayEvaluator._apart": ("image_p", "apart.error"),
     "evaluation.pairs:Search.__init__": ("places", "self.wide"),
     "evaluation.pairs:_copies": ("room_c", "most"),
     "evaluation.time_step:Simulation._start": ("self.fresh",),

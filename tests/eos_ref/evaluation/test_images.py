@@ -11,7 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.box import Box
+from eos_ref.numbers.rounded import error, value
 from tests.support.particle_scenes import HOT, RECIPES, assert_same, bounded, recipe, scene
 
 pytestmark = pytest.mark.slow
@@ -75,3 +77,24 @@ def test_neighbours_at_the_cutoff_are_none() -> None:
         two = {k: getattr(s, k)[:2] for k in ("v_nc", "rho_n", "type_n", "solid_n")}
         simulation = built.with_state(x_nc=np.array([[0.0, 0.0], [apart, 0.0]]), **two).simulate(["coordination"])
         assert simulation.evaluate()["coordination"].tolist() == expected
+
+
+@DIMENSIONS
+def test_a_distance_is_bounded_whichever_of_a_pair_has_the_image(dimension: int) -> None:
+    """In a box of hundreds of cutoffs a place beyond the upper face rounds by more than one beyond the lower."""
+    built = recipe("quintic", dimension)
+    n, d = built.state.x_nc.shape
+    low, high = built.box.low_c[0], built.box.low_c[0] + 284.4
+    random = np.random.default_rng(1)
+    x_nc = np.array(built.state.x_nc)
+    x_nc[:, 0] = np.where(random.random(n) < 0.5, low, high - 0.9) + 0.9 * random.random(n)
+    box = replace(built.box, high_c=(high, *built.box.high_c[1:]), periodic=(True,) * d)
+    evaluator = replace(built.with_state(x_nc=x_nc), box=box).simulate().rounded().evaluator
+    assert isinstance(evaluator, ArrayEvaluator)
+    across_p = np.abs(x_nc[evaluator.i, 0] - x_nc[evaluator.j, 0]) > 100
+    x_i, x_j = x_nc[evaluator.i, 0], x_nc[evaluator.j, 0]
+    beyond_p = np.where(x_i < x_j, high - low, low - high)
+    other_p = (x_i + beyond_p) - x_j
+    apart = evaluator.x[0]
+    assert across_p.sum() > n
+    assert (np.abs(value(apart) - other_p) <= error(apart))[across_p].all()

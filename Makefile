@@ -10,7 +10,7 @@ FUZZED ?= $(or $(TMPDIR),/tmp)/eos-ref-fuzzed
 SOAK ?= 20000
 SOAKED ?= $(or $(TMPDIR),/tmp)/eos-ref-soak
 MACHINE ?= 200
-MACHINED ?= $(or $(TMPDIR),/tmp)/eos-ref-machine-code
+MACHINED ?= $(or $(TMPDIR),/tmp)/eos-ref-binary
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
@@ -18,7 +18,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser kills soak environment slurm unittest check bench claims docs versions engines power machine-code judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate quick fast test browser kills soak environment slurm unittest check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 14
@@ -97,7 +97,7 @@ twins: $(READY) ## the same LAMMPS twice, memory filled with other bytes, TWINS=
 power: $(READY) ## plant faults, measure what goes unseen, look for false alarms (long)
 	$(BIN)/eos-ref power
 
-machine-code: $(READY) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
+binary: $(READY) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
 	$(BIN)/python -m tests.support.machine_code '$(MACHINED)' $(MACHINE)
 
 judge: $(READY) ## mutate the code that judges; its tests have to notice (long)

@@ -355,7 +355,8 @@ class Simulation:
         energy_n = None if s.energy_n is None else number(s.energy_n)
         twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
         twin.evaluator = evaluator(self.model, self.evaluated_in, s.type_n, s.solid_n)
-        twin.evaluator.image_velocity_cc = self.evaluator.image_velocity_cc
+        if self.model.deform:
+            twin.evaluator.image_velocity_cc = self.model.deform.image_velocity(self.begun)
         if s.mass_n is not None:
             twin.evaluator.weigh(s.mass_n)
         twin.other_nc = number(self.other_nc)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref import InputError
+from lammps_cases.probes.reaction import said
 from lammps_cases.studies.benchmarks import pysph as peer
 from lammps_cases.studies.chart.record import Chart
 from lammps_cases.studies.flows.converge import Convergence, FlowResult, converge
@@ -152,14 +153,9 @@ def rows(runs: Sequence[Convergence]) -> Iterator[tuple[str, ...]]:
                     *(case.flow.name, case.measure, name(run), str(n), f"{run.particles[k]}", f"{run.steps[k]}"),
                     *(
                         f"{run.seconds[k]:.2g}",
-                        f"{error:.2g}" if np.isfinite(error) else stopped(run.messages.get(n, "no number")),
+                        f"{error:.2g}" if np.isfinite(error) else said(run.messages.get(n, "no number")),
                     ),
                 )
-
-
-def stopped(message: str) -> str:
-    """Return what a code says when it stops, without LAMMPS' advice where to read on."""
-    return message.removeprefix("ERROR: ").partition(" For more information")[0]
 
 
 def name(run: Convergence) -> str:

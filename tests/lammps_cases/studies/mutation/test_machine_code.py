@@ -1,4 +1,4 @@
-"""Faults planted in LAMMPS' own machine code, by the campaign of `make machine-code`."""
+"""Faults planted in LAMMPS' own machine code, by the campaign of `make binary`."""
 
 from __future__ import annotations
 

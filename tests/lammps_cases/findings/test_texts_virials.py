@@ -55,11 +55,9 @@ def test_pressure_of_a_fluid_at_rest(lammps: Engine) -> None:
     scene = lattice(int(size), p)
     right = scene.predicted()
     (snapshot,) = lammps.fields(scene)
-    for pressures in (snapshot, right.fields[0]):
-        np.testing.assert_allclose(pressures["press"], virial, rtol=1e-13)
-        np.testing.assert_allclose(
-            pressures["virial"], np.broadcast_to(virial * np.eye(2), (len(scene.atoms), 2, 2)), atol=1e-14
-        )
+    for pressures in (snapshot, right.fields[0]):  # each within the bound of the number, and of the reference's
+        assert np.all(np.abs(pressures["press"] - virial) <= 2 * right.bounds[0]["press"])
+        assert np.all(np.abs(pressures["virial"] - virial * np.eye(2)) <= 2 * right.bounds[0]["virial"])
     assert agree(snapshot["virial"], right, "virial") and agree(snapshot["press"], right, "press")
     # The sum of all virials of particles is that of the system.
     np.testing.assert_allclose(-right.fields[0]["stress/atom"].sum(axis=0) / size**2, virial * np.eye(2), atol=1e-14)

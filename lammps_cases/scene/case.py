@@ -248,7 +248,7 @@ class Scene(SceneModel):
         if "press" in self.compare:
             raise ValueError("deform: press has a kinetic part, which with remap v depends on the image")
         if "v" in self.compare and "x" not in self.compare:
-            raise ValueError("deform: with remap v the image, which compare v is of, needs compare x")
+            raise ValueError("deform: with remap v compare v needs compare x, which tells the image that v is of")
         if self.evolve.stops:
             raise ValueError(f"deform: remap v goes without stops, found one at {self.evolve.halts[0]}")
 

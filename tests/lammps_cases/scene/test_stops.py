@@ -106,7 +106,7 @@ def test_every_begins_anew_between_stops_and_is_read_at_the_end() -> None:
         ),
         ({"deform": {"remap": "v"}}, {"rheo": {"shift": True}}, "remap v goes without shift"),
         ({"deform": {"remap": "v"}}, {"compare": ["f", "press"]}, "press has a kinetic part"),
-        ({"deform": {"remap": "v"}}, {"compare": ["v"]}, "needs compare x"),
+        ({"deform": {"remap": "v"}}, {"compare": ["v"]}, "compare v needs compare x, which tells the image"),
         ({"deform": {"remap": "v"}, "stops": [{"at": 2}]}, {}, "remap v goes without stops, found one at 2"),
         ({"deform": {}}, {"twin": {"boost": [0.1, 0.0]}}, "is another one under twin.boost"),
     ],

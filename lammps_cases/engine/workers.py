@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import re
 import resource
@@ -45,6 +46,9 @@ MEMORY = "EOS_REF_MEMORY"  # environment variable: memory of each process, in pl
 LARGEST = 2**32  # bytes of a file that a worker may write, an engine's output without end included
 TAIL = 2**16  # bytes of that which are read
 RECYCLED = 5000  # tasks after which a process, which grows by some 10 kB with each, makes room for another
+LARGE = 2**16  # atoms whose memory LAMMPS gives back after a job, as the next would do first
+MAPPED = 2**22  # bytes from which on memory goes back to the system when it is freed, whatever lies behind it
+_M_MMAP_THRESHOLD = -3  # of malloc.h
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its own process
 
 
@@ -78,7 +82,10 @@ def solve(site: str | None, job: Job) -> Answer:
     if job.ranks > 1:
         return ranks.solve(site, job)
     with instance(site).use() as lmp:
-        return run(lmp, job)
+        answer = run(lmp, job)
+        if len(job.id_n) > LARGE:
+            lmp.command("clear")
+        return answer
 
 
 def identify(site: str | None) -> dict[str, str]:
@@ -87,7 +94,14 @@ def identify(site: str | None) -> dict[str, str]:
         return describe(lmp, site)
 
 
+def _return_memory() -> None:
+    """Keep glibc from raising that size to 32 MB, below which the holes between arrays stay this process' own."""
+    with contextlib.suppress(AttributeError):  # another C library
+        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, MAPPED)
+
+
 def _prepare(folder: str, memory: int, parent: int) -> None:
+    _return_memory()
     threading.Thread(target=ranks.die_with, args=(parent, folder), daemon=True).start()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once, where Python would wait for LAMMPS to return
     tempfile.tempdir = folder  # what a killed worker leaves goes with the pool

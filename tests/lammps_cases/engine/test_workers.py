@@ -10,18 +10,23 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import wait
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pebble.pool.process
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused
-from lammps_cases.engine.workers import LARGEST, Failure, Workers, limited, memory_share, size
+from lammps_cases.engine import workers as engine
+from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job
+from lammps_cases.engine.stepping import instance
+from lammps_cases.engine.workers import LARGEST, Failure, Workers, limited, memory_share, size, solve
+from lammps_cases.run.campaign import prepare
+from lammps_cases.scene.casefile import load
 
 pytestmark = pytest.mark.slow
 LIMIT = 60.0
@@ -40,6 +45,28 @@ def pid(site: str | None) -> tuple[str | None, int]:
 
 def fail(site: str | None, error: BaseException) -> None:
     raise error
+
+
+def held_between_arrays(site: str | None) -> int:
+    """Return the bytes that stay with a process that frees large arrays, but one that was made after them."""
+    np.ones(2**21)  # freed: from here on glibc would take smaller arrays from its heap
+    before = resident()
+    arrays = [np.ones(2**20) for _ in range(16)]
+    last = arrays.pop()
+    arrays.clear()
+    return resident() - before - last.nbytes
+
+
+def resident() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def atoms_after(site: str | None, job: Job, large: int) -> float:
+    """Run a job, and return how many atoms LAMMPS has after it."""
+    engine.LARGE = large
+    solve(None, job)
+    with instance(None).use() as lmp:
+        return float(lmp.get_natoms())
 
 
 def die(site: str | None, code: int) -> None:
@@ -65,6 +92,19 @@ def test_a_task_gets_the_site_and_the_worker_is_kept(workers: Workers) -> None:
     assert first == second
     assert first[0] == "a site"
     assert first[1] != os.getpid()
+
+
+def test_memory_of_large_arrays_goes_back_to_the_system(workers: Workers) -> None:
+    held = workers.outcome(workers.call(held_between_arrays, time_limit=LIMIT))
+    assert not isinstance(held, Failure) and held < 2 * 2**23  # of 15 arrays of 2**23 bytes
+
+
+@pytest.mark.lammps
+def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], workers: Workers) -> None:
+    (job,) = prepare(load((case_file(),))[0]).jobs
+    n = len(job.id_n)
+    left = [workers.outcome(workers.call(atoms_after, job, large, time_limit=LIMIT)) for large in (n, n - 1)]
+    assert left == [n, 0]
 
 
 @pytest.mark.parametrize(

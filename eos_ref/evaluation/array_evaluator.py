@@ -41,23 +41,29 @@ class ArrayEvaluator(Evaluator):
         return directed_pairs(x_nc, self.box, cut)
 
     def move(self, x_nc: Array) -> None:
-        model, cut, kernel = self.model, self.model.cut, self.model.kernel
         if not np.isfinite(value(x_nc).astype(float)).all():
             raise InputError("positions", "must be finite; the time step may be too long")
-        self.i, self.j, shift_pc = self.pairs(value(x_nc).astype(float), cut)
-        x = axes(x_nc)
-        self.x = [self._apart(x_n, shift_pc[:, a]) for a, x_n in enumerate(x)]
-        self.shift_pc = shift_pc
+        self.i, self.j, self.shift_pc = self.pairs(value(x_nc).astype(float), self.model.cut)
+        self.kernel_values(x_nc)
+        self.g = self.gradw
+        self.count(x_nc)
+
+    def count(self, x_nc: Array) -> None:
+        """Set what is known of the particles themselves when their pairs are."""
+        self.coordination_n = np.bincount(self.i, minlength=self.n)
+        self.corrected_n = np.zeros(self.n, bool)
+
+    def kernel_values(self, x_nc: Array) -> None:
+        """Set displacements and distances of the pairs, values and gradients of their kernel."""
+        model, kernel = self.model, self.model.kernel
+        self.x = [self._apart(x_n, self.shift_pc[:, a]) for a, x_n in enumerate(axes(x_nc))]
         self.rr = dot(self.x, self.x)
         self.r = sqrt(self.rr)
-        sigma = self.constant(kernel.normalisation(model.dimension, cut))
+        sigma = self.constant(kernel.normalisation(model.dimension, model.cut))
         q = self.r / model.h
         self.w = sigma * kernel.shape(q)
         slope = sigma / model.h * kernel.slope(q)
         self.gradw = [slope * x_p / self.r for x_p in self.x]
-        self.g = self.gradw
-        self.coordination_n = np.bincount(self.i, minlength=self.n)
-        self.corrected_n = np.zeros(self.n, bool)
 
     def _apart(self, x_n: Array, shift_p: Array) -> Array:
         """Return the distance along an axis from j, or its image, to i, (p,); of equal coordinates 0 without error.

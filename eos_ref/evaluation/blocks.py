@@ -28,7 +28,7 @@ ROWS = 2048  # particles of a block: their pairs' numbers stay in the processor'
 SKIN = 0.1  # of the cutoff, by which pairs are listed beyond it
 KEPT = 2**22  # directed pairs whose values are kept between two stages; of more only who meets whom
 COMPILED_ABOVE = 2**13  # particles: loading compiled operations takes as long as they save. The bits are the same
-FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `move`
+FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `count`
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +93,11 @@ class BlockStages(ArrayEvaluator):
     """Stages of the particles of a block, whose pairs are known."""
 
     block: Block
+    counted_already = False
+
+    def count(self, x_nc: Array) -> None:
+        if not self.counted_already:
+            super().count(x_nc)
 
     def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the block's pairs closer than a cutoff."""
@@ -105,6 +110,14 @@ class BlockStages(ArrayEvaluator):
         shift_pc = np.broadcast_to(b.shift_pc, (len(b.i_p), x_nc.shape[1]))
         inside = separations(x_nc, b.i_p, b.j_p, shift_pc) < cut
         return b.i_p[inside], b.j_p[inside], shift_pc[inside]
+
+    def kernel_values(self, x_nc: Array) -> None:
+        if Rounded.loops and isinstance(x_nc, np.ndarray) and x_nc.dtype == float:
+            from eos_ref.evaluation import pair_loops
+
+            if pair_loops.set_kernel_values(self, x_nc):
+                return
+        super().kernel_values(x_nc)
 
 
 class InBlocks(ArrayEvaluator):
@@ -145,7 +158,7 @@ class InBlocks(ArrayEvaluator):
             if stages is None:
                 stages = self.part.__new__(self.part)
                 self._tell(stages, block)
-                stages.block = block
+                stages.block, stages.counted_already = block, hasattr(self, "coordination_n")
                 stages.move(self.x_nc[block.at_m])
                 if self.rho_of_correction is not None:
                     self._tell(stages, block)

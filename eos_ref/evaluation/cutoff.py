@@ -20,9 +20,9 @@ class AtCutoff(ArrayEvaluator):
 
     spread = 0.0
 
-    def move(self, x_nc: Any) -> None:
+    def count(self, x_nc: Any) -> None:
         """Count the pairs, and those that may as well be on the other side."""
-        super().move(x_nc)
+        super().count(x_nc)
         cut = self.model.cut
         # Each coordinate of a pair is a difference of two, of which one may have been moved by a period, and rounded
         # on either side; so are the squares, their sum and the root.

@@ -1,4 +1,4 @@
-"""Distances of listed pairs, compiled: the same bits as in arrays, without an array for each operation."""
+"""Distances and kernel values of listed pairs, compiled: the bits of arrays, without an array for each operation."""
 
 # mypy: disable-error-code="untyped-decorator"
 
@@ -9,25 +9,32 @@ from typing import Any
 
 import numpy as np
 
+import eos_ref.eos.compiled  # noqa: F401  teaches numba the elementary functions
 from eos_ref.eos.table import FloatArray
-from eos_ref.jit import cached
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.jit import cached, inline
+from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import IntArray
 
 _PAIRS = "float64[:, ::1], int32[::1], int32[::1], float64[:, ::1]"
+_READ = "Array(float64, 2, 'A', True)"
 
 
 @cached(signature=f"int64({_PAIRS}, float64, int64[::1], int64[::1], int64[::1])")
 def _near(x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, cut: float, near_i: Any, near_j: Any, near_p: Any) -> Any:
-    count, one = 0, len(shift_pc) == 1
+    count, one, flat = 0, len(shift_pc) == 1, x_nc.shape[1] == 2
     for p in range(i_p.size):
         i, j, at = i_p[p], j_p[p], 0 if one else p
-        rr = 0.0
-        for a in range(x_nc.shape[1]):
-            apart = x_nc[i, a] - (x_nc[j, a] + shift_pc[at, a])
+        apart = x_nc[i, 0] - (x_nc[j, 0] + shift_pc[at, 0])
+        rr = apart * apart
+        apart = x_nc[i, 1] - (x_nc[j, 1] + shift_pc[at, 1])
+        rr += apart * apart
+        if not flat:
+            apart = x_nc[i, 2] - (x_nc[j, 2] + shift_pc[at, 2])
             rr += apart * apart
-        if math.sqrt(rr) < cut:
-            near_i[count], near_j[count], near_p[count] = i, j, p
-            count += 1
+        # No branch: a pair that is too far is overwritten by the next.
+        near_i[count], near_j[count], near_p[count] = i, j, p
+        count += math.sqrt(rr) < cut
     return count
 
 
@@ -39,3 +46,40 @@ def near(
     count = _near(np.ascontiguousarray(x_nc), i_p, j_p, shift_pc, cut, *found)
     i, j, p = found[:, :count]
     return i, j, np.broadcast_to(shift_pc, (count, x_nc.shape[1])) if len(shift_pc) == 1 else shift_pc[p]
+
+
+_shape, _slope = inline(QUINTIC.shape), inline(QUINTIC.slope)
+
+
+@cached(
+    *("kernels/kernel.py", "kernels/quintic.py"),
+    signature=f"void({_READ}, int64[:], int64[:], {_READ}, float64, float64, {', '.join(['float64[:, ::1]'] * 3)})",
+)
+def _kernel_values(
+    x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, h: float, sigma: float, x_cp: Any, gradw_cp: Any, values_kp: Any
+) -> None:
+    for a in range(len(x_cp)):
+        for p in range(i_p.size):
+            x_cp[a, p] = x_nc[i_p[p], a] - (x_nc[j_p[p], a] + shift_pc[p, a])
+            values_kp[0, p] = x_cp[a, p] * x_cp[a, p] + (values_kp[0, p] if a else 0.0)
+    for p in range(i_p.size):
+        r = math.sqrt(values_kp[0, p])
+        q = r / h
+        values_kp[1, p], values_kp[2, p] = r, sigma * _shape(q)
+        slope = sigma / h * _slope(q)
+        for a in range(len(x_cp)):
+            gradw_cp[a, p] = slope * x_cp[a, p] / r
+
+
+def set_kernel_values(of: ArrayEvaluator, x_nc: FloatArray) -> bool:
+    """See `ArrayEvaluator.kernel_values`, of positions in doubles; return whether its kernel has compiled loops."""
+    model = of.model
+    if model.kernel is not QUINTIC:
+        return False
+    x_cp, gradw_cp = np.empty((2, model.dimension, len(of.i)))
+    values_kp = np.empty((3, len(of.i)))
+    sigma = model.kernel.normalisation(model.dimension, model.cut)
+    _kernel_values(x_nc, of.i, of.j, of.shift_pc, model.h, sigma, x_cp, gradw_cp, values_kp)
+    of.x, of.gradw = list(x_cp), list(gradw_cp)
+    of.rr, of.r, of.w = values_kp
+    return True

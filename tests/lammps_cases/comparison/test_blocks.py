@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.evaluation import blocks
+from eos_ref.evaluation import blocks, rounded_loops
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.box import Box
+from eos_ref.numbers.rounded import Rounded
 from lammps_cases.comparison.trajectory import Prediction, Problem, precise_setup, predict
 from lammps_cases.findings.forces import ForcePerVolume, MassOfFirst
 from lammps_cases.run.campaign import prepare
@@ -36,9 +37,10 @@ def arrays(of: Prediction) -> list[Any]:
 
 @pytest.fixture(params=[True, False], ids=["kept", "made again"])
 def tiny(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks of a few particles, whose pairs are kept between the stages or made again for each."""
+    """Blocks of a few particles, whose pairs are kept between the stages or made again for each, by compiled loops."""
     monkeypatch.setattr(blocks, "ROWS", 7 if request.param else 29)
     monkeypatch.setattr(blocks, "KEPT", 2**30 if request.param else 0)
+    monkeypatch.setattr(Rounded, "loops", None if request.param else rounded_loops)
 
 
 @pytest.mark.slow

@@ -150,3 +150,14 @@ def test_policy_names_the_scripts_of_a_page(tmp_path: Path) -> None:
     assert scripts == " ".join(["script-src", *(f"'sha256-{each}'" for each in hashes)])
     assert "default-src 'none'" in policy and "base-uri 'none'" in policy and "evil" in page
     assert "script-src 'none'" in frame.policy([])
+
+
+FOLDS = "claims"  # a table whose rows become blocks on a narrow screen, by its own style sheet
+
+
+@pytest.mark.parametrize("path", TEMPLATES, ids=lambda path: path.name)
+def test_a_wide_table_scrolls_by_itself_and_not_the_page(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for found in re.finditer(r'<table(?: class="([^"]*)")?', text):
+        before = text[: found.start()].rstrip().rpartition("\n")[2]
+        assert found[1] == FOLDS or 'class="scroll' in before, found[0]

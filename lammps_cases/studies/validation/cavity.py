@@ -81,8 +81,8 @@ def _between(n: int) -> FloatArray:
     return np.linspace(1 / n, 1 - 1 / n, 2 * n - 3)
 
 
-U = FlowPanel("u", "y / side", "u / lid", (table("ghia-u", "Ghia et al. 1982"),), _u)
-V = FlowPanel("v", "x / side", "v / lid", (table("ghia-v", "Ghia et al. 1982"),), _v)
+U = FlowPanel("u", "y / side", "velocity u along the lid / lid's", (table("ghia-u", "Ghia et al. 1982"),), _u)
+V = FlowPanel("v", "x / side", "velocity v across the lid / lid's", (table("ghia-v", "Ghia et al. 1982"),), _v)
 QUANTITIES = (
     FlowQuantity("fastest backward flow, u / lid", lambda *of: min(_u(*of)[1]), -0.21090, "Ghia et al., table I"),
     FlowQuantity("fastest downward flow, v / lid", lambda *of: min(_v(*of)[1]), -0.24533, "Ghia et al., table II"),

@@ -163,7 +163,7 @@ def _of_channel(
     extra: tuple[Known, ...] = (),
 ) -> Validation:
     known = _known(of, "closed form")
-    panel = FlowPanel("velocity", "y / gap", "u / unit", (known, *extra), _profile)
+    panel = FlowPanel("velocity", "y / gap", "velocity / nominal speed (Re = 0.1)", (known, *extra), _profile)
     flow = Flow(
         name,
         about + " It begins with the closed form and runs until it has its own. Option: wall (constant: walls have the "
@@ -184,14 +184,14 @@ _Y = np.linspace(0, 1, 201)
 THINNING = _of_channel(
     "power-law",
     "Shear-thinning Poiseuille flow",
-    "A fluid of viscosity K rate^(-1/2) between plates, by fix rheo/viscosity power (n = 0.5), cut at a tenth of the "
-    "mean rate.",
+    "A fluid of viscosity K (shear rate)^(−1/2) between plates, by fix rheo/viscosity power (n = 0.5), cut at a tenth "
+    "of the mean rate.",
     partial(power_law, 0.5),
 )
 THICKENING = _of_channel(
     "power-law-thick",
     "Shear-thickening Poiseuille flow",
-    "A fluid of viscosity K rate^(1/2) between plates (n = 1.5).",
+    "A fluid of viscosity K (shear rate)^(1/2) between plates (n = 1.5).",
     partial(power_law, 1.5),
 )
 BINGHAM = _of_channel(

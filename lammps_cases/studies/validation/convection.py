@@ -99,10 +99,18 @@ def _nusselt(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
 
 
 U = FlowPanel(
-    "u", "y / side", "u side / diffusivity", (table("vahl-davis-u", "de Vahl Davis 1983"),), partial(_along, axis=1)
+    "u",
+    "y / side",
+    "velocity u · side / diffusivity",
+    (table("vahl-davis-u", "de Vahl Davis 1983"),),
+    partial(_along, axis=1),
 )
 V = FlowPanel(
-    "v", "x / side", "v side / diffusivity", (table("vahl-davis-v", "de Vahl Davis 1983"),), partial(_along, axis=0)
+    "v",
+    "x / side",
+    "velocity v · side / diffusivity",
+    (table("vahl-davis-v", "de Vahl Davis 1983"),),
+    partial(_along, axis=0),
 )
 SOURCE = "de Vahl Davis"
 CONVECTION = Validation(

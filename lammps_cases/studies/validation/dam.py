@@ -86,8 +86,8 @@ def _front(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
 
 FRONT = FlowPanel(
     "front",
-    "t sqrt(2g/a)",
-    "front / a",
+    "t √(2g/a)",
+    "front / width a of the column",
     (
         table("martin-moyce-table", "Martin & Moyce 1952, table"),
         table("martin-moyce-large", "the same, read off its figure"),
@@ -107,7 +107,7 @@ DAM = Validation(
     Flow(
         "dam-break",
         "A column of width a, twice as high, collapses along a floor; c = 10 times the fastest fluid, viscosity "
-        f"{VISCOSITY:g} H sqrt(gH), artificial viscosity {ARTIFICIAL:g}, rho/damp {DAMPING:g} h c. The experiment has "
+        f"{VISCOSITY:g} H √(gH), artificial viscosity {ARTIFICIAL:g}, rho/damp {DAMPING:g} h c. The experiment has "
         "its zero of time where the front was first seen, and a wall that takes time to go: simulations run ahead.",
         FRONT.known[0].source,
         (16, 24, 32),

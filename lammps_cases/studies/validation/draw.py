@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import matplotlib
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE
 from lammps_cases.studies.validation.model import FlowPanel, Known, Validation
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated, called
 
 _COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
 _FINDING = "#d98200"
@@ -46,12 +47,12 @@ def _draw_side(axis: Any, validated: Validated, flow: str, side: str, panel: Flo
             "ls": "-" if side == REFERENCE else "--" if side == LAMMPS else ":",
             "zorder": 3 if side == REFERENCE else 4,
         }
-        axis.plot(*run.curves[panel.name], label=f"{_name(side)}, {run.n}" if last else None, **style)
+        axis.plot(*run.curves[panel.name], label=_label(side, run.n) if last else None, **style)
 
 
-def _name(side: str) -> str:
-    """Return the name of a side in a legend."""
-    return {UNIT: "LAMMPS, particles\n0.75 apart"}.get(side, side if side in _COLOURS else f"reference with\n{side}")
+def _label(side: str, n: int) -> str:
+    """Return a side and its resolution, in lines of a legend."""
+    return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
 
 
 def _draw_known(axis: Any, known: Known, mark: str) -> None:

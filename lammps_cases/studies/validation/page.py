@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from lammps_cases.pages import frame
 from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.wording import brief
+from lammps_cases.records.wording import brief, number
 from lammps_cases.studies.validation import VALIDATIONS, draw
-from lammps_cases.studies.validation.model import FlowQuantity, Validation
-from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated
+from lammps_cases.studies.validation.model import Validation
+from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated, called
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -31,9 +32,13 @@ def write(validated: Validated, folder: Path) -> None:
         flows=flows,
         facts=_facts(validated),
         pictures={of.name: saved(draw.figure(validated, of), figures, of.name) for of in flows},
+        stops={of.name: list(stops(validated, of)) for of in flows},
         effects={of.name: list(effects(validated, of)) for of in flows},
-        value=lambda number: f"{number:.4g}" if math.isfinite(number) else "",
+        value=lambda value: brief(value) if math.isfinite(value) else "",
+        order=order,
+        called=called,
         sides=(REFERENCE, LAMMPS),
+        in_another_unit=any(run.side == UNIT for run in validated.runs),
         navigation=[(of.name, of.title) for of in flows],
         nan=math.nan,
     )
@@ -50,25 +55,64 @@ def _facts(validated: Validated) -> list[tuple[str, str]]:
     ]
 
 
-def effects(validated: Validated, of: Validation) -> Iterator[str]:
-    """Yield what LAMMPS, and each of its findings alone, does to the quantities of a flow, in words.
+@dataclass(frozen=True)
+class Effect:
+    """A number that a user reads off a run, and the reference's at the same resolution, in words."""
 
-    Of a side that stopped, why, and the quantities at the finest resolution at which it did not.
+    run: str
+    n: int
+    quantity: str
+    found: str
+    ours: str
+    change: str
+    published: str
+
+
+def effects(validated: Validated, of: Validation) -> Iterator[Effect]:
+    """Yield what LAMMPS, and each of its findings alone, makes of the quantities of a flow, at its finest resolution.
+
+    Of a side that stopped, at the finest at which it did not.
     """
     for side in validated.sides(of.name):
-        if side == REFERENCE:
-            continue
-        runs = validated.of(of.name, side)
-        if runs[-1].message:
-            yield f"{_who(side)} {stopped(validated, of.name, side)}"
-        run = next((run for run in reversed(runs) if not run.message), None)
-        if run is None:
+        run = next((run for run in reversed(validated.of(of.name, side)) if not run.message), None)
+        if side == REFERENCE or run is None:
             continue
         beside = next((ours for ours in validated.of(of.name, REFERENCE) if ours.n == run.n), None)
         for quantity in of.quantities:
             if beside is not None and quantity.name in beside.quantities:
                 ours, theirs = beside.quantities[quantity.name], run.quantities[quantity.name]
-                yield f"{_who(side)}, {run.n}: {quantity.name} {_change(theirs, ours, quantity)}"
+                yield Effect(
+                    called(side),
+                    run.n,
+                    quantity.name,
+                    quantity.absent if math.isnan(theirs) else number(theirs),
+                    number(ours),
+                    change(theirs, ours),
+                    number(quantity.published),
+                )
+
+
+def change(theirs: float, ours: float) -> str:
+    """Say how far a number is from another, to a tenth of a per cent at most; empty where nothing can be said."""
+    ratio = theirs / ours if ours else math.nan
+    if not math.isfinite(ratio):
+        return ""
+    percent = 100 * (ratio - 1)
+    if abs(percent) >= 1000:
+        return f"{ratio:.0f} times"
+    return "0 %" if abs(percent) < 0.05 else f"{percent:+.{0 if abs(percent) >= 10 else 1}f} %"
+
+
+def order(value: float) -> str:
+    """Return an order of convergence as tables have it; empty for none."""
+    return f"{round(value, 1) + 0.0:.1f}" if math.isfinite(value) else ""
+
+
+def stops(validated: Validated, of: Validation) -> Iterator[str]:
+    """Yield why sides stopped at their finest resolution."""
+    for side in validated.sides(of.name):
+        if side != REFERENCE and validated.of(of.name, side)[-1].message:
+            yield f"{called(side)} {stopped(validated, of.name, side)}"
 
 
 def stopped(validated: Validated, flow: str, side: str) -> str:
@@ -82,20 +126,3 @@ def stopped(validated: Validated, flow: str, side: str) -> str:
     too = f"so does the reference with {names} {how}, after step {run.lost.after}"
     none = "the reference does not, with none of the findings tried"
     return f"loses atoms after step {run.lost.step}, at {run.n} particles; {too if names else none}"
-
-
-def _who(side: str) -> str:
-    """Return a side as the beginning of a sentence."""
-    if side == UNIT:
-        return "LAMMPS where the same particles are 0.75 apart"
-    return side if side == LAMMPS else f"The reference with {side}"
-
-
-def _change(theirs: float, ours: float, quantity: FlowQuantity) -> str:
-    """Say one number in place of another, and how far that is from it."""
-    found = quantity.absent if math.isnan(theirs) else brief(theirs)
-    words = f"{found} in place of the reference's {brief(ours)}"
-    if ours and math.isfinite(theirs / ours):
-        change = 100 * (theirs / ours - 1)
-        words += f", {change:+.0f} %" if abs(change) >= 10 else f", {change:+.1g} %"
-    return words if quantity.published is None else f"{words} (should be {brief(quantity.published)})"

@@ -16,6 +16,13 @@ from lammps_cases.studies.validation.model import Curve
 REFERENCE, LAMMPS, UNIT = "reference", "LAMMPS", "LAMMPS in another unit of length"
 
 
+def called(side: str) -> str:
+    """Return what a side is called in tables and legends."""
+    return {UNIT: "LAMMPS, particles 0.75 apart"}.get(
+        side, side if side in (REFERENCE, LAMMPS) else f"reference with {side}"
+    )
+
+
 @dataclass(frozen=True)
 class Lost:
     """LAMMPS lost particles: the last step with all of them; findings with which the reference has lost some, when."""

@@ -5,7 +5,6 @@ Folders of validations are put together and kept as ``measured.json``, without t
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -39,17 +38,22 @@ def table(validated: Validated) -> str:
         "|---|---|---|---|---|---|",
         *(row for name in validated.flows for row in _quantities(validated, name)),
         "",
-        *(f"- {name}: {words}." for name in validated.flows for words in _alone(validated, name)),
+        "| flow | run | N | quantity | value | reference | difference | known |",
+        "|---|---|---|---|---|---|---|---|",
+        *(row for name in validated.flows for row in _alone(validated, name)),
+        "",
+        *(f"- {name}: {words}." for name in validated.flows for words in page.stops(validated, VALIDATIONS[name])),
     ]
     return "\n".join(lines)
 
 
 def _alone(validated: Validated, flow: str) -> Iterable[str]:
-    """Yield why LAMMPS stopped, what another unit of length does to it, and each finding to the reference, in words."""
+    """Yield what another unit of length does to LAMMPS, and each finding to the reference; of LAMMPS what it did."""
     tabled = not any(run.message for run in validated.of(flow, LAMMPS))
     sides = [side for side in validated.sides(flow) if side != LAMMPS or not tabled]
     runs = tuple(run for run in validated.runs if run.flow == flow and run.side in sides)
-    return page.effects(replace(validated, runs=runs), VALIDATIONS[flow])
+    for of in page.effects(replace(validated, runs=runs), VALIDATIONS[flow]):
+        yield _row(flow, of.run, str(of.n), of.quantity, of.found, of.ours, of.change, of.published)
 
 
 def _last(validated: Validated, flow: str) -> tuple[FlowRecord, FlowRecord]:
@@ -61,7 +65,7 @@ def _errors(validated: Validated, flow: str) -> Iterable[str]:
     ours, theirs = _last(validated, flow)
     for panel in VALIDATIONS[flow].panels:
         fits = (validated.order(flow, side, panel.name).order for side in (REFERENCE, LAMMPS))
-        orders = (number(order) if math.isfinite(order) else "" for order in fits)
+        orders = map(page.order, fits)
         errors = (_said(run, run.errors.get(panel.name)) for run in (ours, theirs))
         yield _row(flow, panel.name, str(ours.n), *errors, *orders)
 

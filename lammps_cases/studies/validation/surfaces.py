@@ -84,8 +84,12 @@ def _kept(n: int, options: Options, snapshots: Sequence[Snapshot], angular: bool
 _KEPT = line(
     "incompressible, inviscid", np.array([0.0, 2.0]), np.array([1.0, 1.0]), "no force from outside, no friction"
 )
-ENERGY = FlowPanel("kinetic energy", "angle turned", "kinetic energy / first", (_KEPT,), partial(_kept, angular=False))
-SPIN = FlowPanel("angular momentum", "angle turned", "angular momentum / first", (_KEPT,), partial(_kept, angular=True))
+ENERGY = FlowPanel(
+    "kinetic energy", "angle turned (radians)", "kinetic energy / its first", (_KEPT,), partial(_kept, angular=False)
+)
+SPIN = FlowPanel(
+    "angular momentum", "angle turned (radians)", "angular momentum / its first", (_KEPT,), partial(_kept, angular=True)
+)
 PATCH = Validation(
     Flow(
         "patch",
@@ -181,15 +185,15 @@ def _period(times: Sequence[float], axis: Sequence[float]) -> float:
 _T = np.linspace(0, SWINGS[-1], 481)
 AXIS = FlowPanel(
     "axis",
-    "t B",
-    "axis along x / R",
+    "time · B",
+    "half axis along x / R",
     (line("ellipse", _T, _ellipse(_T), "Monaghan & Rafiee (2013): the equations of the ellipse, integrated"),),
     _axis,
 )
 DROP = Validation(
     Flow(
         "oscillating-drop",
-        f"A round drop, stretched at {STRETCH:g} B, swings under a force -B^2 r to its middle, which fix addforce "
+        f"A round drop, stretched at {STRETCH:g} B, swings under a force −B² r to its middle, which fix addforce "
         f"makes of atom-style variables. c = {DROP_SOUND:g} B R, artificial viscosity {ARTIFICIAL:g}, rho/damp "
         f"{DAMPING:g} h c. About 1 % of error stays as the spacing falls; with c = 25 B R noise makes it larger.",
         AXIS.known[0].source,
@@ -232,8 +236,8 @@ def _radial(n: int, options: Options, snapshots: Sequence[Snapshot]) -> Curve:
 
 JUMP = FlowPanel(
     "pressure",
-    "distance / radius",
-    "pressure / background",
+    "distance from the middle / radius of the bubble",
+    "pressure / that of the background",
     (
         line(
             "Laplace's law without tension",

@@ -100,10 +100,10 @@ def _damped(rate: float) -> FloatArray:
 MODE = FlowPanel(
     "velocity",
     "t / period",
-    "velocity of the wave / first",
+    "velocity of the wave / its first",
     (
-        line("Lighthill, 2 nu k^2", _T, _damped(2 * K**2 / REYNOLDS), "Lighthill, Waves in Fluids (1978); deep water"),
-        line("Morris' force, nu k^2", _T, _damped(K**2 / REYNOLDS), "the dissipation of Morris' viscous force"),
+        line("Lighthill, 2 ν k²", _T, _damped(2 * K**2 / REYNOLDS), "Lighthill, Waves in Fluids (1978); deep water"),
+        line("Morris' force, ν k²", _T, _damped(K**2 / REYNOLDS), "the dissipation of Morris' viscous force"),
     ),
     _amplitude,
 )

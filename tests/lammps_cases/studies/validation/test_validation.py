@@ -32,6 +32,7 @@ from lammps_cases.studies.validation import (
     surfaces,
 )
 from lammps_cases.studies.validation.model import DATA, Known, Validation, table
+from lammps_cases.studies.validation.page import Effect
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from tests.support.flow_faults import Plant, of_gravity, of_types
 from tests.support.outcome import Outcome
@@ -172,25 +173,44 @@ def test_the_report_of_a_run_is_not_written_over(eos_ref_command: Run, tmp_path:
 def test_effects_are_said_in_the_quantities_of_a_user() -> None:
     of = validated(made(REFERENCE, 1.0), made(LAMMPS, 0.5), made(UNIT, 0.0, "Lost atoms"), made("force-per-volume", 2))
     assert list(page.effects(of, THICK)) == [
-        "LAMMPS, 8: velocity in the middle 0.5 in place of the reference's 1, -50 % (should be 1)",
-        "LAMMPS where the same particles are 0.75 apart stopped at 8 particles: Lost atoms",
-        "The reference with force-per-volume, 8: velocity in the middle 2 in place of the reference's 1, +100 % "
-        "(should be 1)",
+        Effect("LAMMPS", 8, "velocity in the middle", "0.5", "1", "-50 %", "1"),
+        Effect("reference with force-per-volume", 8, "velocity in the middle", "2", "1", "+100 %", "1"),
     ]
+    assert list(page.stops(of, THICK)) == ["LAMMPS, particles 0.75 apart stopped at 8 particles: Lost atoms"]
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours", "words"),
+    [
+        (1 + 3e-8, 1, "0 %"),
+        (0.949, 1, "-5.1 %"),
+        (0.35, 1, "-65 %"),
+        (39, 0.8, "49 times"),
+        (1, 0, ""),
+        (np.nan, 1, ""),
+    ],
+)
+def test_a_difference_has_no_more_digits_than_it_is_worth(theirs: float, ours: float, words: str) -> None:
+    assert page.change(theirs, ours) == words
+
+
+def test_an_order_of_nothing_has_no_sign() -> None:
+    assert [page.order(value) for value in (-0.001, -1.26, 1.94, np.nan)] == ["0.0", "-1.3", "1.9", ""]
 
 
 def test_a_side_that_stopped_is_said_with_what_it_did_before_and_the_table_has_no_order_of_it() -> None:
     ended = made(LAMMPS, 0.5)
     stopped = replace(made(LAMMPS, 0.0, "Lost atoms"), n=12)
     of = validated(made(REFERENCE, 1.0), replace(made(REFERENCE, 1.0), n=12), ended, stopped)
-    words = [
-        "LAMMPS stopped at 12 particles: Lost atoms",
-        "LAMMPS, 8: velocity in the middle 0.5 in place of the reference's 1, -50 % (should be 1)",
-    ]
-    assert list(page.effects(of, THICK)) == words
+    assert [row.n for row in page.effects(of, THICK)] == [8]
+    assert list(page.stops(of, THICK)) == ["LAMMPS stopped at 12 particles: Lost atoms"]
     lines = summary.table(of).splitlines()
-    assert lines[2] == f"| {THICK.name} | velocity | 12 | 0.1 | stopped | -0 |  |"
-    assert lines[-2:] == [f"- {THICK.name}: {each}." for each in words]
+    assert lines[2] == f"| {THICK.name} | velocity | 12 | 0.1 | stopped | 0.0 |  |"
+    assert lines[-3:] == [
+        f"| {THICK.name} | LAMMPS | 8 | velocity in the middle | 0.5 | 1 | -50 % | 1 |",
+        "",
+        f"- {THICK.name}: LAMMPS stopped at 12 particles: Lost atoms.",
+    ]
 
 
 def test_a_number_that_is_not_there_is_said_in_words() -> None:
@@ -198,9 +218,8 @@ def test_a_number_that_is_not_there_is_said_in_words() -> None:
     names = [quantity.name for quantity in wave.quantities]
     sides = {REFERENCE: dict.fromkeys(names, 1.0), UNIT: {names[0]: 2.0, names[1]: np.nan}}
     runs = [replace(made(side, 1.0), flow=wave.name, quantities=found) for side, found in sides.items()]
-    assert [words.split(names[1])[-1] for words in page.effects(validated(*runs), wave)][1] == (
-        " no oscillation to fit in place of the reference's 1 (should be 1)"
-    )
+    _, row = page.effects(validated(*runs), wave)
+    assert (row.quantity, row.found, row.change) == (names[1], "no oscillation to fit", "")
 
 
 # --- particles that LAMMPS loses
@@ -271,7 +290,7 @@ def test_lost_atoms_are_told_and_are_no_failure(
         "LAMMPS loses atoms after step 80, at 8 particles; so does the reference with a and b together, after step 90"
     )
     assert words in ended.out
-    assert list(page.effects(stopped(), THICK)) == [words]
+    assert list(page.stops(stopped(), THICK)) == [words]
 
 
 @pytest.mark.parametrize("of", VALIDATIONS.values(), ids=list(VALIDATIONS))

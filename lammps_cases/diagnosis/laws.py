@@ -15,7 +15,6 @@ from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.diagnosis.law_changes import law_changes
 from lammps_cases.records.files import read_arrays
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.scene.atoms import build
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict import law_mistakes
 
@@ -72,7 +71,7 @@ def _read(record: CaseRecord, case: Case, fields: Path) -> _RedLaw | None:
     if record.blame is None or not path.is_file():
         return None
     arrays, table = read_arrays(path), case.scene.eos(case.where)
-    mass_n = build(case, table).mass_n
+    mass_n = arrays["mass"]
     energy_n = arrays["e"] * mass_n if "e" in arrays else None
     state = EosState(arrays["id"], arrays["type"], arrays["rho"], mass_n, energy_n)
     name = record.blame.field

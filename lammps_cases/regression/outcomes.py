@@ -38,10 +38,18 @@ class Samples:
         What LAMMPS' array is called after its field.
     steps : mapping, optional
         The step of every field's arrays, where it is not in the file itself as ``FIELD.step`` (-1: without steps).
+    natoms : int, optional
+        How many atoms the case has; of very many a run keeps some alone, which are none of all.
     """
 
-    def __init__(self, path: Path | None = None, side: str = "", steps: Mapping[str, int | None] | None = None) -> None:
-        self._path, self._side, self._steps = path, side, steps
+    def __init__(
+        self,
+        path: Path | None = None,
+        side: str = "",
+        steps: Mapping[str, int | None] | None = None,
+        natoms: int | None = None,
+    ) -> None:
+        self._path, self._side, self._steps, self._natoms = path, side, steps, natoms
 
     @cached_property
     def _arrays(self) -> Mapping[str, npt.NDArray[Any]]:
@@ -66,6 +74,8 @@ class Samples:
         numbers = all(np.issubdtype(array.dtype, np.number) for array in (values_n, bound_n))
         if not numbers or values_n.shape != bound_n.shape or not values_n.ndim:
             raise InputError("arrays", f"must hold numbers of {field} and a bound for each", where=str(self._path))
+        if self._natoms not in (None, len(values_n)):
+            return None
         return Sample(None if step == -1 else step, values_n, bound_n)
 
 
@@ -114,10 +124,11 @@ def of_run(run: RunRecord, folder: Path, name: str = "") -> Side:
         if not record.case.isprintable() or "/" in record.case or record.case.startswith("."):
             raise InputError("case", "must be a name without slashes", record.case, str(folder))
     worst = {record.case: {field.field: field.worst_step for field in record.fields} for record in run.cases}
+    natoms = {record.case: record.natoms for record in run.cases}
     cases = {record.case: comparable(record) for record in run.cases}
 
     def samples(case: str) -> Samples:
-        return Samples(folder / "fields" / f"{case}.npz", ".lammps", worst.get(case))
+        return Samples(folder / "fields" / f"{case}.npz", ".lammps", worst.get(case), natoms.get(case))
 
     return Side(name or str(folder), run.engine, dict(run.reference), cases, samples, folder)
 

@@ -148,7 +148,7 @@ def _particles(case: CaseRecord, arrays: Arrays, picked: npt.NDArray[np.intp]) -
     x_nc = np.asarray(arrays["x"], float)[picked]
     dimension = case.dimension or (3 if np.ptp(x_nc[:, 2]) > 0 else 2)
     return {
-        "natoms": int(arrays["rho"].size),
+        "natoms": max(case.natoms, int(arrays["rho"].size)),  # of very many not all are kept
         "n": int(picked.size),
         "types": [int(t) for t in np.unique(arrays["type"])],
         "rho0": {str(law.type): law.rho0 for law in case.laws if math.isfinite(law.rho0)},

@@ -340,7 +340,7 @@ def judge(
     from lammps_cases.comparison.predictor import Predictor
     from lammps_cases.verdict.exercise import exercised
     from lammps_cases.verdict.looks import pair_arrays
-    from lammps_cases.verdict.outcome import blank_record
+    from lammps_cases.verdict.outcome import blank_record, sampled
 
     predictor = Predictor(store if store and current(store) else None)
     exercises: dict[str, int] = {}
@@ -368,7 +368,7 @@ def judge(
     if record.unexercised:
         record.verdict = "error" if record.as_expected else record.verdict  # a difference comes first
         record.message = wording.message(record)
-    return record, arrays
+    return record, sampled(arrays)
 
 
 def _evaluated(

@@ -12,7 +12,7 @@ import numpy as np
 from eos_ref import EOSTable
 from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
-from lammps_cases.comparison.compare import Comparison, compare_field
+from lammps_cases.comparison.compare import Comparison, compare_field, excess
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.session import Answer
@@ -35,6 +35,8 @@ from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM
 from lammps_cases.verdict.model_fields import blame_of
 
 Arrays = dict[str, Any]
+ALL_KEPT = 50_000  # atoms of a case; of more only some are written to disk
+SAMPLE, WORST = 5000, 50  # evenly spaced ones, and the worst of each field
 BY_IMAGES = "; two roundings of place and edge of a particle outside the box; fractions of leaning edges"
 
 
@@ -205,3 +207,21 @@ def field_arrays(
                 sides = {"lammps": other.lammps_n, "reference": other.reference_n, "bound": other.bound_n}
                 arrays |= {f"@{at.step} {side} {record.field}": values for side, values in sides.items()}
     return arrays
+
+
+def sampled(arrays: Arrays) -> Arrays:
+    """Return the arrays of some atoms of a case that has very many: evenly spaced ones, and the worst of every field.
+
+    They are told by their ids; verdicts are of all atoms.
+    """
+    n = len(arrays["id"]) if "id" in arrays else 0
+    if n <= ALL_KEPT:
+        return arrays
+    picked = [np.linspace(0, n - 1, SAMPLE).astype(int)]
+    for name in (name.removesuffix(".lammps") for name in arrays if name.endswith(".lammps")):
+        sides = (np.asarray(arrays[f"{name}.{side}"], float) for side in ("lammps", "reference", "bound"))
+        ratio_n = excess(*sides)[1].reshape(n, -1).max(axis=1)
+        picked.append(np.argpartition(ratio_n, -WORST)[-WORST:])
+    at = np.unique(np.concatenate(picked))
+    whole = ("box", "periodic")
+    return {name: a if name in whole or name.startswith("@pairs ") else a[at] for name, a in arrays.items()}

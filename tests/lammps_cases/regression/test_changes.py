@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from lammps_cases.records.files import write_arrays
 from lammps_cases.records.outcome import CHANGE_KINDS, CaseOutcome, ChangeKind
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FieldRecord, StepRecord, Verdict
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import compare
-from lammps_cases.regression.outcomes import comparable
+from lammps_cases.regression.outcomes import Samples, comparable
 from tests.support.made_sides import case, ended, field, one_field, sample, side
 
 LENIENT, STRICT = Policy(), Policy(bits=True, findings=True)
@@ -57,6 +60,13 @@ def test_arrays_outside_the_bound_may_lie_within_it_of_each_other() -> None:
     assert one_field(a, b, f=(sample(10.0, 3.0, bound=9.0), sample(10.5, 1.0))).kind == "changed", "the smaller bound"
     assert one_field(a, b, f=(sample(math.nan), sample(math.nan))).kind == "changed"
     assert one_field(a, b, f=(sample(1.0), sample(1.0, 2.0))).kind == "changed", "arrays of other atoms"
+
+
+@pytest.mark.parametrize("natoms", [3, 4])
+def test_arrays_of_some_atoms_are_none_of_all(tmp_path: Path, natoms: int) -> None:
+    write_arrays(tmp_path / "one.npz", {"f.lammps": np.ones(3), "f.bound": np.ones(3)})
+    kept = Samples(tmp_path / "one.npz", ".lammps", {"f": 2}, natoms).of("f")
+    assert (kept is None) == (natoms > 3)
 
 
 def test_the_first_step_at_which_bits_part_is_named() -> None:

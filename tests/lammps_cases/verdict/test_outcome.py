@@ -23,7 +23,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.model_cases import problem_of
-from lammps_cases.verdict.outcome import blank_record, compare_carried, explain_ending, finish
+from lammps_cases.verdict.outcome import blank_record, compare_carried, explain_ending, finish, sampled
 
 Write = Callable[..., Path]
 ENGINE = EngineRecord(name="pypi:2099.1.1", distribution="2099.1.1")
@@ -220,3 +220,25 @@ def test_what_was_read_at_other_stops_is_not_compared(case_file: Write, stops: i
 def test_a_case_without_runs_carries_nothing_over(case_file: Write) -> None:
     ready = prepared(case_file())
     assert carried_over(ready) == []
+
+
+# --- what is kept of very many atoms
+
+
+def test_of_very_many_atoms_a_sample_and_the_worst_of_each_field_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    n = 1000
+    zero_n, f_nc, rho_n = np.zeros(n), np.zeros((n, 2)), np.zeros(n)
+    f_nc[123, 1], rho_n[877] = 1.0, np.nan
+    sides = {"f.lammps": f_nc, "f.reference": 0 * f_nc, "f.bound": 0 * f_nc + 2.0, "@1 lammps f": f_nc}
+    sides |= {"rho.lammps": rho_n, "rho.reference": zero_n, "rho.bound": zero_n + 2.0}
+    arrays = {"id": np.arange(1, n + 1), "box": np.zeros((2, 3)), "periodic": np.ones(3, bool), **sides}
+    arrays["@pairs sum"] = np.zeros((2, 4))
+    assert sampled(arrays) is arrays
+    for name, number in (("ALL_KEPT", n - 1), ("SAMPLE", 10), ("WORST", 1)):
+        monkeypatch.setattr(f"lammps_cases.verdict.outcome.{name}", number)
+    kept, even = sampled(arrays), {1, 112, 223, 334, 445, 556, 667, 778, 889, 1000}
+    assert set(kept["id"].tolist()) == even | {124, 878}
+    assert kept["f.lammps"][kept["id"] == 124].tolist() == [[0.0, 1.0]]
+    assert {len(kept[name]) for name in sides} == {12}
+    assert [kept[name].shape for name in ("box", "periodic", "@pairs sum")] == [(2, 3), (3,), (2, 4)]
+    assert sampled({}) == {}

@@ -16,7 +16,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import FailOn, RunRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import provenance, report_files
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.results import Result, report_folder
 
@@ -94,10 +94,10 @@ def audit_into(
             result = audit_restart(restart, deck, options)
         else:
             result = audit_deck(deck, options)
-        run = campaign.provenance(campaign.engine_record(engine, result.who), command)
+        run = provenance.run_record(provenance.engine_record(engine, result.who), command)
         run.cases, run.seconds = result.record.cases, result.record.seconds
         run.fail_on = fail_on
         if result.arrays:
             write_arrays(folder / "fields" / f"{run.cases[0].case}.npz", result.arrays)
-        campaign.write_run(run.counted(), folder)
+        report_files.write_run(run.counted(), folder)
     return run

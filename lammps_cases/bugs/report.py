@@ -32,7 +32,7 @@ from lammps_cases.findings.variants import combined
 from lammps_cases.probes import manual
 from lammps_cases.probes.manual import ManualProbe
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, prepared_case, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS
@@ -90,7 +90,7 @@ def make(name: str, engine: Engine, paths: tuple[Path, ...] = ()) -> Report:
     if entry is not None:
         with Workers(engine.site, 1) as workers:
             who = workers.outcome(workers.identify())
-        return of_finding(entry, campaign.engine_record(engine, who).manual)
+        return of_finding(entry, provenance.engine_record(engine, who).manual)
     cases = casefile.load(paths)
     case = next((case for case in cases if case.name == name), None)
     if case is None:
@@ -145,11 +145,11 @@ def _of_input(entry: Finding) -> BugDeck:
 
 def _of_case_input(case: Case) -> BugDeck:
     scene = case.scene
-    return deck.of_outcome(campaign.prepare(case).jobs[0], scene.expect.refused if scene.expect else "")
+    return deck.of_outcome(prepared_case.prepare(case).jobs[0], scene.expect.refused if scene.expect else "")
 
 
 def _of_two(case: Case, other: Case, number: AtomNumber, times: float) -> BugDeck:
-    first, second = (campaign.prepare(one).jobs[0] for one in (case, other))
+    first, second = (prepared_case.prepare(one).jobs[0] for one in (case, other))
     obtained = deck.word(first, number.field, number.atom, number.axes)
     bound = times * predicted(case, number).bound
     return deck.of_two(first, second, times, Check(obtained, "", bound))
@@ -166,7 +166,7 @@ def _of_number(
         LAMMPS' variables do not read it.
     """
     expected = predicted(case, number, step)
-    ready = campaign.prepare(case)
+    ready = prepared_case.prepare(case)
     lammps_job = job(case.scene, ready.atoms, plan(case.scene))
     obtained = deck.word(lammps_job, number.field, number.atom, number.axes)
     if not obtained:
@@ -202,14 +202,14 @@ def predicted(case: Case, number: AtomNumber, step: int | None = None) -> Expect
     step = number.step if step is None else step
     at = case.scene.snapshots[-1] if step is None else step
     problem, value_n, bound_n = _fields(case, number.field, at)
-    row = list(campaign.prepare(case).atoms.id_n).index(number.atom)
+    row = list(prepared_case.prepare(case).atoms.id_n).index(number.atom)
     place = (row, *number.axes)
     return ExpectedNumber(float(value_n[place]), float(bound_n[place]), at, problem)
 
 
 def _fields(case: Case, field: str, step: int) -> tuple[Problem, Any, Any]:
     """Return a field of the reference after a step, with its bound."""
-    problem = problem_of(case.scene, campaign.prepare(case).atoms, case.where, (step,))
+    problem = problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (step,))
     problem = replace(problem, fields=(field,))
     prediction = Predictor().predict(problem)
     value_n = np.asarray(prediction.fields[0][field], float)
@@ -257,7 +257,7 @@ def _changing(names: Sequence[str], expected: ExpectedNumber, number: AtomNumber
 
 def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
     """Return the first number outside its bound that a deck can read, and its step."""
-    job = campaign.prepare(case).jobs[0]
+    job = prepared_case.prepare(case).jobs[0]
     last = case.scene.snapshots[-1]
     outside = [(field.field, field.worst_id, field.worst_step) for field in record.fields if field.outside]
     if record.blame:
@@ -272,7 +272,7 @@ def _first_outside(case: Case, record: CaseRecord) -> tuple[AtomNumber, int]:
 
 def _axes(case: Case, field: str, atom: int, step: int, record: CaseRecord) -> tuple[int, ...]:
     """Return the component that is blamed, by its value on the side of the reference; else the first."""
-    of_atom = np.asarray(_fields(case, field, step)[1][list(campaign.prepare(case).atoms.id_n).index(atom)])
+    of_atom = np.asarray(_fields(case, field, step)[1][list(prepared_case.prepare(case).atoms.id_n).index(atom)])
     blame = record.blame
     if not of_atom.ndim or blame is None or blame.reference is None or (blame.field, blame.atom) != (field, atom):
         return (0,) * of_atom.ndim

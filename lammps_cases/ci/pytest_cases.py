@@ -24,7 +24,9 @@ from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, fails
 from lammps_cases.report.annotations import case_lines
 from lammps_cases.report.drawn import beside_file, split
-from lammps_cases.run import campaign
+from lammps_cases.run.case_judgement import JUDGING, answers, judge, unjudged
+from lammps_cases.run.prepared_case import prepare
+from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 
@@ -68,7 +70,7 @@ class CaseJudge:
             self._workers = self._resources.enter_context(Workers(self._engine.site, 1))
         if not self.engine.version_string:
             who = self._workers.outcome(self._workers.identify())
-            self.engine = campaign.engine_record(self._engine, who)
+            self.engine = engine_record(self._engine, who)
 
     def record(self, case: Case) -> CaseRecord:
         """Run a case and judge it, after `start`.
@@ -79,12 +81,12 @@ class CaseJudge:
             The scene is no good.
         """
         assert self._workers is not None
-        ready = campaign.prepare(case.by(self.engine.manual))
+        ready = prepare(case.by(self.engine.manual))
         futures = [self._workers.submit(job, case.scene.engine.time_limit) for job in ready.jobs]
-        arguments = (ready, campaign.answers(self._workers, ready, futures), self.engine, self.store)
-        judged = self._workers.outcome(self._workers.call(campaign.judge, *arguments, time_limit=campaign.JUDGING))
+        arguments = (ready, answers(self._workers, ready, futures), self.engine, self.store)
+        judged = self._workers.outcome(self._workers.call(judge, *arguments, time_limit=JUDGING))
         if isinstance(judged, Failure):
-            return campaign.unjudged(ready, judged, self.engine)
+            return unjudged(ready, judged, self.engine)
         record, arrays = judged
         if arrays and self.folder:
             arrays, beside = split(arrays)

@@ -25,7 +25,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.headline import Headline
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.report import findings
-from lammps_cases.run import campaign
+from lammps_cases.run import provenance, report_files
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.scene import casefile
 
@@ -151,7 +151,7 @@ class SessionPlugin:
     def _joined(self) -> RunRecord:
         """Return the run that these cases are."""
         command = shlex.join(["pytest", *map(str, self._config.invocation_params.args)])
-        run = campaign.provenance(self._engine, command)
+        run = provenance.run_record(self._engine, command)
         run.fail_on = self._judge.fail_on
         run.cases = sorted(self._records, key=lambda record: record.case)
         run.carried = findings.carried_over(run)
@@ -171,7 +171,7 @@ class SessionPlugin:
         if why:
             return f"no report written: {why}"
         with self._output:
-            campaign.write_run(run, folder)
+            report_files.write_run(run, folder)
         return f"report: {Path(out) / 'report.html'}"
 
     def _abandon(self) -> None:

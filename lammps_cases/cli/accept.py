@@ -28,7 +28,7 @@ def accept_command(run: Path, reason: str, baselines: Path, with_failures: bool,
     """
     from lammps_cases.regression import evidence, pairs
     from lammps_cases.regression.acceptance import accept
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
 
     accepted = accept(run, reason, baselines, command_line(), with_failures, prune)
     changes = accepted.changes

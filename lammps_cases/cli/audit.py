@@ -76,7 +76,7 @@ def audit_command(
     from lammps_cases.audit import AuditOptions
     from lammps_cases.audit.command import audit_into
     from lammps_cases.engine import installations
-    from lammps_cases.run import campaign
+    from lammps_cases.run import provenance
 
     if (deck is None) == (of_deck is None):
         raise InputError("deck", "must be given once: eos-ref audit DECK, or --deck DECK")
@@ -89,7 +89,7 @@ def audit_command(
         options = AuditOptions(
             every, steps, timeout, trust, chosen.site, bar, fields=names, suffix=suffix, budgets=budgets
         )
-        run = audit_into(directory, deck, options, chosen, campaign.command_line(), fail_on or "new", dump, restart)
+        run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
     if not as_json:
         for line in report_lines(run.cases[0]):
             click.echo(line)

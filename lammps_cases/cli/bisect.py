@@ -49,7 +49,7 @@ def bisect_command(
     from lammps_cases.records.files import write_atomically
     from lammps_cases.regression import bisection, pairs, sources
     from lammps_cases.regression.change import Policy
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
 
     if not 2 <= len(names) <= len(sources.LABELS):
         raise InputError("engines", f"must be 2 to {len(sources.LABELS)}, in order", len(names))

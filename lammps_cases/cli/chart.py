@@ -54,7 +54,7 @@ def chart_command(
               eos-ref chart kernels --engine env --engine path:~/lammps/build
     """
     from eos_ref.errors import InputError
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.chart import codes, collect, page, record
 
     if pysph and sections and "codes" not in sections:

@@ -198,7 +198,7 @@ def _answers(
     from lammps_cases.probes import manual
     from lammps_cases.records.files import write_atomically
     from lammps_cases.records.wording import folder_name
-    from lammps_cases.run import campaign
+    from lammps_cases.run import campaign, provenance
 
     resolved = installations.resolve(engine)
     names = Names([case.name for case in cases] + [probe.name for probe in manual.probes()])
@@ -209,13 +209,13 @@ def _answers(
     with Bar(quiet, prefix=f"{engine}: ") as bar:
         run = None
         if needed:
-            command = campaign.command_line()
+            command = provenance.command_line()
             store = prediction_keys.open_store()
             run = campaign.run_cases(needed, resolved, jobs, folder, command, progress=bar, store=store)
         with Workers(resolved.site, jobs) as workers:
             who = workers.outcome(workers.identify())
-            record = campaign.engine_record(resolved, who)
-            probed = campaign.provenance(record, campaign.command_line())
+            record = provenance.engine_record(resolved, who)
+            probed = provenance.run_record(record, provenance.command_line())
             said = [probe for probe in probes if probe.made_in(record.manual)]
             probed.cases = manual.put(said, workers, bar)
     write_atomically(_probes_file(folder), probed.counted().to_json())

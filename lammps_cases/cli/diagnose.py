@@ -24,9 +24,9 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     from lammps_cases import history
     from lammps_cases.comparison.prediction_keys import open_store
     from lammps_cases.records.run_record import read_run
-    from lammps_cases.run import campaign
+    from lammps_cases.run import campaign, report_files
 
     record = read_run(run)
     record.triage = campaign.triaged(record, campaign.cases_of(record, paths), run, open_store())
-    campaign.write_run(record, run, past=history.past(record))
+    report_files.write_run(record, run, past=history.past(record))
     return shared.finish(record, run, as_json)

@@ -40,14 +40,14 @@ def examples_command(
     """
     from lammps_cases.engine import installations
     from lammps_cases.examples import collect, decks, page
-    from lammps_cases.run import campaign
+    from lammps_cases.run import provenance
 
     chosen = installations.resolve(engine)
     shipped = decks.decks(chosen, folder, names)
     shared.page_folder(out)
     with Bar(quiet=as_json) as bar:
         made = collect.collect(
-            shipped, chosen, out, campaign.command_line(), full=full, trust=trust or folder is None, progress=bar
+            shipped, chosen, out, provenance.command_line(), full=full, trust=trust or folder is None, progress=bar
         )
         page.write(made, out)
     if as_json:

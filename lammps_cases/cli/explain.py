@@ -105,7 +105,7 @@ def _explanation(case: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
     from eos_ref.eos import bounds
-    from lammps_cases.run.campaign import prepare
+    from lammps_cases.run.prepared_case import prepare
     from lammps_cases.setup import twins
     from lammps_cases.setup.plan import plan
 

@@ -44,7 +44,7 @@ def fuzz_command(
     from lammps_cases.fuzz import page
     from lammps_cases.fuzz.hunt import Hunt
     from lammps_cases.fuzz.record import DOCUMENT
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
 
     with Bar(quiet=as_json, complaints=True) as bar:
         hunt = Hunt(

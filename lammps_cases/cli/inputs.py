@@ -41,7 +41,7 @@ def inputs_command(
     from eos_ref import InputError
     from lammps_cases.engine import installations
     from lammps_cases.probes.probe import commands
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.inputs import page, record, run, table
 
     chosen = table.select(names)

@@ -58,7 +58,7 @@ def power_command(
               eos-ref power faults --quick-only
               eos-ref power 'told.cs-*' --all
     """
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.mutation import collect, page, record
 
     patterns = [name for name in names if name not in SECTIONS]

@@ -74,7 +74,7 @@ def run_command(
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
     from lammps_cases.regression import baseline as accepted
-    from lammps_cases.run import campaign, shards
+    from lammps_cases.run import campaign, provenance, shards
     from lammps_cases.scene import casefile
 
     every = casefile.load(paths)
@@ -92,7 +92,7 @@ def run_command(
                 resolved,
                 jobs,
                 folder,
-                campaign.command_line(),
+                provenance.command_line(),
                 fail_on or "new",
                 part,
                 bar,
@@ -130,14 +130,14 @@ def _against(baseline: Path, run: RunRecord, out: Path, cases: set[str], as_json
     from lammps_cases.regression.baseline import check
     from lammps_cases.report.annotations import announce_changes
     from lammps_cases.report.findings import outcome
-    from lammps_cases.run import campaign
+    from lammps_cases.run import report_files
 
     if outcome(run).exit_code == 3:
         return ()
     changes = check(run, out, baseline, cases)
     run.changed = len(changes.faults)
     if run.changed:
-        campaign.write_run(run, out, past=history.past(run))
+        report_files.write_run(run, out, past=history.past(run))
     if not as_json:
         announce_changes([pairs.fault(change) for change in changes.faults], os.environ)
     return pairs.checked(changes, str(out))

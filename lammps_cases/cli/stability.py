@@ -57,7 +57,7 @@ def stability_command(
 
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.stability import atlas, expected, limits, maps, page, record
 
     by_id = maps.maps()

@@ -34,7 +34,7 @@ def validate_command(names: tuple[str, ...], quick: bool, out: Path, fresh: bool
     import json
 
     from eos_ref.errors import InputError, nearest
-    from lammps_cases.run.campaign import command_line
+    from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.validation import VALIDATIONS, record, run
 
     for name in names:

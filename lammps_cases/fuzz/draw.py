@@ -18,7 +18,7 @@ from lammps_cases.fuzz.chance import Chance
 from lammps_cases.fuzz.fit import fitted
 from lammps_cases.fuzz.rules import GIVEN, HANDLED, LEFT_OUT, NEVER, RULES, type_range
 from lammps_cases.fuzz.scope import Content, Scope
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 

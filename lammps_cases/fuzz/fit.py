@@ -15,7 +15,7 @@ from eos_ref.model.units import UNITS
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.scope import Content
 from lammps_cases.fuzz.units import in_own_units
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup import reference_side

@@ -23,7 +23,7 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
 from lammps_cases.records.yaml_files import yaml_text
-from lammps_cases.run import campaign
+from lammps_cases.run import case_judgement
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink.failure import FailureMode, failure_mode
@@ -117,8 +117,8 @@ class Hunt:
                 left = None if left is None else left - 1
             if running and len(judging) <= workers.count:
                 drawn, futures = running.popleft()
-                outcomes = campaign.answers(workers, drawn.ready, futures)
-                task = workers.call(campaign.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
+                outcomes = case_judgement.answers(workers, drawn.ready, futures)
+                task = workers.call(case_judgement.judge, drawn.ready, outcomes, judge.engine, None, time_limit=JUDGING)
                 judging.append((drawn, task))
             elif judging:
                 drawn, task = judging.popleft()
@@ -185,7 +185,7 @@ class Hunt:
 
 def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, engine: EngineRecord) -> CaseRecord:
     """Return the record of a scene that was judged, or whose judging failed."""
-    return campaign.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
+    return case_judgement.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
 
 
 def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:

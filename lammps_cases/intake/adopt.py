@@ -26,7 +26,7 @@ from lammps_cases.regression.change import Policy
 from lammps_cases.regression.changes import compare
 from lammps_cases.regression.outcomes import Side
 from lammps_cases.report import findings
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.inputs import table
@@ -63,7 +63,7 @@ def collect(intake: Intake, baselines: Path) -> Adoption:
         The engine has no version by which it could be known.
     """
     seconds: dict[str, float] = {}
-    command, store = campaign.command_line(), prediction_keys.open_store()
+    command, store = provenance.command_line(), prediction_keys.open_store()
     begin = time.perf_counter()
     run = campaign.run_cases(
         intake.cases, intake.engine, intake.jobs, intake.out / "run", command, progress=intake.progress, store=store

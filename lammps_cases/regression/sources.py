@@ -16,7 +16,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.regression import baseline, outcomes
 from lammps_cases.regression.outcomes import Side
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, provenance
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 
@@ -91,7 +91,7 @@ def run_options(
     """Return how the engines among some sides are run; the process that forks their workers is started."""
     if any(map(installations.is_engine, names)):  # what is saved needs no workers
         forkserver.start_for_judging()
-    return RunOptions(jobs, prediction_keys.open_store(fresh), progress, command or campaign.command_line())
+    return RunOptions(jobs, prediction_keys.open_store(fresh), progress, command or provenance.command_line())
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import strictest
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.report.findings import carried_over
-from lammps_cases.run.campaign import cases_of, command_line, triaged, write_run
+from lammps_cases.run.campaign import cases_of, triaged
 from lammps_cases.run.output_folder import output_folder
+from lammps_cases.run.provenance import command_line
+from lammps_cases.run.report_files import write_run
 from lammps_cases.run.shards import check_complete
 
 

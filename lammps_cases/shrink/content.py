@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from eos_ref import InputError
 from eos_ref.syntax.ranges import type_range
 from lammps_cases.records.yaml_files import yaml_text
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 

@@ -16,8 +16,9 @@ from lammps_cases.engine.session import EngineMissing, Job
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import Outcomes, PreparedCase
+from lammps_cases.run.case_judgement import JUDGING, answers, judge, unjudged
+from lammps_cases.run.prepared_case import Outcomes, PreparedCase, prepare
+from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink.content import Content, Size, apart_from_particles, as_case, document, size, written_out
 from lammps_cases.shrink.failure import FailureMode, failure_mode, rule_broken
@@ -174,23 +175,23 @@ class WorkerJudge:
         who = workers.outcome(workers.identify())
         if isinstance(who, Failure):
             raise EngineMissing(who.message)
-        self.engine: EngineRecord = campaign.engine_record(engine, who)
+        self.engine: EngineRecord = engine_record(engine, who)
 
     def __call__(self, case: Case) -> CaseRecord:
-        """Return the record of a case; see `lammps_cases.run.campaign.judge`."""
-        ready = campaign.prepare(case)
+        """Return the record of a case; see `lammps_cases.run.case_judgement.judge`."""
+        ready = prepare(case)
         return self.judged(ready, self.answers(ready, ready.jobs))
 
     def answers(self, ready: PreparedCase, jobs: Sequence[Job]) -> Outcomes:
         """Return what LAMMPS answers to the jobs of a case, or how it fails."""
         futures = [self.workers.submit(job, ready.case.scene.engine.time_limit) for job in jobs]
-        return campaign.answers(self.workers, ready, futures)
+        return answers(self.workers, ready, futures)
 
     def judged(self, ready: PreparedCase, outcomes: Outcomes) -> CaseRecord:
         """Return the verdict on the answers."""
-        task = self.workers.call(campaign.judge, ready, outcomes, self.engine, None, time_limit=campaign.JUDGING)
-        judged = self.workers.outcome(task, campaign.JUDGING)
-        return campaign.unjudged(ready, judged, self.engine) if isinstance(judged, Failure) else judged[0]
+        task = self.workers.call(judge, ready, outcomes, self.engine, None, time_limit=JUDGING)
+        judged = self.workers.outcome(task, JUDGING)
+        return unjudged(ready, judged, self.engine) if isinstance(judged, Failure) else judged[0]
 
 
 def shrink_on(case: Case, engine: Engine, finding: str = "", progress: Progress = SILENT) -> Shrunk:

@@ -15,7 +15,7 @@ from lammps_cases.diagnosis import answers
 from lammps_cases.diagnosis.triage import triage
 from lammps_cases.records.files import write_arrays
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, worst
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.model_cases import problem_of
@@ -34,7 +34,7 @@ def red_run(
     cases, predictor = casefile.select(casefile.load(), names), Predictor()
     records = []
     for case in cases:
-        ready, steps = campaign.prepare(case), case.scene.snapshots
+        ready, steps = prepared_case.prepare(case), case.scene.snapshots
         problem = problem_of(case.scene, ready.atoms, case.where, steps)
         sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
         visited = visit(sim, steps, problem.timestep, problem.stops)

@@ -21,7 +21,7 @@ from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import cluster, forkserver, installations
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import read_run
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, prepared_case
 from lammps_cases.scene import FromFile, casefile
 from lammps_cases.scene.casefile import Case
 
@@ -83,7 +83,7 @@ def settings() -> list[Case]:
     """Return the cases of a pass: small ones that LAMMPS answers, which a campaign runs in the order given."""
     laws = casefile.select(casefile.load(), tag="eos")
     given = [case for case in laws if case.scene.expect is None and not isinstance(case.scene.positions, FromFile)]
-    return [case for case in given if len(campaign.prepare(case).atoms) <= SMALL]
+    return [case for case in given if len(prepared_case.prepare(case).atoms) <= SMALL]
 
 
 def drawn(of: Sequence[Case], count: int) -> list[Case]:

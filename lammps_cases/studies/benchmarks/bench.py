@@ -131,13 +131,13 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
 
     The scenes that crash LAMMPS are in ours only, as they would end the peer.
     """
-    from lammps_cases.run import campaign
+    from lammps_cases.run import prepared_case
     from lammps_cases.scene import casefile
     from lammps_cases.setup.commands import job
     from lammps_cases.setup.plan import plan
 
     chosen = [case for case in casefile.select(casefile.load(), tag="eos") if "crash" not in case.tags]
-    prepared = [campaign.prepare(case) for case in chosen]
+    prepared = [prepared_case.prepare(case) for case in chosen]
     lammps_jobs = [job(p.case.scene, p.atoms, plan(p.case.scene)) for p in prepared]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "jobs"

@@ -18,7 +18,7 @@ from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers, identify, solve
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.run_record import EngineRecord, read_run
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, case_judgement, prepared_case
 from lammps_cases.run.merge import merge
 from lammps_cases.scene.casefile import Case, load
 
@@ -98,11 +98,11 @@ def _large(edge: int) -> Case:
 
 def _judged(site: str | None, edge: int) -> JudgedScene:
     """Task: judge a scene."""
-    ready = campaign.prepare(_large(edge))
+    ready = prepared_case.prepare(_large(edge))
     begin = time.process_time()
     answers: list[Answer | Failure] = [solve(site, job) for job in ready.jobs]
     answered = time.process_time()
-    campaign.judge(site, ready, answers, EngineRecord(**identify(site)))
+    case_judgement.judge(site, ready, answers, EngineRecord(**identify(site)))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return JudgedScene(len(ready.atoms), answered - begin, time.process_time() - answered, peak)
 

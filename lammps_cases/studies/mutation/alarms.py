@@ -22,7 +22,7 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case

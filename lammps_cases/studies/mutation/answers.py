@@ -10,7 +10,7 @@ from pathlib import Path
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.files import write_atomically
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 

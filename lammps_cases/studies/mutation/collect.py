@@ -14,7 +14,7 @@ from lammps_cases.comparison.prediction_keys import open_store
 from lammps_cases.engine import installations
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run.campaign import provenance
+from lammps_cases.run.provenance import run_record
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import alarms, catalogue, record, resolution, schedule
@@ -89,7 +89,7 @@ def collect(
         alarm_runs = alarms.measure(cases, resolved, jobs=jobs, store=open_store(), progress=progress)
     return Power(
         command,
-        provenance(who, command).machine,
+        run_record(who, command).machine,
         {"name": who.name, "distribution": who.distribution, "library_sha256": who.library_sha256},
         whole=not (names or family or sample is not None) and "faults" in sections,
         quick_only=quick_only,

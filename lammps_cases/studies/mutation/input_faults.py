@@ -14,7 +14,7 @@ import numpy as np
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Job
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.setup.commands import job

@@ -24,7 +24,8 @@ from lammps_cases.engine.workers import Failure, Workers, solve
 from lammps_cases.findings import LEDGER
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run.campaign import PreparedCase, engine_record
+from lammps_cases.run.prepared_case import PreparedCase
+from lammps_cases.run.provenance import engine_record
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.verdict.judgement import evaluate

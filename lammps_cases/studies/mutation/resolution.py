@@ -17,7 +17,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation.perturbed import JudgingWorkers, PerturbedJudge, RepeatedCase
 from lammps_cases.studies.mutation.scene_numbers import SceneNumber, numbers

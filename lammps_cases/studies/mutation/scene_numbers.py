@@ -10,7 +10,7 @@ import numpy as np
 
 from eos_ref.eos.registry import PARAMETER
 from lammps_cases.engine.session import Job
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import PowerLaw
 from lammps_cases.scene.atoms import kernel_cut
 from lammps_cases.setup.commands import job

@@ -18,7 +18,7 @@ from lammps_cases.engine.pool import OrderedPool
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import formula, source, substitute, tasks
 from lammps_cases.studies.mutation.fault import Detection, Fault, files

@@ -14,7 +14,8 @@ from lammps_cases.engine.session import Answer, EngineCrashed, EngineRefused
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER, shown_by
 from lammps_cases.records.run_record import CaseRecord, HarnessError, LostAtoms
-from lammps_cases.run.campaign import PreparedCase, faulty, listed, with_lists
+from lammps_cases.run.case_judgement import faulty, listed, with_lists
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.studies.mutation import catalogue, input_faults, output_faults, substitute
 from lammps_cases.studies.mutation.answers import AnsweredCase, Outcome, keep, recall
 from lammps_cases.studies.mutation.fault import Detection, files

@@ -27,7 +27,7 @@ from lammps_cases.findings import NEWEST, shown_by
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.progress import SILENT, Progress
 from lammps_cases.rules import RULES, Rule
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import formula, in_place

@@ -26,7 +26,7 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import KNOWN, LEDGER, Finding
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, prepared_case, provenance
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 
@@ -57,7 +57,7 @@ def _version(name: str) -> str:
         return version("lammps") if name == "env" else name.removeprefix("pypi:")
     with Workers(_engine(name).site, 1) as workers:
         who = workers.outcome(workers.identify())
-    return campaign.engine_record(_engine(name), who).distribution
+    return provenance.engine_record(_engine(name), who).distribution
 
 
 @cache
@@ -191,7 +191,7 @@ def test_decks_are_short_and_need_no_other_file(name: str) -> None:
 def test_particles_of_a_file_are_those_of_commands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same numbers stand in either, to the last digit."""
     shown = demonstrations()[name]
-    told = campaign.prepare(case_of(name, "x", shown.scene)).jobs[0]
+    told = prepared_case.prepare(case_of(name, "x", shown.scene)).jobs[0]
     monkeypatch.setattr(deck, "MOST_SINGLE", 0)
     lines, data = deck._scene(told)
     assert f"read_data {deck.DATA}" in lines
@@ -225,7 +225,7 @@ def test_a_deck_with_a_file_obtains_the_same_number(name: str, monkeypatch: pyte
 def test_word_of_a_number(
     case_file: Callable[..., Path], compare: list[str], field: str, axes: tuple[int, ...], word: str
 ) -> None:
-    told = campaign.prepare(casefile.load((case_file(compare=compare),))[0]).jobs[0]
+    told = prepared_case.prepare(casefile.load((case_file(compare=compare),))[0]).jobs[0]
     assert deck.word(told, field, 2, axes) == word
 
 

@@ -19,7 +19,7 @@ from lammps_cases.claims.trace import trace
 from lammps_cases.claims.verdicts import Names
 from lammps_cases.comparison.trajectory import predict
 from lammps_cases.findings import LEDGER
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene.casefile import Case
 from lammps_cases.verdict.model_cases import problem_of
 from tests.support.claim_records import CASES, KNOWN, PROBES, WITHOUT_NUMBERS, fields_of
@@ -134,7 +134,7 @@ def test_zmin_of_the_scenes_is_a_number_of_neighbours_that_occurs() -> None:
 
 def coordination(case: Case) -> npt.NDArray[Any]:
     """The numbers of neighbours at the start, by the reference."""
-    problem = problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0,))
+    problem = problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (0,))
     return np.asarray(
         predict(replace(problem, fields=("coordination",)), ArrayEvaluator, Simulation).fields[0]["coordination"]
     )

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from eos_ref import InputError
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.manual import EXAMPLES
@@ -32,7 +32,7 @@ def test_every_line_has_a_case() -> None:
 def test_lammps_gets_the_line_as_it_stands(name: str) -> None:
     page, number = name.removeprefix("examples.").split("-")
     line = EXAMPLES["rheo" if page == "rheo" else "pressure"][int(number) - 1]
-    told = campaign.prepare(CASES[name]).jobs[0].commands
+    told = prepared_case.prepare(CASES[name]).jobs[0].commands
     assert told.count(line) == 1
     assert sum(f" all {line.split()[3]} " in command for command in told) == 1  # and no second fix of the style
 

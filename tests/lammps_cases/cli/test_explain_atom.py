@@ -12,7 +12,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.trajectory import visit, wanted
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome

@@ -13,7 +13,7 @@ from eos_ref.model.box import Box
 from eos_ref.numbers.rounded import Rounded
 from lammps_cases.comparison.trajectory import Prediction, Problem, precise_setup, predict
 from lammps_cases.findings.forces import ForcePerVolume, MassOfFirst
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 

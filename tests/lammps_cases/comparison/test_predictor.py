@@ -25,7 +25,7 @@ from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome
@@ -36,7 +36,7 @@ ROOT = Path(prediction_keys.__file__).parents[2]
 
 def _scene(name: str = "thermal.latent.2d") -> Problem:
     case = casefile.select(casefile.load(), (name,))[0]
-    return problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0, 1))
+    return problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (0, 1))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 
 from lammps_cases.comparison.rounded_input import ROUNDING, moved_input
 from lammps_cases.comparison.trajectory import Problem, predict
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 
@@ -28,7 +28,7 @@ SCENE = {
 
 def problem(case_file: Callable[..., Path], units: str = "lj") -> Problem:
     (case,) = casefile.load_file(case_file(**SCENE, units=units))
-    return problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+    return problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
 
 
 def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
@@ -51,7 +51,7 @@ def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
 def test_a_fraction_of_one_stays_one(case_file: Callable[..., Path]) -> None:
     shift = {"scale_cross_type": [1.0, 0.1, 0.3]}
     (case,) = casefile.load_file(case_file(**(SCENE | {"rheo": {"shift": shift}})))
-    one = problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+    one = problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
     for seed in range(9):
         setting = moved_input(one, np.random.default_rng(seed)).model.fix.shift
         assert setting and setting.scale_cross_type

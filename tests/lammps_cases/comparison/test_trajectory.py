@@ -23,7 +23,7 @@ from lammps_cases.comparison.trajectory import (
     own_stages,
     predict,
 )
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 
@@ -32,7 +32,7 @@ Write = Callable[..., Path]
 
 def problem(case_file: Write) -> Problem:
     case = casefile.load((case_file(compare=["f"], velocity={"random": 0.3}),))[0]
-    return problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+    return problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
 
 
 def of_size(scene: Problem, n: int) -> Problem:
@@ -134,7 +134,7 @@ def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> 
         "compare": ["surface", "status"],
     }
     (case,) = casefile.load((case_file(**scene),))
-    bounds = predict(problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))).bounds[0]
+    bounds = predict(problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))).bounds[0]
     for field in ("surface", "status"):
         np.testing.assert_array_equal(bounds[field] > 0, [True, True, False, False])
     assert (bounds["status"][:2] >= 16).all(), "surface and splash differ by that"

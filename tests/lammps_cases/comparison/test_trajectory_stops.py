@@ -12,7 +12,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
 from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, visit, wanted
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 
@@ -23,7 +23,7 @@ WALLS, FLUID = "runs-walls.fluid.settings", "runs.summed.settings"
 def problem(name: str, *stops: ProblemStop, steps: tuple[int, ...] = (0, 2, 4)) -> Problem:
     """A shipped case, stopped elsewhere."""
     (case,) = casefile.select(casefile.load(), [name])
-    return replace(problem_of(case.scene, campaign.prepare(case).atoms, "", steps), stops=stops)
+    return replace(problem_of(case.scene, prepared_case.prepare(case).atoms, "", steps), stops=stops)
 
 
 def stop(of: Problem, step: int, **settings: object) -> ProblemStop:

@@ -11,7 +11,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.numbers.rounded import placed
 from lammps_cases.diagnosis.changes import Watched, stale
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 

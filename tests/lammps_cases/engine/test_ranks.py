@@ -15,7 +15,7 @@ from pytest import MonkeyPatch
 from lammps_cases.engine import mpi, ranks
 from lammps_cases.engine.session import Array, EngineCrashed, EngineRefused, Job, RunCommand
 from lammps_cases.engine.workers import solve
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 
 pytestmark = pytest.mark.lammps
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.lammps
 @pytest.fixture
 def job() -> Iterator[Job]:
     case = casefile.select(casefile.load(), ("twins.fluid.ranks",))[0]
-    yield next(job for job in campaign.prepare(case).jobs if job.ranks > 1)
+    yield next(job for job in prepared_case.prepare(case).jobs if job.ranks > 1)
     ranks.end_kept()
 
 
@@ -48,7 +48,7 @@ def test_a_rank_without_atoms_takes_part_in_all_that_is_read(case_file: Callable
     positions = {"x": x, "low": low, "high": high, "periodic": [False, False]}
     engine = {"ranks": 2, "processors": [2, 1, 1]}
     path = case_file(positions=positions, compare=["coordination", "stress/atom"], engine=engine)
-    (asked,) = campaign.prepare(casefile.load((path,))[0]).jobs
+    (asked,) = prepared_case.prepare(casefile.load((path,))[0]).jobs
     first, second = (ranks.solve(None, asked) for _ in range(2))
     assert all(array.tobytes() == second.arrays[name].tobytes() for name, array in first.arrays.items())
     assert len(first.arrays["own_stress_atom"]) == len(x)

@@ -25,7 +25,7 @@ from lammps_cases.engine import workers as engine
 from lammps_cases.engine.session import EngineCrashed, EngineMissing, EngineRefused, Job
 from lammps_cases.engine.stepping import instance
 from lammps_cases.engine.workers import LARGEST, Failure, Workers, limited, memory_share, size, solve
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene.casefile import load
 
 pytestmark = pytest.mark.slow

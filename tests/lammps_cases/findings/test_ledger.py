@@ -23,7 +23,7 @@ from lammps_cases.findings.variants import Variant
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, Mismatch, RunRecord
 from lammps_cases.regression import acceptance, evidence
 from lammps_cases.report import findings as reported
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation.alarms import KINDS
 from lammps_cases.verdict import particle_model
@@ -165,7 +165,7 @@ HALVED = Finding(
 def _judged(name: str) -> CaseRecord:
     """A case judged on an engine that has the finding, and no other."""
     (case,) = casefile.select(casefile.load(), (name,))
-    ready, predictor = campaign.prepare(case), Predictor()
+    ready, predictor = prepared_case.prepare(case), Predictor()
     problem = problem_of(case.scene, ready.atoms, case.where, case.scene.snapshots)
     fields = predictor.values(problem, (HalfVolume, Simulation))
     snapshots = [{name: np.asarray(values) for name, values in at.items()} for at in fields]

@@ -23,7 +23,7 @@ from lammps_cases.findings.surfaces import LayerOfFirst, StatusOfLayers
 from lammps_cases.findings.variants import Variant, combined
 from lammps_cases.findings.walls import AccelerationsOfOldImages, GradientOfSecond
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import case_judgement, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -38,7 +38,7 @@ OLDER = EngineRecord(distribution="2025.7.22.1.0")  # whose order of pairs matte
 NEWER = EngineRecord(distribution="2099.1.1")
 FIRST = 6  # the first step of the scene of walls-after-rebuild whose list has other images than the one before
 
-Make = Callable[..., campaign.PreparedCase]
+Make = Callable[..., prepared_case.PreparedCase]
 
 
 def _walls(steps: int, columns: int, **rheo: Any) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def _walls(steps: int, columns: int, **rheo: Any) -> dict[str, Any]:
 class Seen:
     """A case, LAMMPS' answer to it, and the one with every step and list."""
 
-    ready: campaign.PreparedCase
+    ready: prepared_case.PreparedCase
     answer: Answer
     every: Answer
 
@@ -87,7 +87,7 @@ def seen(solver: Solver, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
             matrix = {"what": {"walls-after-rebuild": {}}}
             text = {"name": "open", "about": "x", "tags": ["model"], "matrix": matrix, "scene": scene}
             path.write_text(yaml.safe_dump(text))
-            ready = campaign.prepare(casefile.load_file(path)[0])
+            ready = prepared_case.prepare(casefile.load_file(path)[0])
             told = job(ready.case.scene, ready.atoms, plan(ready.case.scene), every_step=True, lists=True)
             known[name] = Seen(ready, solver(ready.jobs[0]), solver(told))
         return known[name]
@@ -100,9 +100,9 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., CaseRecord]:
     """A case judged, where LAMMPS answers the second question with ``every``."""
 
     def judge(given: Seen, engine: EngineRecord = ENGINE) -> CaseRecord:
-        monkeypatch.setattr(campaign, "solve", lambda site, told: given.every)
-        monkeypatch.setattr(campaign, "first_step_outside", lambda *of: None)
-        return campaign.judge(None, given.ready, [given.answer], engine)[0]
+        monkeypatch.setattr(case_judgement, "solve", lambda site, told: given.every)
+        monkeypatch.setattr(case_judgement, "first_step_outside", lambda *of: None)
+        return case_judgement.judge(None, given.ready, [given.answer], engine)[0]
 
     return judge
 
@@ -331,20 +331,20 @@ def test_order_of_pairs_explains_older_wheels(seen: Callable[..., Seen], judged:
 
 @pytest.mark.parametrize("case", ["open-layers.reference", "open-layers.newton"])
 def test_order_of_pairs_explains_the_layer(case: str, solver: Solver, monkeypatch: pytest.MonkeyPatch) -> None:
-    ready = campaign.prepare(casefile.select(casefile.load(), [case])[0])
-    outcomes: campaign.Outcomes = [solver(told) for told in ready.jobs]
-    monkeypatch.setattr(campaign, "solve", lambda site, told: solver(told))
-    record = campaign.judge(None, ready, outcomes, ENGINE)[0]
+    ready = prepared_case.prepare(casefile.select(casefile.load(), [case])[0])
+    outcomes: prepared_case.Outcomes = [solver(told) for told in ready.jobs]
+    monkeypatch.setattr(case_judgement, "solve", lambda site, told: solver(told))
+    record = case_judgement.judge(None, ready, outcomes, ENGINE)[0]
     assert record.verdict == "explained", record.message
     assert _explained(record) == {"layer-depends-on-pair-order"}
-    assert campaign.judge(None, ready, outcomes, NEWER)[0].verdict == "explained"
+    assert case_judgement.judge(None, ready, outcomes, NEWER)[0].verdict == "explained"
 
     def turned(site: str | None, told: Job) -> Answer:
         answer = solver(told)
         return replace(answer, lists=tuple(a | {"pair_ps": a["pair_ps"][:, ::-1]} for a in answer.lists))
 
-    monkeypatch.setattr(campaign, "solve", turned)
-    assert campaign.judge(None, ready, outcomes, ENGINE)[0].verdict == "differs"
+    monkeypatch.setattr(case_judgement, "solve", turned)
+    assert case_judgement.judge(None, ready, outcomes, ENGINE)[0].verdict == "differs"
 
 
 def test_variants_that_share_steps_are_combined_in_any_order(seen: Callable[..., Seen]) -> None:

@@ -16,7 +16,7 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.probes.run import Reply
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
@@ -163,7 +163,7 @@ def test_reconstruct_refuses_cubic(lammps: Engine) -> None:
     assert "differs by c^2 A3 (rho - rho0)^3" in entry.workaround
     assert lammps.reply("deck", rebuilt, (PRESSURE, "* linear")).ended == "answered"
     for case in casefile.select(casefile.load(), entry.applies_to):
-        problem = problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+        problem = problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
         fields = Predictor().predict(problem).fields[0]
         assert all(np.isfinite(values).all() for values in fields.values())
 

@@ -14,7 +14,7 @@ from eos_ref.numbers.number import Array
 from lammps_cases.engine.interlude import Interlude
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.findings.walls import after_deletion
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
 
@@ -130,7 +130,7 @@ def rebuilt(name: str, **engine: Any) -> Told:
     """A shipped case with other settings of the lists."""
     (case,) = casefile.select(casefile.load(), [name])
     settings = case.scene.engine.model_copy(update=engine)
-    return Told(case.scene.model_copy(update={"engine": settings}), campaign.prepare(case).atoms)
+    return Told(case.scene.model_copy(update={"engine": settings}), prepared_case.prepare(case).atoms)
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from lammps_cases.findings.forces import ForcePerVolume, has_forces
 from lammps_cases.findings.thermal import HeatOverDensity
 from lammps_cases.findings.variants import Variant, combined
 from lammps_cases.findings.walls import WallsSummedAfterSetup, WallVelocityLost, sums_walls
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 from tests.support.particle_scenes import scene
@@ -38,7 +38,7 @@ class Fitted(HeatOverDensity):
 @pytest.fixture
 def problem(case_file: Callable[..., Path]) -> Problem:
     case = casefile.load((case_file(compare=["f"]),))[0]
-    return problem_of(case.scene, campaign.prepare(case).atoms, "", (0,))
+    return problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
 
 
 def variant(stages: type[ArrayEvaluator] | None = None, **options: Any) -> Variant:

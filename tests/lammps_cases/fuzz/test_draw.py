@@ -14,7 +14,7 @@ from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.coverage import ChoiceCounts, argued
 from lammps_cases.fuzz.draw import SOURCE, DrawnScene, draw
 from lammps_cases.fuzz.fit import fitted
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
 

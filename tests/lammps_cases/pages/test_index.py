@@ -18,7 +18,7 @@ from lammps_cases.history import page as history_page
 from lammps_cases.pages import index
 from lammps_cases.records import kept
 from lammps_cases.records.run_record import EngineRecord, RunRecord
-from lammps_cases.run.campaign import write_run
+from lammps_cases.run.report_files import write_run
 from tests.support.outcome import Outcome
 
 

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from lammps_cases.records.run_record import CaseRecord, StepRecord
 from lammps_cases.report import dashboard, junit
 from lammps_cases.report.findings import outcome
-from lammps_cases.run.campaign import write_run
+from lammps_cases.run.report_files import write_run
 from tests.support.made_runs import case, run
 from tests.support.outcome import Outcome
 

@@ -18,7 +18,7 @@ from lammps_cases.records import folders
 from lammps_cases.records.progress import Progress
 from lammps_cases.records.run_record import RunRecord, read_run
 from lammps_cases.regression.acceptance import accept
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, provenance
 from lammps_cases.run.merge import merge
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
@@ -183,14 +183,13 @@ def test_another_run_is_refused_in_one_line(cases: list[Case], tmp_path: Path, m
         patch.setattr(prediction_keys, "context", lambda root: "other")
         with pytest.raises(InputError, match="--resume: needs the code"):
             run(cases, out, resume=True)
-    provenance = campaign.provenance
 
     def other(engine: object, command: str) -> RunRecord:
-        made = provenance(engine, command)
+        made = provenance.run_record(engine, command)
         made.engine = made.engine.model_copy(update={"library_sha256": 64 * "0"})
         return made
 
-    monkeypatch.setattr(campaign, "provenance", other)
+    monkeypatch.setattr(campaign, "run_record", other)
     with pytest.raises(InputError, match="--resume: needs the engine of the interrupted run, "):
         run(cases, out, resume=True)
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}, "nothing is lost"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import Atoms, seed
 
@@ -21,7 +21,7 @@ TWO = [{"mass": 2.0, "rho0": 1.0, "cs": 1.0}, {"mass": 3.0, "rho0": 4.0, "cs": 1
 
 def atoms_of(file: Path) -> Atoms:
     (case,) = casefile.load((file,))
-    return campaign.prepare(case).atoms
+    return prepared_case.prepare(case).atoms
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from lammps_cases.audit import fields as audit
 from lammps_cases.audit.deck import Deck
 from lammps_cases.engine.session import Answer
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import case_judgement, prepared_case
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.scene.fields import FIELDS, Field, in_step_order
@@ -59,16 +59,16 @@ def make(case_file: Callable[..., Path]) -> Make:
 
 
 def model_of(case: Case) -> Model:
-    return problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0,)).model
+    return problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (0,)).model
 
 
-def answered(solver: Solver, case: Case) -> tuple[campaign.PreparedCase, Answer]:
-    ready = campaign.prepare(case)
+def answered(solver: Solver, case: Case) -> tuple[prepared_case.PreparedCase, Answer]:
+    ready = prepared_case.prepare(case)
     return ready, solver(ready.jobs[0])
 
 
-def judged(ready: campaign.PreparedCase, answer: Answer) -> CaseRecord:
-    return campaign.judge(None, ready, [answer], ENGINE)[0]
+def judged(ready: prepared_case.PreparedCase, answer: Answer) -> CaseRecord:
+    return case_judgement.judge(None, ready, [answer], ENGINE)[0]
 
 
 # --- every field
@@ -77,7 +77,7 @@ def judged(ready: campaign.PreparedCase, answer: Answer) -> CaseRecord:
 def test_every_field_is_known_everywhere(make: Make) -> None:
     """Each table that is derived has an answer for each field."""
     case = make()
-    model, atoms = model_of(case), campaign.prepare(case).atoms
+    model, atoms = model_of(case), prepared_case.prepare(case).atoms
     job = commands.job(case.scene, atoms, plan(case.scene))
     written = next(line for line in job.commands if line.startswith("compute q "))
     setting = audit.Setting(Deck(), "lj")

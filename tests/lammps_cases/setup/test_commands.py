@@ -11,8 +11,8 @@ import pytest
 
 from eos_ref import InputError
 from lammps_cases.engine.session import Job, RunCommand
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import Plan, plan
@@ -55,7 +55,7 @@ EVERYTHING: dict[str, Any] = {
 
 def prepared(file: Path) -> PreparedCase:
     (case,) = casefile.load((file,))
-    return campaign.prepare(case)
+    return prepared_case.prepare(case)
 
 
 def job_of(file: Path, **options: bool) -> Job:

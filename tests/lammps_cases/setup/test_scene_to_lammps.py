@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.engine.session import Job, RunCommand
-from lammps_cases.run import campaign
+from lammps_cases.run import campaign, prepared_case
 from lammps_cases.scene import casefile, models
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -22,7 +22,7 @@ Write = Callable[..., Path]
 
 def told(name: str) -> Job:
     (case,) = casefile.select(casefile.load(), [name])
-    return job(case.scene, campaign.prepare(case).atoms, plan(case.scene))
+    return job(case.scene, prepared_case.prepare(case).atoms, plan(case.scene))
 
 
 def test_pressure_only_scene_gets_no_more_than_it_needs() -> None:
@@ -111,9 +111,9 @@ def _holds_text(annotation: Any) -> bool:
 
 def test_positions_are_seeded_by_the_name_and_inside_the_box() -> None:
     cases = [case for case in casefile.load() if case.name.startswith(("near-rho0.linear", "ranges"))]
-    built = {case.name: campaign.prepare(case).atoms for case in cases}
+    built = {case.name: prepared_case.prepare(case).atoms for case in cases}
     for case in cases:
-        again = campaign.prepare(case).atoms
+        again = prepared_case.prepare(case).atoms
         atoms = built[case.name]
         assert np.array_equal(again.x_nc, atoms.x_nc)
         assert again.rho_n is not None and np.array_equal(again.rho_n, atoms.rho_n)
@@ -125,9 +125,9 @@ def test_positions_are_seeded_by_the_name_and_inside_the_box() -> None:
 
 @pytest.mark.slow
 def test_types_have_equal_shares() -> None:
-    atoms = campaign.prepare(casefile.select(casefile.load(), ["ranges.single"])[0]).atoms
+    atoms = prepared_case.prepare(casefile.select(casefile.load(), ["ranges.single"])[0]).atoms
     assert np.ptp(np.bincount(atoms.type_n)[1:]) <= 1
-    blocks = campaign.prepare(casefile.select(casefile.load(), ["ranges.blocks"])[0]).atoms
+    blocks = prepared_case.prepare(casefile.select(casefile.load(), ["ranges.blocks"])[0]).atoms
     assert np.all(np.diff(blocks.type_n) >= 0)
 
 

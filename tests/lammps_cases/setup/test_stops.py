@@ -6,7 +6,7 @@ import pytest
 
 from lammps_cases.engine.interlude import FOLDER, Interlude
 from lammps_cases.engine.session import RunCommand
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.stops import FOR_EACH_ATOM, ROUTES, Route, Stop
 from lammps_cases.setup.commands import job
@@ -23,7 +23,7 @@ def lines(by: Route, **stop: object) -> tuple[list[str], list[str]]:
     told = Stop.model_validate({"at": 1, "by": by} | stop)
     evolve = case.scene.evolve.model_copy(update={"stops": (told,)})
     scene = case.scene.model_copy(update={"evolve": evolve})
-    given = job(scene, campaign.prepare(case).atoms, plan(scene))
+    given = job(scene, prepared_case.prepare(case).atoms, plan(scene))
     (between,) = (stretch for stretch in given.runs if isinstance(stretch, Interlude))
     return [*given.setup, *given.commands], [action.text for action in between.actions]
 
@@ -73,7 +73,7 @@ def test_settings_come_after_the_route() -> None:
 
 def test_runs_begin_with_a_set_up_after_each_stop_and_are_read_there() -> None:
     (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
-    ready = campaign.prepare(case)
+    ready = prepared_case.prepare(case)
     for every_step in (False, True):
         runs = job(case.scene, ready.atoms, plan(case.scene), every_step).runs
         read = [stretch for stretch in runs if not isinstance(stretch, Interlude) and stretch.read]
@@ -93,7 +93,7 @@ def test_every_is_told_to_runs_that_begin_with_a_set_up() -> None:
         stops = tuple(Stop(at=at) for at in halts)
         update = {"steps": last, "every": 2, "compare_at": (last,), "stops": stops}
         scene = case.scene.model_copy(update={"evolve": case.scene.evolve.model_copy(update=update)})
-        atoms = campaign.prepare(case).atoms
+        atoms = prepared_case.prepare(case).atoms
         told = [s for s in job(scene, atoms, plan(scene)).runs if not isinstance(s, Interlude)]
         ends = ["run 1 post no every 2 NULL", "run 4 post no every 2 NULL"]
         assert [s.command for s in told] == [*ends, *["run 0 post no"] * (last in halts)]
@@ -109,7 +109,7 @@ def test_a_file_that_is_read_late_goes_on_with_the_count() -> None:
     assert case.scene.evolve
     stops = (Stop(at=1, count=100), Stop(at=3, by="data"))
     scene = case.scene.model_copy(update={"evolve": case.scene.evolve.model_copy(update={"stops": stops})})
-    between = [s for s in job(scene, campaign.prepare(case).atoms, plan(scene)).runs if isinstance(s, Interlude)]
+    between = [s for s in job(scene, prepared_case.prepare(case).atoms, plan(scene)).runs if isinstance(s, Interlude)]
     assert between[1].actions[-1].text == "reset_timestep 102"
 
 

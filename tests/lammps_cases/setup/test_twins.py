@@ -18,7 +18,7 @@ from lammps_cases import findings
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, read_run
-from lammps_cases.run import campaign
+from lammps_cases.run import case_judgement, prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import twins
@@ -90,7 +90,7 @@ def make(case_file: Callable[..., Path]) -> Make:
     return case
 
 
-def answers(workers: Workers, ready: campaign.PreparedCase) -> list[Answer | Failure]:
+def answers(workers: Workers, ready: prepared_case.PreparedCase) -> list[Answer | Failure]:
     found: list[Answer | Failure] = []
     for future in [workers.submit(told, 60.0) for told in ready.jobs]:
         outcome = workers.outcome(future)
@@ -100,8 +100,8 @@ def answers(workers: Workers, ready: campaign.PreparedCase) -> list[Answer | Fai
 
 
 def judged(workers: Workers, case: Case) -> CaseRecord:
-    ready = campaign.prepare(case)
-    return campaign.judge(None, ready, answers(workers, ready), ENGINE)[0]
+    ready = prepared_case.prepare(case)
+    return case_judgement.judge(None, ready, answers(workers, ready), ENGINE)[0]
 
 
 # --- what real LAMMPS does
@@ -139,9 +139,9 @@ def test_findings_explain_what_they_break(
 
 
 def test_without_an_entry_it_differs(make: Make, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
-    ready = campaign.prepare(make("boost", **WALLS))
+    ready = prepared_case.prepare(make("boost", **WALLS))
     monkeypatch.setattr(findings, "LEDGER", ())
-    record, _ = campaign.judge(None, ready, answers(workers, ready), EngineRecord(distribution="2099.1.1"))
+    record, _ = case_judgement.judge(None, ready, answers(workers, ready), EngineRecord(distribution="2099.1.1"))
     assert record.verdict == "differs"
     assert not record.as_expected
     assert BLAME.match(record.message), record.message
@@ -152,14 +152,14 @@ def test_without_an_entry_it_differs(make: Make, workers: Workers, monkeypatch: 
 
 @pytest.mark.parametrize("kind", ["relabel", "translate", "newton"])
 def test_a_corrupted_answer_is_blamed(kind: str, make: Make, workers: Workers) -> None:
-    ready = campaign.prepare(make(kind))
+    ready = prepared_case.prepare(make(kind))
     one, other = answers(workers, ready)
     assert isinstance(other, Answer) and ready.twin is not None
     row = int(ready.twin.row_n[16])  # of atom 17
     force_nc = other.snapshots[1]["f"].copy()
     force_nc[row, 1] *= 1 + 1e-9
     snapshots = (other.snapshots[0], other.snapshots[1] | {"f": force_nc}, other.snapshots[2])
-    record, arrays = campaign.judge(None, ready, [one, replace(other, snapshots=snapshots)], ENGINE)
+    record, arrays = case_judgement.judge(None, ready, [one, replace(other, snapshots=snapshots)], ENGINE)
     assert record.verdict == "differs"
     start = f"LAMMPS against itself (twin: {kind}): f (stage twin) leaves its bound at step 1 at 1 of 56 atoms, "
     assert record.message.startswith(f"{start}first atom 17: as given "), record.message
@@ -196,9 +196,9 @@ def test_everything_rescaled_is_the_same_problem(make: Make, workers: Workers) -
 
 
 def test_a_failure_of_the_twin_is_told(make: Make, workers: Workers) -> None:
-    ready = campaign.prepare(make("newton"))
+    ready = prepared_case.prepare(make("newton"))
     one, _ = answers(workers, ready)
-    record, arrays = campaign.judge(None, ready, [one, Failure("crashed", "it died")], ENGINE)
+    record, arrays = case_judgement.judge(None, ready, [one, Failure("crashed", "it died")], ENGINE)
     assert (record.verdict, arrays) == ("crashed", {})
     assert record.message == "LAMMPS answers, and its twin (newton) does not: it died"
 
@@ -216,7 +216,7 @@ def test_the_way_back(kind: str, dimension: int, make: Make) -> None:
         changes |= {"dimension": 3, "positions": positions, "rheo": {"cut": 2.2}}
         value = [*value, 0.7] if isinstance(value, list) else value
     case = make(kind, value, **changes)
-    twin = campaign.prepare(case).twin
+    twin = prepared_case.prepare(case).twin
     assert twin is not None and twin.kind == kind
     one, other = twin.atoms, twin.other_atoms
     assert ((other.x_nc >= other.low_c) & (other.x_nc < other.high_c)).all()
@@ -237,7 +237,7 @@ def test_the_way_back(kind: str, dimension: int, make: Make) -> None:
 
 
 def test_the_grid_hardly_moves_a_particle(make: Make) -> None:
-    ready = campaign.prepare(make("translate"))
+    ready = prepared_case.prepare(make("translate"))
     assert ready.twin is not None
     moved_nc = np.abs(ready.twin.atoms.x_nc - ready.atoms.x_nc)
     assert 0 < moved_nc.max() < 1e-12
@@ -271,9 +271,9 @@ def test_what_is_no_twin_is_refused(
 
 def test_particles_must_stay_in_the_box(make: Make) -> None:
     positions = BASE["positions"] | {"periodic": [True, False], "margin": 1.0}
-    assert campaign.prepare(make("translate", [3.0, 0.5], positions=positions)).twin is not None
+    assert prepared_case.prepare(make("translate", [3.0, 0.5], positions=positions)).twin is not None
     with pytest.raises(InputError, match="leave particles in the box"):
-        campaign.prepare(make("translate", [3.0, 2.5], positions=positions))
+        prepared_case.prepare(make("translate", [3.0, 2.5], positions=positions))
 
 
 # --- the command

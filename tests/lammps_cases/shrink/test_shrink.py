@@ -16,7 +16,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import Blame, CaseRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.shrink import content as contents
@@ -58,7 +58,7 @@ class FaultyJudge(WorkerJudge):
         self.fault = fault
 
     def __call__(self, case: Case) -> CaseRecord:
-        ready = campaign.prepare(case)
+        ready = prepared_case.prepare(case)
         told, read = catalogue.input_faults().get(self.fault), output_faults.faults().get(self.fault)
         outcomes = self.answers(ready, (input_faults.jobs(told, ready) if told else None) or ready.jobs)
         if read and isinstance(outcomes[0], Answer):
@@ -170,7 +170,7 @@ def test_particles_written_out_are_the_same_particles(tmp_path: Path) -> None:
         file = tmp_path / "small.yaml"
         file.write_text(contents.document(content, name, "The same."))
         (same,) = casefile.load((file,))
-        one, other = campaign.prepare(case).atoms, campaign.prepare(same).atoms
+        one, other = prepared_case.prepare(case).atoms, prepared_case.prepare(same).atoms
         assert same.name == name
         for array in ("x_nc", "v_nc", "rho_n", "type_n", "low_c", "high_c"):
             assert repr(getattr(one, array)) == repr(getattr(other, array)), (name, array)

@@ -16,7 +16,7 @@ from lammps_cases.comparison.store import Store
 from lammps_cases.pages.packed import unpacked
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import exercise
 from tests.support.outcome import Outcome
@@ -48,7 +48,7 @@ def written(case_file: Write) -> Callable[..., Path]:
 def test_what_a_case_names_is_counted_and_kept(written: Callable[..., Path], tmp_path: Path) -> None:
     vacuum = {**BLOCK["positions"], **VACUUM}
     (case,) = casefile.load_file(written({"*": ["surface-normal", "splash-by-coordination"]}, positions=vacuum))
-    ready = campaign.prepare(case)
+    ready = prepared_case.prepare(case)
     named = exercise.exercised(case, ready.atoms, Predictor())
     assert list(named) == ["surface-normal", "splash-by-coordination"]
     assert named["surface-normal"] > 4 and named["splash-by-coordination"] == 0
@@ -62,7 +62,7 @@ def test_what_a_case_names_is_counted_and_kept(written: Callable[..., Path], tmp
 
 def test_a_law_has_states_of_any_sign(case_file: Write) -> None:
     (case,) = casefile.load_file(case_file(pressure=CUBE, rho={"ratio": [-1.4, 1.4]}))
-    counts = exercise.counts(case, campaign.prepare(case).atoms, Predictor())
+    counts = exercise.counts(case, prepared_case.prepare(case).atoms, Predictor())
     assert (counts["law-tait-general"], counts["field/pressure"]) == (20, 20)
     assert "images" not in counts, "nobody asks for neighbours"
 

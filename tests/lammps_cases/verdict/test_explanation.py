@@ -19,7 +19,7 @@ from lammps_cases.findings import LEDGER, Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.model_cases import problem_of
@@ -45,7 +45,7 @@ class DoubledConductivity(ArrayEvaluator):
 
 def problem(name: str) -> tuple[Problem, Any]:
     """Return a scene as the reference takes it, and the ids of its particles."""
-    ready = campaign.prepare(CASES[name])
+    ready = prepared_case.prepare(CASES[name])
     return problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots), ready.atoms.id_n
 
 

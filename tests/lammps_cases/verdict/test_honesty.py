@@ -15,7 +15,7 @@ from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import explain_outcome
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.setup.commands import job
 from lammps_cases.setup.plan import plan
@@ -24,14 +24,14 @@ from lammps_cases.verdict.law_mistakes import MUTANTS, unseen
 from tests.support.outcome import Solver
 
 ENGINE = EngineRecord(distribution="2025.7.22.4.0")
-Solved = list[tuple[campaign.PreparedCase, Answer]]
+Solved = list[tuple[prepared_case.PreparedCase, Answer]]
 
 
 @pytest.fixture(scope="module")
 def solved(solver: Solver) -> Solved:
     """Real LAMMPS' answers to the quick cases of equations of state."""
     quick = casefile.select(casefile.load(), tag="quick")
-    prepared = [campaign.prepare(case) for case in quick if "eos" in case.tags and case.scene.expect is None]
+    prepared = [prepared_case.prepare(case) for case in quick if "eos" in case.tags and case.scene.expect is None]
     return [(ready, solver(job(ready.case.scene, ready.atoms, plan(ready.case.scene)))) for ready in prepared]
 
 

@@ -30,8 +30,8 @@ from lammps_cases.records.run_record import (
     StepRecord,
     digest,
 )
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.settings import Evolve
@@ -59,7 +59,7 @@ MODEL = {"compare": ["coordination", "f"], "velocity": {"random": 0.3}}
 
 def prepared(file: Path) -> PreparedCase:
     (case,) = casefile.load((file,))
-    return campaign.prepare(case)
+    return prepared_case.prepare(case)
 
 
 def state_of(ready: PreparedCase) -> EosState:

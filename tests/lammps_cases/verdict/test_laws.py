@@ -12,8 +12,8 @@ import pytest
 from lammps_cases.comparison.compare import EosState, evaluate
 from lammps_cases.engine.session import Answer
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.laws import judge_laws
 from lammps_cases.verdict.outcome import Arrays, blank_record
@@ -24,7 +24,7 @@ GAS = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "energy
 
 @pytest.fixture
 def gas(case_file: Callable[..., Path]) -> PreparedCase:
-    return campaign.prepare(casefile.load((case_file(**GAS),))[0])
+    return prepared_case.prepare(casefile.load((case_file(**GAS),))[0])
 
 
 def answer_of(ready: PreparedCase) -> Answer:

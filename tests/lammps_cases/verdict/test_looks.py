@@ -9,7 +9,7 @@ from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import halted
 from lammps_cases.records.run_record import Blame, CaseRecord, FieldRecord, StepRecord
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.looks import looks, pair_arrays
 from lammps_cases.verdict.model_cases import problem_of

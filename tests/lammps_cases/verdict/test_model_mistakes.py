@@ -10,7 +10,7 @@ import pytest
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem, wanted
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
 from lammps_cases.verdict.model_mistakes import MUTANTS, unseen_in_model
@@ -37,7 +37,7 @@ CASES = {case.name: case for case in casefile.load()}
 @cache
 def first_evaluation(name: str) -> Problem:
     case = CASES[name]
-    return problem_of(case.scene, campaign.prepare(case).atoms, case.where, (0,))
+    return problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (0,))
 
 
 @cache

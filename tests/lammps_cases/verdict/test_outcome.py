@@ -17,8 +17,8 @@ from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, Predictions
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.verdict.judgement import evaluate
@@ -29,8 +29,8 @@ Write = Callable[..., Path]
 ENGINE = EngineRecord(name="pypi:2099.1.1", distribution="2099.1.1")
 
 
-def prepared(file: Path) -> campaign.PreparedCase:
-    return campaign.prepare(casefile.load((file,))[0])
+def prepared(file: Path) -> prepared_case.PreparedCase:
+    return prepared_case.prepare(casefile.load((file,))[0])
 
 
 # --- before and after a run

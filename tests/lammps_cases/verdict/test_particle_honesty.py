@@ -17,7 +17,7 @@ from eos_ref.model.parameters import Model
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import case_judgement, prepared_case
 from lammps_cases.scene import casefile
 from tests.support.outcome import Solver
 
@@ -29,13 +29,13 @@ Judge = Callable[[str], CaseRecord]
 
 
 @pytest.fixture(scope="module")
-def answers(solver: Solver) -> Callable[[str], tuple[campaign.PreparedCase, Answer]]:
+def answers(solver: Solver) -> Callable[[str], tuple[prepared_case.PreparedCase, Answer]]:
     """LAMMPS' answer to a case, asked once."""
-    known: dict[str, tuple[campaign.PreparedCase, Answer]] = {}
+    known: dict[str, tuple[prepared_case.PreparedCase, Answer]] = {}
 
-    def answer(name: str) -> tuple[campaign.PreparedCase, Answer]:
+    def answer(name: str) -> tuple[prepared_case.PreparedCase, Answer]:
         if name not in known:
-            ready = campaign.prepare(CASES[name])
+            ready = prepared_case.prepare(CASES[name])
             known[name] = ready, solver(ready.jobs[0])
         return known[name]
 
@@ -44,13 +44,13 @@ def answers(solver: Solver) -> Callable[[str], tuple[campaign.PreparedCase, Answ
 
 @pytest.fixture
 def judge(
-    answers: Callable[[str], tuple[campaign.PreparedCase, Answer]], solver: Solver, monkeypatch: pytest.MonkeyPatch
+    answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]], solver: Solver, monkeypatch: pytest.MonkeyPatch
 ) -> Judge:
-    monkeypatch.setattr(campaign, "solve", lambda site, job: solver(job))
+    monkeypatch.setattr(case_judgement, "solve", lambda site, job: solver(job))
 
     def of(name: str) -> CaseRecord:
         ready, answer = answers(name)
-        return campaign.judge(None, ready, [answer], ENGINE)[0]
+        return case_judgement.judge(None, ready, [answer], ENGINE)[0]
 
     return of
 
@@ -186,16 +186,16 @@ def test_densities_of_walls_are_blamed_on_walls(
 @pytest.mark.parametrize("field", ["q.coordination", "q.grad/v", "q.viscosity", "pressure", "f", "drho", "x", "v"])
 def test_one_wrong_number_of_lammps_is_seen(
     field: str,
-    answers: Callable[[str], tuple[campaign.PreparedCase, Answer]],
+    answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ready, answer = answers(FORCES)
     monkeypatch.setattr(array_evaluator.ArrayEvaluator, "collecting_volume", ForcePerVolume.collecting_volume)
-    monkeypatch.setattr(campaign, "first_step_outside", lambda *of: None)
+    monkeypatch.setattr(case_judgement, "first_step_outside", lambda *of: None)
     snapshots = [{name: values.copy() for name, values in arrays.items()} for arrays in answer.snapshots]
     snapshots[1][field][5] += 1e-9 if field != "q.coordination" else 1
     spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
-    record = campaign.judge(None, ready, [spoilt], ENGINE)[0]
+    record = case_judgement.judge(None, ready, [spoilt], ENGINE)[0]
     assert record.verdict == "differs"
     name = {"pressure": "pressure_used"}.get(field, field.removeprefix("q."))
     assert [f.field for f in record.fields if f.verdict == "differs"] == [name]
@@ -221,32 +221,32 @@ def test_lint_names_what_a_scene_of_unit_volumes_cannot_tell(judge: Judge) -> No
     ],
 )
 def test_what_cannot_be_predicted_hides_nothing_else(
-    case: str, field: str, spoil: float, answers: Callable[[str], tuple[campaign.PreparedCase, Answer]]
+    case: str, field: str, spoil: float, answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]
 ) -> None:
     ready, answer = answers(case)
-    assert campaign.judge(None, ready, [answer], ENGINE)[0].as_expected
+    assert case_judgement.judge(None, ready, [answer], ENGINE)[0].as_expected
     snapshots = [dict(arrays) for arrays in answer.snapshots]
     snapshots[-1][field] = snapshots[-1][field] + spoil
     spoilt = Answer(snapshots[-1], answer.seconds, tuple(snapshots), answer.steps)
-    assert campaign.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
+    assert case_judgement.judge(None, ready, [spoilt], ENGINE)[0].verdict == "differs"
 
 
-def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[campaign.PreparedCase, Answer]]) -> None:
+def test_answer_of_other_steps_differs(answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]]) -> None:
     ready, answer = answers(FORCES)
     other = Answer(answer.arrays, answer.seconds, answer.snapshots, (0, 2, 10))
-    record = campaign.judge(None, ready, [other], ENGINE)[0]
+    record = case_judgement.judge(None, ready, [other], ENGINE)[0]
     assert record.verdict == "differs"
     assert "LAMMPS counted steps (0, 2, 10)" in record.message
 
 
 def test_finding_that_cannot_be_fitted_explains_nothing(
-    answers: Callable[[str], tuple[campaign.PreparedCase, Answer]], monkeypatch: pytest.MonkeyPatch
+    answers: Callable[[str], tuple[prepared_case.PreparedCase, Answer]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither the shift is read, which tells the pair whose direction LAMMPS takes, nor the list that pair ends."""
     ready, answer = answers("cross-type.both.2d")
     fields = tuple(field for field in ready.case.scene.compare if field != "shift/v")
     scene = ready.case.scene.model_copy(update={"compare": fields})
     blind = replace(ready, case=replace(ready.case, scene=scene))
-    assert campaign.judge(None, blind, [answer], ENGINE)[0].verdict == "explained"
-    monkeypatch.setattr(campaign, "with_lists", lambda *arguments: [])
-    assert campaign.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"
+    assert case_judgement.judge(None, blind, [answer], ENGINE)[0].verdict == "explained"
+    monkeypatch.setattr(case_judgement, "with_lists", lambda *arguments: [])
+    assert case_judgement.judge(None, blind, [answer], ENGINE)[0].verdict == "differs"

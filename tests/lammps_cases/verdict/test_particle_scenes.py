@@ -16,7 +16,7 @@ from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.trajectory import predict
 from lammps_cases.engine.session import Job, RunCommand
 from lammps_cases.engine.workers import Failure, Workers
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import reference_side
@@ -114,7 +114,7 @@ SCENES: dict[str, dict[str, Any]] = {
 VECTORS, TENSORS = ("surface/n", "shift/v"), ("grad/v", "stress/v", "stress/t")
 
 Make = Callable[..., Case]
-Told = tuple[campaign.PreparedCase, Job]
+Told = tuple[prepared_case.PreparedCase, Job]
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def make(case_file: Callable[..., Path]) -> Make:
 
 
 def tell(case: Case, every_step: bool = False) -> Told:
-    ready = campaign.prepare(case)
+    ready = prepared_case.prepare(case)
     return ready, job(case.scene, ready.atoms, plan(case.scene), every_step)
 
 
@@ -275,7 +275,7 @@ def test_gravity_is_exact(make: Make, solver: Solver) -> None:
 
 
 def test_types_of_regions(make: Make) -> None:
-    atoms = campaign.prepare(make("open", positions=SCENES["open"]["positions"] | {"disorder": 0.0})).atoms
+    atoms = prepared_case.prepare(make("open", positions=SCENES["open"]["positions"] | {"disorder": 0.0})).atoms
     y_n = atoms.x_nc[:, 1]
     assert np.array_equal(atoms.type_n == 2, y_n < 3)
     assert y_n.max() < 0.7 * 12
@@ -285,12 +285,12 @@ def test_types_of_regions(make: Make) -> None:
 
 
 def test_velocities(make: Make) -> None:
-    atoms = campaign.prepare(make("plain")).atoms
+    atoms = prepared_case.prepare(make("plain")).atoms
     assert atoms.v_nc is not None
     wall = atoms.type_n == 2
     assert np.array_equal(np.unique(atoms.v_nc[wall], axis=0), [[0.05, 0.0, 0.0]])
     assert np.ptp(atoms.v_nc[~wall, 0]) > 0.15
-    moving = campaign.prepare(make("plain", types=[FLUID, WALL | {"velocity": [0.3, 0.0]}])).atoms
+    moving = prepared_case.prepare(make("plain", types=[FLUID, WALL | {"velocity": [0.3, 0.0]}])).atoms
     assert moving.v_nc is not None
     assert np.array_equal(np.unique(moving.v_nc[wall], axis=0), [[0.3, 0.0, 0.0]])
     assert np.array_equal(moving.v_nc[~wall], atoms.v_nc[~wall])

@@ -12,7 +12,7 @@ from lammps_cases.engine.interlude import FOLDER, Carried, Interlude, InterludeA
 from lammps_cases.engine.session import Answer, Job, RunCommand
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run.campaign import PreparedCase, prepare
+from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.verdict.judgement import evaluate
 

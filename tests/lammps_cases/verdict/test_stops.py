@@ -13,8 +13,8 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import CaseRecord, EngineRecord
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import Scene, casefile
 from lammps_cases.scene.settings import Evolve
 from lammps_cases.studies.mutation import catalogue, input_faults
@@ -37,7 +37,7 @@ def judge() -> Any:
             (case,) = casefile.select(casefile.load(), [name])
             content = case.scene.model_dump(exclude_unset=True)
             case = replace(case, scene=Scene.model_validate(casefile.merge(content, scene)), exercises=())
-            ready: PreparedCase = campaign.prepare(case)
+            ready: PreparedCase = prepared_case.prepare(case)
             jobs = input_faults.jobs(catalogue.input_faults()[f"told.{fault}"], ready) if fault else ready.jobs
             assert jobs is not None
             answer = workers.outcome(workers.submit(jobs[0], 60.0))

@@ -10,7 +10,7 @@ import pytest
 
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import Scene, casefile
 
 pytestmark = pytest.mark.lammps

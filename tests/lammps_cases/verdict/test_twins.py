@@ -14,8 +14,8 @@ from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms
-from lammps_cases.run import campaign
-from lammps_cases.run.campaign import PreparedCase
+from lammps_cases.run import prepared_case
+from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
@@ -48,7 +48,7 @@ def make(case_file: Callable[..., Path]) -> Make:
     """A small case with a twin."""
 
     def ready(kind: str, **changes: Any) -> PreparedCase:
-        return campaign.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
+        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
 
     return ready
 

@@ -14,7 +14,7 @@ from lammps_cases.comparison.store import VARIABLE
 from lammps_cases.engine import installations, ranks
 from lammps_cases.engine.session import Answer, EngineCrashed
 from lammps_cases.records.run_record import CaseRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import alarms, machines
 from lammps_cases.studies.mutation.alarms import AlarmRun, Kind
@@ -62,7 +62,7 @@ def solved(solver: Solver) -> Callable[[PerturbedCase], Answer]:
 def test_every_kind_changes_the_job_and_every_particle_comes_back_in_its_row(
     kind: Kind, solved: Callable[[PerturbedCase], Answer]
 ) -> None:
-    ready = campaign.prepare(CASES[FLUID])
+    ready = prepared_case.prepare(CASES[FLUID])
     perturbed = alarms.perturbed_case(kind, ready)
     plain, other = ready.jobs[0], perturbed.jobs[0]
     order = not all(np.array_equal(getattr(plain, name), getattr(other, name)) for name in ("id_n", "x_nc"))
@@ -77,7 +77,7 @@ def test_every_kind_changes_the_job_and_every_particle_comes_back_in_its_row(
 
 
 def test_another_seed_is_another_scene_of_the_same_name() -> None:
-    one, other = campaign.prepare(CASES[FLUID]), alarms.prepared_anew(CASES[FLUID])
+    one, other = prepared_case.prepare(CASES[FLUID]), alarms.prepared_anew(CASES[FLUID])
     assert other.case is CASES[FLUID]
     assert one.atoms.rho_n is not None
     assert other.atoms.rho_n is not None
@@ -128,7 +128,7 @@ def test_only_what_a_finding_predicts_is_called_known(kind: Kind, case: str, ver
 
 
 def test_death_by_a_signal_has_one_name_on_one_rank_and_on_several() -> None:
-    job = replace(campaign.prepare(CASES["refused.range-two-stars"]).jobs[0], ranks=2)
+    job = replace(prepared_case.prepare(CASES["refused.range-two-stars"]).jobs[0], ranks=2)
     with pytest.raises(EngineCrashed, match="killed by SIGABRT"):
         ranks.solve(None, job)
 

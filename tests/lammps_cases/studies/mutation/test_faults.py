@@ -16,7 +16,7 @@ import pytest
 from eos_ref import InputError
 from lammps_cases.engine import installations
 from lammps_cases.records.progress import SILENT
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import (
     catalogue,
@@ -182,7 +182,7 @@ def test_a_sample_is_the_same_each_time() -> None:
 
 
 def test_a_fault_that_changes_nothing_does_not_apply() -> None:
-    ready = campaign.prepare(CASES[FLUID])
+    ready = prepared_case.prepare(CASES[FLUID])
     assert input_faults.jobs(catalogue.input_faults()["told.A3-sign"], ready) is None
     assert input_faults.jobs(catalogue.input_faults()["told.mass-off"], ready) is not None
 

@@ -13,7 +13,7 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Workers
 from lammps_cases.records.run_record import EngineRecord
-from lammps_cases.run import campaign
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.studies.mutation import resolution
 from lammps_cases.studies.mutation.resolution import Resolution
@@ -60,7 +60,7 @@ def _differences(one: Job, other: Job) -> int:
     ],
 )
 def test_every_number_is_changed_alone(case: str, parameters: set[str]) -> None:
-    ready = campaign.prepare(CASES[case])
+    ready = prepared_case.prepare(CASES[case])
     found = numbers(ready)
     assert parameters <= {number.parameter for number in found}
     assert len({(number.parameter, number.place) for number in found}) == len(found)
@@ -75,7 +75,7 @@ def test_every_number_is_changed_alone(case: str, parameters: set[str]) -> None:
 
 @pytest.mark.parametrize("case", ["refused.unknown-style", "twins.fluid.ranks"])
 def test_refusals_and_twins_have_no_numbers(case: str) -> None:
-    assert numbers(campaign.prepare(CASES[case])) == []
+    assert numbers(prepared_case.prepare(CASES[case])) == []
 
 
 # --- the search
@@ -86,7 +86,7 @@ class Threshold:
 
     def __init__(self, size: float) -> None:
         self.size = size
-        self.ready = campaign.prepare(CASES[LAW])
+        self.ready = prepared_case.prepare(CASES[LAW])
         self.asked = 0
 
     def detects(self, change: float) -> bool:
@@ -147,7 +147,7 @@ def red() -> Iterator[Callable[[str, str, str, float], bool]]:
     with Workers(None, 1) as workers:
 
         def verdict(case: str, parameter: str, place: str, change: float) -> bool:
-            ready = campaign.prepare(CASES[case])
+            ready = prepared_case.prepare(CASES[case])
             number = next(n for n in numbers(ready) if (n.parameter, n.place) == (parameter, place))
             answer = workers.outcome(workers.submit(number.job_with(number.value + change), 60.0))
             return evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)[0].verdict == "differs"
@@ -184,7 +184,7 @@ def test_bound_of_the_law_is_the_resolution_of_its_speed_of_sound(
     measured: dict[str, Resolution], solver: Solver
 ) -> None:
     """P of linear goes with cs^2: red where twice the change exceeds the relative bound, less what rounding does."""
-    ready = campaign.prepare(CASES[LAW])
+    ready = prepared_case.prepare(CASES[LAW])
     arrays = evaluate(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE)[1]
     least = float((arrays["pressure.bound"] / np.abs(arrays["pressure.reference"])).min())
     quick = measured["cs"].quick

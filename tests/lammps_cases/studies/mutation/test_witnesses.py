@@ -11,7 +11,7 @@ import yaml
 
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.rules import RULES, Rule
-from lammps_cases.run.campaign import prepare
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import witnesses, witnesses_page

@@ -24,7 +24,6 @@ from lammps_cases.scene.lammps_files import FileSnapshot
 
 FORMAT = re.compile(r"%[-+ 0#]*[0-9]*(?:\.([0-9]+))?l?([eEfFgG])")
 PLACES = ("unwrapped", "scaled")  # positions but for x y z: by whole edges elsewhere, in parts of the edges
-VECTORS = ("x", "v", "f", *PLACES)
 DEFAULT = "%g"  # the manual's, of dump custom
 EXACT = {"e": 16, "g": 17}  # digits (e: behind the point) from which on every double has a text of its own
 OF_ATOM = {"drho": "drho", "viscosity": "viscosity", "rho": "rho", "rheo_status": "status"}  # compute property/atom

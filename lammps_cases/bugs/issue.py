@@ -13,8 +13,6 @@ from lammps_cases.comparison.pair_sums import ParticleValues, Sum
 from lammps_cases.findings import KNOWN, Finding
 from lammps_cases.records.wording import counted
 
-MOST_LINES = 8  # of LAMMPS' output that are quoted
-
 
 def text(report: Report, ending: Ending, versions: Sequence[str] = KNOWN) -> str:
     """Return the text of a report, with what LAMMPS made of its deck."""

@@ -25,7 +25,6 @@ from eos_ref.numbers.rounded import Rounded, placed, value
 Stages = type[ArrayEvaluator]
 Weight = Callable[[ArrayEvaluator, int], Any]  # of particles (n,), pairs (p,) or a number; told which length is due
 Components = tuple[str, ...]
-FORCES = ("force_nc", "pressure_force_nc")
 
 
 @dataclass(frozen=True)

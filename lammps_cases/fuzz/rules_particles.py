@@ -14,7 +14,6 @@ from lammps_cases.fuzz.scope import Content, Scope
 LEFT_OUT: Final = object()
 VOLUME = {"sq": 1.0, "hex": math.sqrt(0.75), "sc": 1.0, "bcc": 0.5, "fcc": 0.25}  # of a particle, in cells' edges
 CELLS = {"sq": (3, 9), "hex": (3, 6), "sc": (2, 4), "bcc": (2, 3), "fcc": (2, 2)}
-LONG = {"hex": math.sqrt(3.0)}  # second edge of a cell
 
 
 def types(scope: Scope, chance: Chance) -> list[Content]:

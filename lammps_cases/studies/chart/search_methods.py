@@ -42,7 +42,6 @@ class SearchMethod:
     reason: str
     pairs: Callable[[FloatArray, Box, float], PairList]
     most: int = 10_000_000  # particles for which it ends within seconds
-    two_cuts: bool = False  # needs periodic edges of at least two cutoffs
 
 
 # --- the exact pairs
@@ -260,7 +259,7 @@ METHODS: tuple[SearchMethod, ...] = (
         "positions in single precision",
         lambda x_nc, box, cut: cell_list(x_nc.astype(np.float32), box, cut),
     ),
-    SearchMethod("cKDTree", "scipy's tree, nearest images", _tree, two_cuts=True),
+    SearchMethod("cKDTree", "scipy's tree, nearest images", _tree),
     SearchMethod("cKDTree, images", "scipy's tree, copies across periodic faces", _tree_of_images),
     SearchMethod("brute force", "all pairs; nothing to build", partial(cell_list, most_cells=1), most=2_000),
 )

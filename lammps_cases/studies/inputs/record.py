@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lammps_cases.probes.reaction import ERRORS, REACTIONS
+from lammps_cases.probes.reaction import REACTIONS
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.files import csv_text, write_atomically
 from lammps_cases.studies.inputs.table import InputRow
@@ -39,11 +39,6 @@ class InputTable:
     def agreements(self) -> Mapping[str, int]:
         """How many inputs both sides take, one alone, or neither."""
         return dict(Counter(row.agreement for row in self.rows).most_common())
-
-    @property
-    def swallowed(self) -> tuple[InputRow, ...]:
-        """The inputs that the reference refuses, and LAMMPS takes without an error, or dies of."""
-        return tuple(row for row in self.rows if row.refusal and row.reaction not in ERRORS)
 
     @property
     def unexplained(self) -> tuple[InputRow, ...]:

@@ -106,7 +106,7 @@ class Rounded:
         bound = np.asarray(error, float)
         if np.isnan(bound).any():  # inf times 0: nothing is known
             bound = np.where(np.isnan(bound), np.inf, bound)
-        self.error = np.broadcast_to(bound, self.value.shape)
+        self.error = bound if bound.shape == self.value.shape else np.broadcast_to(bound, self.value.shape)
 
     @classmethod
     def known(cls, value: Array, error: Array) -> Self:

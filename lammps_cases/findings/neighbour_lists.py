@@ -13,6 +13,7 @@ import numpy as np
 
 from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.pairs import keys
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import IntArray
@@ -109,11 +110,14 @@ def unbounded(x: Array, undefined: BoolArray) -> Array:
 
 
 def _places(wanted: IntArray, rows: IntArray) -> IntArray:
-    """Return the row of ``rows`` that equals each row of ``wanted``; -1 where there is none."""
-    names, name = np.unique(np.concatenate([rows, wanted]), axis=0, return_inverse=True)
-    place = np.full(len(names), -1)
-    place[name.ravel()[: len(rows)]] = np.arange(len(rows))
-    return place[name.ravel()[len(rows) :]]
+    """Return the row of ``rows`` that equals each row of ``wanted``, the last of several; -1 where there is none."""
+    if not len(rows):
+        return np.full(len(wanted), -1)
+    key = keys([*np.concatenate([rows, wanted]).T])
+    order = np.argsort(key[: len(rows)], kind="stable")
+    sorted_key, wanted_key = key[order], key[len(rows) :]
+    last = np.searchsorted(sorted_key, wanted_key, side="right") - 1
+    return np.where((last >= 0) & (sorted_key[last] == wanted_key), order[last], -1)
 
 
 class CountingSteps(Simulation):

@@ -91,7 +91,7 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
         "eos.laws:tait_stiffness",
         "eos.laws:ideal_gas_stiffness",
     ),
-    "order of summation": ("evaluation.pairs:_order",),
+    "order of summation": ("evaluation.pairs:_order", "evaluation.pairs:keys"),
     "changed as a whole by a named fault": ("evaluation.evaluator:Evaluator.sound_speed",),
     "other callers": (
         "eos.laws:cubic_density",  # only walls need it, and LAMMPS refuses walls with a cubic law

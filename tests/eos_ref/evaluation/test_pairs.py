@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eos_ref.evaluation.pairs import directed_pairs
+from eos_ref.evaluation.pairs import Candidates, Search, directed_pairs
 from eos_ref.model.box import Box
 
 
@@ -151,3 +151,27 @@ def test_order_where_numbers_of_edges_leave_no_room_for_a_key() -> None:
     i, j, shift_pc = directed_pairs(x_nc, box, 1.125)
     keys = [(a, b, *s[::-1]) for a, b, s in zip(i.tolist(), j.tolist(), shift_pc.tolist(), strict=True)]
     assert keys == sorted(keys) and len(set(keys)) == len(keys) > 20
+
+
+@pytest.mark.parametrize("tilt", [(), (0.75, 0.0, 0.0)])
+def test_pairs_of_moving_particles_are_those_of_a_search(tilt: tuple[float, ...]) -> None:
+    """None is needed in nearly the same places; one is where particles cross a face, or box or cutoff change."""
+    box = Box((-1.0, 0.0, 0.5), (1.0, 3.0, 4.5), (True, True, False), tilt)
+    random = np.random.default_rng(7)
+    x_nc = random.uniform(box.low_c, box.high_c, (40, 3))
+    candidates, held = Candidates(x_nc, box, 1.5), 0
+    for k in range(30):
+        cut = 1.5 if k % 7 else 2.0
+        searched = Search(x_nc, box, cut).rows(0, len(x_nc), cut)
+        assert all(map(np.array_equal, directed_pairs(x_nc, box, cut), searched))
+        if candidates.hold(x_nc, box, cut):
+            held += 1
+            assert all(map(np.array_equal, candidates.closer(x_nc, cut), searched))
+        else:
+            candidates = Candidates(x_nc, box, cut)
+        x_nc = x_nc + random.normal(scale=0.01, size=x_nc.shape)
+        if k % 5 == 4:
+            x_nc = x_nc - box.shift(box.images(x_nc))
+        if k == 20:
+            box = Box((-1.0, 0.0, 0.5), (1.125, 3.0, 4.5), (True, True, False), tilt)
+    assert 5 < held < 25

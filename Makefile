@@ -18,7 +18,7 @@ ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 picture = chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --virtual-time-budget=8000 --blink-settings=preferredColorScheme=1 \
   --window-size=$(2) --screenshot=reports/$(1).png 'file://$(CURDIR)/reports/$(3)'
 
-.PHONY: help setup validate quick fast test browser kills soak environment slurm unittest check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
+.PHONY: help setup validate quick fast test browser kills large soak environment slurm unittest check bench claims docs versions engines power binary judge fuzz fuzz-nightly pictures clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 14
@@ -62,6 +62,9 @@ check: $(READY) ## lint, format, types, direction of imports
 
 kills: $(READY) ## kill runs 300 times at random moments and resume them (an hour)
 	$(BIN)/python -m pytest -s -m kills tests/lammps_cases/run
+
+large: $(READY) ## a million particles, every one judged, on one rank and on two, in 4 GB (some minutes); LARGE=large.four-million
+	$(BIN)/python -m lammps_cases.studies.capacity.large $(LARGE)
 
 soak: $(READY) ## 20 000 cases in one campaign, here and through Dask (an hour); SOAK=2000 for fewer
 	EOS_REF_SOAK='$(SOAK)' $(BIN)/python -m pytest -s -m soak tests/lammps_cases/run --basetemp '$(SOAKED)'

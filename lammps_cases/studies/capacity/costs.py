@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import resource
+import tempfile
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,20 +23,25 @@ from lammps_cases.run import campaign, case_judgement, prepared_case
 from lammps_cases.run.merge import merge
 from lammps_cases.scene.casefile import Case, load
 
-EDGES = (50, 100, 200)  # particles along an edge of the scenes by which the cost of a particle is measured
+EDGES = (50, 100, 200, 316)  # particles along an edge of the scenes by which the cost of a particle is measured
 SCENE = "many.surface"
-LIMIT = 1800.0
+LIMIT = 7200.0
 QUANTILES = 101
 
 
 @dataclass(frozen=True)
 class JudgedScene:
-    """A scene of so many particles: processor seconds of LAMMPS and of the judge, bytes of the process at most."""
+    """A scene of so many particles: processor seconds of LAMMPS and of the judge, bytes of the process at most.
+
+    Of LAMMPS on several ranks seconds of a clock; ``report``: bytes on disk.
+    """
 
     particles: int
     lammps: float
     judge: float
     memory: int
+    verdict: str = ""
+    report: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,24 +102,40 @@ def _large(edge: int) -> Case:
     return replace(case, scene=case.scene.model_copy(update={"positions": positions}))
 
 
-def _judged(site: str | None, edge: int) -> JudgedScene:
-    """Task: judge a scene."""
-    ready = prepared_case.prepare(_large(edge))
+def _judged(site: str | None, case: Case, folder: Path) -> JudgedScene:
+    """Task: run and judge a scene."""
+    ready = prepared_case.prepare(case)
     begin = time.process_time()
     answers: list[Answer | Failure] = [solve(site, job) for job in ready.jobs]
     answered = time.process_time()
-    case_judgement.judge(site, ready, answers, EngineRecord(**identify(site)))
+    record, _ = case_judgement.judge_into(site, folder, ready, answers, EngineRecord(**identify(site)), None)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return JudgedScene(len(ready.atoms), answered - begin, time.process_time() - answered, peak)
+    alone = case.scene.engine.ranks == 1
+    return JudgedScene(
+        len(ready.atoms),
+        answered - begin if alone else record.seconds.lammps,
+        time.process_time() - answered,
+        peak,
+        record.verdict,
+        sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
+    )
 
 
-def large(edge: int) -> JudgedScene:
-    """Judge a scene in a process of its own, twice: the first may compile."""
-    for _ in range(2):
-        with Workers(None, 1) as workers:
-            outcome = workers.outcome(workers.call(_judged, edge, time_limit=LIMIT))
+def judged_apart(case: Case, folder: Path) -> JudgedScene:
+    """Run and judge a scene in a process of its own, which writes into a folder."""
+    with Workers(None, 1) as workers:
+        outcome = workers.outcome(workers.call(_judged, case, folder, time_limit=LIMIT))
     assert not isinstance(outcome, Failure), outcome.message
     return outcome
+
+
+def scenes(edges: Sequence[int] = EDGES) -> tuple[JudgedScene, ...]:
+    """Judge scenes of so many particles along their edges, the last of them once before: it may compile."""
+    judged = []
+    for edge in (edges[-1], *edges):
+        with tempfile.TemporaryDirectory() as folder:
+            judged.append(judged_apart(_large(edge), Path(folder)))
+    return tuple(judged[1:])
 
 
 def _timed(call: Callable[[], Any]) -> float:
@@ -146,5 +168,5 @@ def measured(soak: Path, runs: dict[str, Path], scratch: Path) -> CampaignCosts:
         arrays=sum(files) / len(whole.cases),
         text=(runs["stored"] / "run.json").stat().st_size / len(whole.cases),
         history=(soak / "history.sqlite").stat().st_size / cases,
-        judged=tuple(map(large, EDGES)),
+        judged=scenes(),
     )

@@ -1,6 +1,7 @@
 """docs/capacity.md from what was measured: ``python -m lammps_cases.studies.capacity.summary [SOAK COMPUTED STORED]``.
 
-The folders are that of `make soak` (SOAK_OUT), and of two runs of all cases, with predictions computed and stored.
+The folders are that of `make soak` (SOAK_OUT), and of two runs of all cases, with predictions computed and stored;
+``particles`` in their place measures the costs of a particle alone.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from lammps_cases.history import store as history
 from lammps_cases.records.documents import LARGEST
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.wording import number
-from lammps_cases.studies.capacity.costs import DOCUMENT, CampaignCosts, SimulatedCampaign, measured
+from lammps_cases.studies.capacity.costs import DOCUMENT, CampaignCosts, SimulatedCampaign, measured, scenes
 from lammps_cases.studies.capacity.simulation import on_paper, simulated
 
 MEASURED = Path(__file__).parent / "measured.json"
 BEGIN, END = "<!-- computed:begin -->", "<!-- computed:end -->"
 MANY, CORES, NODE = 1_000_000, 64, 256e9  # cases; of a node: workers, bytes of memory
 PLANS = ((10_000, 4, 16), (MANY, 16, CORES), (MANY, 256, CORES), (MANY, 1, 256 * CORES))
+PARTICLES = "particles"
 KINDS = ("computed", "stored")
 GB, HOUR, ATOMS = 1e9, 3600.0, 1_000_000_000
 
@@ -119,14 +121,17 @@ def document(text: str, costs: CampaignCosts) -> str:
 
 def main(folders: Sequence[str]) -> None:
     """Measure and simulate, if there is anything new, and write the tables."""
-    if folders:
+    if folders == [PARTICLES]:
+        costs = replace(DOCUMENT.read(MEASURED), judged=scenes())
+        DOCUMENT.write(MEASURED, costs)
+    elif folders:
         soak, computed, stored = map(Path, folders)
         os.environ[history.VARIABLE] = history.OFF  # what is merged to be timed is no run
         with tempfile.TemporaryDirectory() as scratch:
             costs = measured(soak, {"computed": computed, "stored": stored}, Path(scratch))
         DOCUMENT.write(MEASURED, costs)
     costs = DOCUMENT.read(MEASURED)
-    if folders or not costs.simulated:
+    if len(folders) > 1 or not costs.simulated:
         costs = replace(costs, simulated=tuple(simulated(costs, *plan, kind) for kind in KINDS for plan in PLANS))
         DOCUMENT.write(MEASURED, costs)
     path = Path(__file__).parents[3] / "docs" / "capacity.md"

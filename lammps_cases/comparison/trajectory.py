@@ -173,8 +173,9 @@ def predict(
             errors = sim.rounded(bounding)
             sizes.add(errors)
             own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
+            del errors  # a large scene's arrays, before those of the next step come
     consistent = sim.units.consistent
-    del sim, errors  # a large scene's pairs, before those of the moved runs come
+    del sim  # and its pairs, before those of the moved runs
     with stage("bounds"):
         runs = _moved_runs(problem, stages, stepping, sizes, seed) if last or problem.stops else ()
         spreads = _spread(runs, problem, values)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from lammps_cases.records.outcome import CHANGE_KINDS, CRASHES, NEW, SAME, CaseOutcome, ChangeKind
 from lammps_cases.records.run_record import HASH
-from lammps_cases.records.wording import INSIDE
+from lammps_cases.records.wording import INSIDE, error_text
 from lammps_cases.regression.arrays import field_change
 from lammps_cases.regression.change import Policy, SideChange, closest
 from lammps_cases.regression.outcomes import Side
@@ -125,7 +125,8 @@ def _other_words(one: CaseOutcome, other: CaseOutcome) -> bool:
     if "differs" in (one.verdict, other.verdict) and one.verdict != other.verdict:
         return True
     recorded = bool(one.message and other.message)  # a baseline does not hold them
-    return recorded and one.message != other.message and not (one.agrees and other.agrees)
+    words, others = error_text(one.message), error_text(other.message)  # the command may name a scratch folder
+    return recorded and words != others and not (one.agrees and other.agrees)
 
 
 # --- a field

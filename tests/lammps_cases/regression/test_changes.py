@@ -128,6 +128,12 @@ def test_strict_takes_other_bits_for_a_fault() -> None:
         (ended("refused", "refused", "no"), ended("refused", "refused", "no"), "same outcome", "both"),
         (ended("refused", "refused", "no", "a"), ended("refused", "refused", "no", "b"), "same outcome", "both"),
         (ended("refused", "refused", "", "a"), ended("refused", "refused", "", "b"), "changed", "neither"),
+        (
+            ended("refused", "refused", "", "a Last input line: read_data /tmp/1/data"),
+            ended("refused", "refused", "", "a Last input line: read_data /tmp/2/data"),
+            "same outcome",
+            "neither",
+        ),
         (ended("refused", "refused", "no"), ended("refused", "differs", "no"), "changed", "A"),
         (ended("refused", "explained", "no", findings="x"), ended("refused", "refused", "no"), "judged otherwise", "B"),
         (ended("refused", "refused", "no"), ended("accepted", "differs", "no"), "newly accepted", "A"),

@@ -1,10 +1,11 @@
 """Faults in LAMMPS' own machine code, and whether the cases see them; no source of LAMMPS is read.
 
-``python -m tests.support.machine_code OUT COUNT [ENGINE]`` draws instructions from the functions of RHEO's classes in
-LAMMPS' shared library (x86-64), plants a fault in one at a time in a copy, and has ``eos-ref run`` judge the copy, by
-the quick cases and then by all. What stays green is told apart: an instruction that no case reaches, one that no
-number of any case depends on (the same bits), and one that goes unseen. ``OUT/faults.jsonl`` holds every fault as it
-is done; a second call goes on where the first was stopped.
+``python -m tests.support.machine_code OUT COUNT [ENGINE]`` runs all cases with traps on the instructions of the
+functions of RHEO's classes in LAMMPS' shared library (x86-64), which tell what every case reaches. Then it draws
+instructions, plants a fault in one at a time in a copy of the library, and has ``eos-ref run`` judge the copy, by the
+quick cases that reach it and then by all that do. What stays green is told apart: an instruction that no case reaches,
+one that no number of any case depends on (the same bits), and one that goes unseen. ``OUT/faults.jsonl`` holds every
+fault as it is done; a second call goes on where the first was stopped.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from lammps_cases.engine import installations
+from lammps_cases.scene import casefile
+from tests.support import traps
 
 EXCHANGED = {0x58: 0x5C, 0x5C: 0x58, 0x59: 0x5E, 0x5E: 0x59, 0x5D: 0x5F, 0x5F: 0x5D}  # add sub, mul div, min max
 ARITHMETIC = re.compile(r"(add|sub|mul|div|min|max)[sp]d")
@@ -47,11 +50,19 @@ class Site:
 
 def sites(library: Path) -> list[Site]:
     """Every instruction of RHEO's functions in which a fault can be planted, in order."""
+    found = {}
+    for function, offset, instruction in instructions(library):
+        if made := _fault(instruction.mnemonic, instruction.op_str, bytes(instruction.bytes)):
+            found[offset] = Site(made[0], function, offset, bytes(instruction.bytes), made[1])
+    return [found[offset] for offset in sorted(found)]
+
+
+def instructions(library: Path) -> Iterator[tuple[str, int, Any]]:
+    """Every instruction of RHEO's functions, with the function and its place in the file."""
     import capstone
     from elftools.elf.elffile import ELFFile
 
     decoder = capstone.Cs(capstone.CS_ARCH_X86, capstone.CS_MODE_64)
-    found: dict[int, Site] = {}
     with library.open("rb") as file:
         elf = ELFFile(file)
         loads = [part for part in elf.iter_segments() if part["p_type"] == "PT_LOAD"]
@@ -62,16 +73,13 @@ def sites(library: Path) -> list[Site]:
                 continue
             start = at - load["p_vaddr"] + load["p_offset"]
             file.seek(start)
-            for instruction in decoder.disasm(file.read(size), 0):
-                if made := _fault(instruction.mnemonic, instruction.op_str, bytes(instruction.bytes)):
-                    offset = start + instruction.address
-                    found[offset] = Site(made[0], function, offset, bytes(instruction.bytes), made[1])
-    return [found[offset] for offset in sorted(found)]
+            for instruction in decoder.disasm(file.read(size), start):
+                yield function, instruction.address, instruction
 
 
 def _function(symbol: str) -> str:
-    """Class and function of a mangled name, empty for others than RHEO's."""
-    match = re.match(r"_ZNK?9LAMMPS_NS(\d+)(\w+)", symbol)
+    """Class and function of a mangled name, or of a thunk's (which holds a copy), empty for others than RHEO's."""
+    match = re.match(r"_Z(?:Tv\d+_n\d+_)?NK?9LAMMPS_NS(\d+)(\w+)", symbol)
     if not match or ASIDE.search(symbol):
         return ""
     name, rest = match[2][: int(match[1])], match[2][int(match[1]) :]
@@ -119,50 +127,73 @@ class Library:
         self.place.with_suffix(".new").write_bytes(code)
         self.place.with_suffix(".new").replace(self.place)
 
-    def red(self, *cases: str, name: str = "run") -> str:
+    def reached(self, *cases: str) -> dict[int, list[str]]:
+        """Return the cases that reach every instruction; their run without a fault is the one that is right."""
+        if not (self.out / "right").exists():
+            places = [(offset, offset + len(i.bytes)) for _, offset, i in instructions(self.place)]
+            traps.keep(self.out, self.code, min(places)[0], max(places)[1], (begin for begin, _ in places))
+            if red := self.red(*cases, name="right", program=("tests.support.traps", str(self.out))):
+                raise SystemExit(f"without a fault: {red}")
+        return traps.reached(self.out)
+
+    def red(self, *cases: str, name: str = "run", program: tuple[str, ...] = ("lammps_cases.cli.main",)) -> str:
         """The first line that tells what is wrong with a run of some cases, or all; empty if all is as expected."""
         command = ["run", *cases, "--engine", f"path:{self.site}", "--out", str(self.out / name)]
-        code, said = self._eos_ref(*command)
+        code, said = self._eos_ref(*command, program=program)
         told = (line for line in said.splitlines() if re.match(r"  (differs|refused|crashed|timed out|error) ", line))
         return next(told, f"exit code {code}").strip() if code else ""
 
-    def same_bits(self) -> bool:
-        """Whether the last run has the same numbers as that without a fault."""
-        out = ("--out", str(self.out / "compared"))
-        return self._eos_ref("compare", str(self.out / "right"), str(self.out / "run"), "--strict", *out)[0] == 0
+    def changed(self, cases: Collection[str]) -> set[tuple[str, str]]:
+        """Return the cases and fields that have other numbers in the last run, of these cases, than without a fault."""
+        self._eos_ref("compare", str(self.out / "right"), str(self.out / "run"), "--out", str(self.out / "compared"))
+        rows = json.loads((self.out / "compared" / "compare.json").read_text())["fields"]
+        other = (row for row in rows if row["case"] in cases and row["change"] not in ("same bits", "same outcome"))
+        return {(row["case"], row["field"]) for row in other}
 
-    def _eos_ref(self, *command: str) -> tuple[int, str]:
+    def _eos_ref(self, *command: str, program: tuple[str, ...] = ("lammps_cases.cli.main",)) -> tuple[int, str]:
         own = {"EOS_REF_HISTORY": "off", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-        program = [sys.executable, "-m", "lammps_cases.cli.main", *command]
-        ended = subprocess.run(program, env={**os.environ, **own}, capture_output=True, text=True, check=False)
+        words = [sys.executable, "-m", *program, *command]
+        ended = subprocess.run(words, env={**os.environ, **own}, capture_output=True, text=True, check=False)
         return ended.returncode, ended.stdout + ended.stderr
 
 
-def outcome(library: Library, site: Site, quick: tuple[str, ...] = ("--tag", "quick")) -> tuple[str, str]:
+def outcome(library: Library, site: Site, reaching: Sequence[str], quick: Collection[str]) -> tuple[str, str]:
     """What becomes of a fault: caught by the quick cases or others, and by what; else why it is not."""
+    if not reaching:
+        return "not reached", ""
     library.plant(site)
-    for by, cases in (("quick", quick), ("all", ())):
-        if red := library.red(*cases):
+    small = [case for case in reaching if case in quick]
+    for by, cases in (("quick", _one_per_file(small)), ("quick", small), ("others", reaching)):
+        if cases and (red := library.red(*cases)):
             return f"caught by {by}", red
-    if library.same_bits():
-        library.plant(site, TRAP)
-        return ("without effect", "") if library.red() else ("not reached", "")
-    return "unseen", ""
+    if changed := library.changed(set(reaching)):
+        library.plant(None)  # numbers from memory that nothing has written are others in every run
+        again = sorted({case for case, _ in changed})
+        changed -= set() if library.red(*again) else library.changed(set(again))
+    return (
+        ("unseen", ", ".join(sorted({f"{case} {field}" for case, field in changed})))
+        if changed
+        else ("without effect", "")
+    )
+
+
+def _one_per_file(cases: Sequence[str]) -> list[str]:
+    return list({case.partition(".")[0]: case for case in reversed(cases)}.values())
 
 
 def main() -> int:
     """Plant so many faults, and print the table."""
     out, count, engine = Path(sys.argv[1]).resolve(), int(sys.argv[2]), (*sys.argv[3:], "env")[0]
     library, journal = Library(engine, out), out / "faults.jsonl"
-    if red := library.red(name="right"):
-        print(f"without a fault: {red}")
-        return 3
+    reaching = library.reached()
+    quick = {case.name for case in casefile.load() if "quick" in case.tags}
     every = sites(library.place)
+    print(f"{len(every)} faults, {sum(site.offset in reaching for site in every)} in instructions that a case reaches")
     random.Random(0).shuffle(every)
     done = {(row["function"], row["offset"]): row for row in _rows(journal)}
     for number, site in enumerate(every[:count], 1):
         if (site.function, site.offset) not in done:
-            ended, red = outcome(library, site)
+            ended, red = outcome(library, site, reaching.get(site.offset, []), quick)
             row = asdict(site) | {"old": site.old.hex(), "new": site.new.hex(), "outcome": ended, "red": red}
             done[site.function, site.offset] = row
             with journal.open("a") as file:

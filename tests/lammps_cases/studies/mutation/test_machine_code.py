@@ -58,9 +58,34 @@ def test_pressures_of_another_operation_are_seen(library: Library, sites: list[S
     assert CASE in seen
 
 
+def test_traps_tell_what_a_case_reaches(library: Library) -> None:
+    """Those of its law, not those of heat; what it reaches leaves its numbers alone."""
+    library.plant(None)
+    assert library.red(CASE) == ""
+    reaching = library.reached(CASE)
+    assert library.changed({CASE}) == set()
+    assert {case for cases in reaching.values() for case in cases} == {CASE}
+    of = {function for function, offset, _ in machine_code.instructions(library.place) if offset in reaching}
+    assert "FixRHEOPressure::calc_pressure" in of and "PairRHEO::compute" not in of
+
+
+@pytest.mark.parametrize("reaching", [(), (CASE,)])
+def test_what_no_number_depends_on_is_told_apart(
+    library: Library, sites: list[Site], reaching: tuple[str, ...]
+) -> None:
+    """An instruction of heat, of which the case has none, in place of one that it reaches without effect."""
+    site = next(site for site in sites if site.function == "FixRHEOThermal::post_integrate")
+    if reaching:
+        library.plant(None)
+        library.reached(CASE)
+    expected = ("without effect", "") if reaching else ("not reached", "")
+    assert machine_code.outcome(library, site, reaching, quick={CASE}) == expected
+
+
 def test_a_name_of_another_package_is_none() -> None:
     assert machine_code._function("_ZN9LAMMPS_NS8PairRHEO7computeEii") == "PairRHEO::compute"
     assert machine_code._function("_ZN9LAMMPS_NS8PairRHEOC1EPNS_6LAMMPSE") == "PairRHEO::PairRHEO"
+    assert machine_code._function("_ZTv0_n48_N9LAMMPS_NS11AtomVecRHEO11force_clearEim") == "AtomVecRHEO::force_clear"
     assert machine_code._function("_ZN9LAMMPS_NS8PairRHEOC2EPNS_6LAMMPSE") == ""
     assert machine_code._function("_ZN9LAMMPS_NS7PairLJC1Ev") == ""
     assert machine_code._function("_ZNK9LAMMPS_NS13BondRHEOShell6singleEv") == ""

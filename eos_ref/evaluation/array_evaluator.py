@@ -243,8 +243,12 @@ class ArrayEvaluator(Evaluator):
 
     def color_sums(self, volume_n: Array) -> tuple[Axes, Array, Array]:
         other, volume = self.type_n[self.i] != self.type_n[self.j], volume_n[self.j]
-        gradient = [self.total(where(other, volume * g_a, 0.0)) for g_a in self.gradw]
+        gradient = [self.total(where(other, self.sloping_volume(volume_n) * g_a, 0.0)) for g_a in self.gradw]
         return gradient, self.total(where(other, volume * self.w, 0.0)), self.same_type_support(other)
+
+    def sloping_volume(self, volume_n: Array) -> Array:
+        """Return the volume of the other particle of every pair in the gradient of the color function, (p,)."""
+        return volume_n[self.j]
 
     def same_type_support(self, other: BoolArray) -> Array:
         r"""Return the support by particles of the same type, (n,), as the manual's version has it.

@@ -157,8 +157,8 @@ MASS_OF_FIRST = Finding(
     "of its type; neigh_modify and newton must not change the physics.",
     observed="In pair rheo the second of a pair has the mass of the first, in the order of the neighbour list: in "
     "pressure, viscous and artificial force, in rho/damp and in the heat flow. All else (summed densities, gradients, "
-    "kernels, shift, surfaces, walls, temperatures, accelerations) takes the particle's own mass, and with masses of "
-    "types pair rheo does, too.",
+    "kernels, shift but for the normal of scale/cross/type, surfaces, walls, temperatures, accelerations) takes the "
+    "particle's own mass, and with masses of types pair rheo does, too.",
     argument="Two particles of masses 2 and 3 and densities 1.4 and 1.35 at distance 1 (2D, cutoff 3, linear law with "
     "rho0 = c = 1) feel -0.388 and 0.250 if these are the masses of two types, and -0.259 and 0.250 if they are the "
     "masses of the particles: one has 2/3 of its force. With the two in each other's place the heavier one has 3/2 of "

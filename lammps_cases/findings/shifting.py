@@ -46,7 +46,18 @@ def any_where_cancelled(normal: Axes, gradient: Axes) -> Axes:
     return [unbounded(n, cancel_n) for n in normal]
 
 
-class NormalOfLastPair(FollowingLists):
+class ColorMassOfType(FollowingLists):
+    """In the gradient of the color function the second of a pair meets the first with the mass of its type."""
+
+    def sloping_volume(self, volume_n: Array) -> Array:
+        """Return the volumes, of the first of a pair by the mass of its type."""
+        own_p, of_type_n = super().sloping_volume(volume_n), self.of_type(self.model.mass)
+        if not self.lists or np.array_equal(of_type_n, self.mass_n):
+            return own_p
+        return where(self.forward_p >= 0, own_p, (volume_n * (of_type_n / self.mass_n))[self.j])
+
+
+class NormalOfLastPair(ColorMassOfType):
     """The gradient of the color function takes for all pairs the kernel gradients of the last one in the list.
 
     These are one for the first of a pair and one for the second; every process has a list of its own. Where lists were
@@ -61,7 +72,7 @@ class NormalOfLastPair(FollowingLists):
         """Return the sums, the gradient from what LAMMPS' loop over its list leaves."""
         own = self.gradw
         self.gradw = self._left() if self.lists else own
-        sums = super().color_sums(volume_n)
+        sums = ArrayEvaluator.color_sums(self, volume_n)  # whatever else would take other gradients
         self.gradw = own
         return sums
 
@@ -136,6 +147,11 @@ def scales_across_types(problem: Problem) -> bool:
 def corrects_across_types(problem: Problem) -> bool:
     """Return whether shifts that show are scaled along the normal between types, with a reproducing kernel."""
     return problem.model.corrects_gradients and scales_across_types(problem)
+
+
+def has_masses_across_types(problem: Problem) -> bool:
+    """Return whether shifts that show are scaled along the normal between types, of particles with their own masses."""
+    return problem.state.mass_n is not None and scales_across_types(problem)
 
 
 def last_pair(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:
@@ -241,4 +257,25 @@ CROSS_TYPE_CORRECTED = Finding(
     model_variant=Variant(corrects_across_types, CorrectedColor, CorrectingFirst, undefined=True),
 )
 
-ENTRIES = (CROSS_TYPE_SUPPORT, CROSS_TYPE_NORMAL, CROSS_TYPE_CORRECTED)
+CROSS_TYPE_MASS_OF_TYPE = Finding(
+    id="cross-type-mass-of-type",
+    number=67,
+    title="shift scale/cross/type takes the mass of the type for one particle of a pair that has its own",
+    severity="medium",
+    effect="With rmass shifts at an interface of two fluids are scaled along another direction",
+    documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
+    "normal; fix property/atom: rmass gives every particle a mass of its own, in place of that of its type.",
+    observed="In the gradient of the color function, which gives the normal, the second of a pair meets the first with "
+    "the mass of the first's type; the first meets the second with its own mass. The color function itself, which is "
+    "compared with cmin, takes own masses. The sums of cross-type-normal, up to 2025.7.22.4.0, have the same masses; "
+    "they decide with RK1 and RK2.",
+    argument="A particle of one fluid has two neighbours of another at the same distance, along x and along y, with "
+    "rmass 2 and 1 where their type has the mass 3: the color function falls off in the direction (2, 1). Where the "
+    "particle is the first of both pairs in the neighbour list LAMMPS has that direction, and where it is the second "
+    "it has (1, 1): an exchange of labels turns the normal.",
+    workaround="Give particles of different mass different types ('mass'), without rmass.",
+    scene="two types in disorder with rmass, shiftscale 0",
+    model_variant=Variant(has_masses_across_types, ColorMassOfType, CountingSteps, lists_of_neighbours, lists=True),
+)
+
+ENTRIES = (CROSS_TYPE_SUPPORT, CROSS_TYPE_NORMAL, CROSS_TYPE_CORRECTED, CROSS_TYPE_MASS_OF_TYPE)

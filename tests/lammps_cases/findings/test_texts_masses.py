@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from lammps_cases.findings.shifting import ColorMassOfType
 from tests.support.told import Engine, Quoted, Told, agree, engine, is_multiple, said, told
 
 pytestmark = pytest.mark.lammps
 
 FIRST, GAS, SOUND = "mass-of-first", "gas-of-mass-of-type", "sound-of-mass-of-type"
+NORMAL = "cross-type-mass-of-type"
 PAIR = [[4.0, 4.0], [5.0, 4.0]]
 OPEN = {"lattice": "sq", "spacing": 1.0, "cells": [1, 1], "periodic": [False, False]}
 
@@ -109,3 +112,47 @@ def test_the_repulsion_by_a_wall_of_gas(lammps: Engine) -> None:
     )
     (found,) = lammps.fields(scene)
     assert agree(found["f"], scene.predicted(SOUND), "f") and not agree(found["f"], scene.predicted(), "f")
+
+
+# --- cross-type-mass-of-type
+
+
+def across(keep: float, order: int = 1, **options: Any) -> Told:
+    """A particle and two of another fluid, along x and along y, whose labels rise or fall."""
+    x, own, kind = np.array([[4.0, 4.0], [5.0, 4.0], [4.0, 5.0]]), np.array([1.0, 2.0, 1.0]), np.array([1, 2, 2])
+    rheo = {"shift": {"scale_cross_type": [keep, 0.0, 0.0]}} | options.pop("rheo", {})
+    types, engine = [{"mass": 3.0}, {"mass": 3.0}], {"sort": 0}
+    more: dict[str, Any] = {"types": types, "engine": engine, "rheo": rheo, "positions": OPEN, "compare": ["shift/v"]}
+    at = slice(None, None, order)
+    return told(x[at], [9, 9], v=np.array([[0.3, 0.1]] * 3), own=own[at], kind=kind[at], **more, **options)
+
+
+def test_the_normal_of_masses_and_of_those_of_types(lammps: Engine) -> None:
+    *own, of_type, right_x, right_y, wrong_x, wrong_y = said(
+        NORMAL, "argument", r"rmass # and # where their type has the mass #.* direction \(#, #\)\. .* it has \(#, #\)"
+    )
+    for order, normal in ((1, (right_x, right_y)), (-1, (wrong_x, wrong_y))):
+        at = 0 if order == 1 else 2
+        scene = across(0.0, order)
+        assert [*scene.atoms.mass_n[[1, 1 + order]]] == own
+        assert {t.mass for t in scene.scene.types} == {of_type}
+        (found,), whole = lammps.fields(scene, every_step=True), across(1.0, order).predicted()
+        scaled = scene.predicted(NORMAL, snapshot=found)
+        taken_c = whole.fields[0]["shift/v"][at] - scaled.fields[0]["shift/v"][at]
+        bound = whole.bounds[0]["shift/v"][at].sum() + scaled.bounds[0]["shift/v"][at].sum()
+        assert np.any(np.abs(taken_c) > bound)
+        assert abs(taken_c[0] * normal[1] - taken_c[1] * normal[0]) <= max(normal) * bound
+
+
+def test_sums_of_the_last_pair_have_the_masses_of_types(lammps: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With RK1, where the direction of that pair alone does not decide."""
+    random = np.random.default_rng(3)
+    x = np.indices((6, 6)).reshape(2, -1).T + 0.5 + random.uniform(-0.1, 0.1, (36, 2))
+    rheo = {"kernel": "RK1", "shift": {"scale_cross_type": [0.0, 0.0, 0.0]}}
+    more: dict[str, Any] = {"types": [{"mass": 3.0}, {"mass": 1.0}], "rheo": rheo, "compare": ["shift/v"]}
+    v, own, kind = random.uniform(-1, 1, x.shape), random.uniform(1, 2, 36), random.integers(1, 3, 36)
+    scene = told(x, [6, 6], v=v, own=own, kind=kind, **more)
+    (found,) = lammps.fields(scene, every_step=True)
+    assert agree(found["shift/v"], scene.predicted("cross-type-normal", snapshot=found), "shift/v")
+    monkeypatch.setattr(ColorMassOfType, "sloping_volume", ArrayEvaluator.sloping_volume)
+    assert not agree(found["shift/v"], scene.predicted("cross-type-normal", snapshot=found), "shift/v")

@@ -11,7 +11,7 @@ from eos_ref.kernels.quintic import normalisation, quintic
 from lammps_cases.probes import manual
 from lammps_cases.probes.manual import ManualProbe
 from lammps_cases.probes.run import Reply
-from tests.support.told import ENTRIES, Engine, quoted, said
+from tests.support.told import ENTRIES, Engine, engine, quoted, said
 
 pytestmark = pytest.mark.lammps
 
@@ -90,6 +90,23 @@ def test_no_mass_diffusion(lammps: Engine) -> None:
     assert f"run {int(steps)} " in PROBES["density-diffuses"].edits[-1][1]
     assert percent.is_rounded(100 * found(lammps, "density-diffuses-damped"))
     assert abs(found(lammps, "density-diffuses")) < 1e-13
+
+
+def test_bonds_across_a_boundary(lammps: Engine) -> None:
+    """LAMMPS' count and that of what it lists, periodic and not, on the last engine of one kind and the present one."""
+    cells, along, between, all_, before, now, printed = said(
+        "bonds-across-boundary", "argument", r"rows of # .* have # \+ # = # bonds.* lists #, .* lists #, .* prints #"
+    )
+    assert (along, between, all_) == (3 * cells, 2 * cells, along + between) and now == all_
+    fixed = ("boundary p f p", "boundary f f p")
+    counted = PROBES["thermal-react-count"].edits[0]
+    with engine("pypi:2025.7.22.0.2") as old:
+        numbers = [
+            [float(each.reply("frost", *edits).arrays["found"][0]) for edits in ((), (fixed,), (counted,))]
+            for each in (old, lammps)
+        ]
+    assert numbers == [[before, before, 0], [now, before, printed]]
+    assert found(lammps, "thermal-react-melting") == 0 and printed == now + 3
 
 
 def test_solids_summed(lammps: Engine) -> None:

@@ -24,6 +24,7 @@ BY_ID = {probe.id: probe for probe in manual.probes()}
 # Probes of statements that the manual makes and that are wrong.
 REFUTED = {
     "density-diffuses": "no-mass-diffusion",
+    "thermal-react-count": "bonds-across-boundary",
     "order-zero-3d.rk0": "kernel-corrects-gradients-only",
     "order-zero.rk0": "kernel-corrects-gradients-only",
     "pressure-gas-hybrid": "gas-on-other-atoms",

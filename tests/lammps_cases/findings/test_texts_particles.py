@@ -187,6 +187,13 @@ def test_normals_of_the_color_and_of_corrected_gradients() -> None:
     assert angle(slope, normals[0][at]) < angle(slope, normals[1][at]) / 1000
 
 
+def test_gradients_are_corrected_where_nothing_that_is_looked_at_needs_pairs() -> None:
+    problem = interface(0.0, rheo={"kernel": "RK1"}).problem
+    sim = CorrectingFirst(problem.model, problem.box, problem.state, ("pressure",), CorrectedColor)
+    sim.run(0, 0.0)
+    assert sim.evaluator.corrected_n.all()
+
+
 @pytest.mark.parametrize("kernel", ["RK1", "RK2"])
 def test_corrected_gradients_around_a_single_particle_cancel(kernel: str) -> None:
     """And those of the spline do not; elsewhere at the interface the corrected ones do not either."""

@@ -84,7 +84,10 @@ class ArrayEvaluator(Evaluator):
             v_i, v_j = v_n[self.i], v_n[self.j]
             if self.image_velocity_cc is not None:
                 image_pc = self.box.periods(self.shift_pc)
-                v_j = v_j + self.constant(image_pc @ self.image_velocity_cc[:, a])
+                moving_p = self.constant(image_pc @ self.image_velocity_cc[:, a])
+                if isinstance(moving_p, Rounded):
+                    moving_p.error = moving_p.error + np.abs(image_pc) @ self.image_rounding_cc[:, a]
+                v_j = v_j + moving_p
             yield v_i, v_j
 
     def constant(self, factor: N) -> N:

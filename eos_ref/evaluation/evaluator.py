@@ -80,6 +80,7 @@ class Evaluator(ABC):
     Attributes
     ----------
     image_velocity_cc : (d, d) how fast images move that are one edge away, by rows; None: not at all
+    image_rounding_cc : (d, d) how far that may lie apart in two codes, where images move
     mass_n, rho0_n, cs_n : (n,) mass, equilibrium density and speed of sound of every particle
     coordination_n : (n,) number of neighbours, from `move` on
     corrected_n : (n,) whether a particle has the gradients of a reproducing kernel, from `correct` on
@@ -90,6 +91,7 @@ class Evaluator(ABC):
     type_n: IntArray
     solid_n: BoolArray
     image_velocity_cc: FloatArray | None = field(default=None, init=False)
+    image_rounding_cc: FloatArray = field(init=False)
     mass_n: FloatArray = field(init=False)
     rho0_n: FloatArray = field(init=False)
     cs_n: FloatArray = field(init=False)

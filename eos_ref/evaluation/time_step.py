@@ -225,8 +225,12 @@ class Simulation:
     def _begin_run(self) -> None:
         """Take the box for that which the run begins in, by which it grows and its images move."""
         self.begun, self.run_steps = self.box, 0  # and the steps since
+        self._move_images(self.evaluator)
+
+    def _move_images(self, evaluator: Evaluator) -> None:
         if self.model.deform:
-            self.evaluator.image_velocity_cc = self.model.deform.image_velocity(self.begun)
+            evaluator.image_velocity_cc = self.model.deform.image_velocity(self.begun)
+            evaluator.image_rounding_cc = self.model.deform.image_rounding(self.begun)
 
     def remap(self, box: Box) -> None:
         """Change the box, and the positions with it: fractions of its edges stay what they are."""
@@ -355,8 +359,7 @@ class Simulation:
         energy_n = None if s.energy_n is None else number(s.energy_n)
         twin.state = State(x_nc, number(s.v_nc), number(s.rho_n), s.type_n, s.solid_n, energy_n, s.mass_n)
         twin.evaluator = evaluator(self.model, self.evaluated_in, s.type_n, s.solid_n)
-        if self.model.deform:
-            twin.evaluator.image_velocity_cc = self.model.deform.image_velocity(self.begun)
+        self._move_images(twin.evaluator)
         if s.mass_n is not None:
             twin.evaluator.weigh(s.mass_n)
         twin.other_nc = number(self.other_nc)

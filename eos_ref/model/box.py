@@ -119,11 +119,13 @@ class Deform:
     remap : positions keep their fractions of the edges (x), or stay where they are (v, none); with v a particle that
         crosses a periodic boundary takes on the velocity of its image, which moves with the box
     shear : of the tilts, xy or xy, xz, yz; empty: none
+    time : from the beginning of a run to its end
     """
 
     rate_c: tuple[float, ...]
     remap: Remap = "x"
     shear: tuple[float, ...] = ()
+    time: float = 0.0
 
     @property
     def changes(self) -> bool:
@@ -153,3 +155,15 @@ class Deform:
         for rate, (to, of) in zip(self.shear, TILTED, strict=False):
             velocity_cc[of, to] = rate * first.edge_c[of]
         return velocity_cc
+
+    def image_rounding(self, first: Box) -> FloatArray:
+        """Return how far these velocities may lie apart in two codes, (d, d), beside roundings of their own size.
+
+        The other side may take the box at the end of a run, less that at its beginning, over the time: a rounding of
+        both faces, of both edges, and of both tilts.
+        """
+        if not self.time:
+            return np.zeros((len(first.edge_c),) * 2)
+        last = self.box(first, self.time)
+        size_cc = np.abs(first.cell_cc) + np.abs(last.cell_cc) + np.diag(np.abs([last.low_c, last.high_c]).sum(axis=0))
+        return np.asarray(2.0**-53 * size_cc / self.time)

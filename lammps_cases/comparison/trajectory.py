@@ -327,7 +327,8 @@ class Shaken(Simulation):
         s.x_nc = s.x_nc + self._signs(s.x_nc) * size_nc
         s.v_nc = s.v_nc * (1 + (EPS + relative) * self._signs(s.v_nc))
         if (moving_cc := self.evaluator.image_velocity_cc) is not None:  # what a particle takes on at the boundary
-            s.v_nc = s.v_nc + self._signs(s.v_nc) * 2 * EPS * np.abs(moving_cc).sum(axis=0)
+            size_cc = 2 * EPS * np.abs(moving_cc) + self.evaluator.image_rounding_cc
+            s.v_nc = s.v_nc + self._signs(s.v_nc) * size_cc.sum(axis=0)
         s.rho_n = s.rho_n * (1 + (EPS + relative) * self._signs(s.rho_n))
         if s.energy_n is not None:
             s.energy_n = s.energy_n * (1 + (EPS + relative) * self._signs(s.energy_n))

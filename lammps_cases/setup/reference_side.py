@@ -85,12 +85,12 @@ def _fix(scene: Scene, cut: float) -> FixRheo:
 
 
 def _deform(scene: Scene) -> Deform | None:
-    given = scene.evolve and scene.evolve.deform
-    if not given:
+    if not (scene.evolve and (given := scene.evolve.deform)):
         return None
     d = scene.dimension
     shears = given.shears[: d * (d - 1) // 2]
-    return Deform(given.rates[:d], given.remap, shears if any(shears) else ())
+    time = scene.evolve.steps * scene.evolve.timestep
+    return Deform(given.rates[:d], given.remap, shears if any(shears) else (), time)
 
 
 def _viscosity(atom_type: AtomType) -> Viscosity:

@@ -15,7 +15,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model.box import Box, Deform, Remap
 from eos_ref.model.parameters import Force, Thermal, Viscosity
-from eos_ref.numbers.rounded import error
+from eos_ref.numbers.rounded import ROUNDING, error
 from eos_ref.syntax.fixes import Shift
 from tests.support.double_loop import DoubleLoop
 from tests.support.particle_scenes import EPS, MELTING, RECIPES, Scene, bounded, recipe, results, scene
@@ -282,6 +282,18 @@ def test_a_box_leans_by_shares_of_the_edge_that_leans() -> None:
     moving = replace(LEANS, remap="v").image_velocity(first)
     assert moving is not None and moved == pytest.approx(image @ moving, rel=16 * EPS)
     assert LEANS.image_velocity(first) is None
+
+
+def test_velocities_of_images_round_by_the_size_of_the_box() -> None:
+    """Where it hardly changes: they may be taken as a difference of what it is at the end and at the beginning."""
+    first = Box((-1.1, 2.3, 0.7), (3.3, 4.9, 8.1), (True,) * 3, (0.3, 0.0, 0.0))
+    deform = replace(LEANS, remap="v", time=1e-9)
+    moving = deform.image_velocity(first)
+    assert moving is not None
+    apart = np.abs((deform.box(first, deform.time).cell_cc - first.cell_cc) / deform.time - moving)
+    own = ROUNDING * np.abs(moving)
+    assert (apart <= own + deform.image_rounding(first)).all() and (apart > 1e4 * own).any()
+    assert not replace(deform, time=0.0).image_rounding(first).any(), "of no run"
 
 
 @pytest.mark.parametrize("kernel", ["quintic", "RK1"])

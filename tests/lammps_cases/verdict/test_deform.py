@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from eos_ref.model.box import Deform
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.records.run_record import EngineRecord
 from lammps_cases.run.prepared_case import prepare
@@ -35,6 +37,22 @@ def test_a_rate_of_0_changes_no_bit(name: str) -> None:
     for at, (one, other) in enumerate(zip(still, without, strict=True)):
         assert all(np.array_equal(one[field], other[field]) for field in one), at
     assert not np.array_equal(moving[-1]["f"], still[-1]["f"])
+
+
+def test_speeds_of_images_may_be_differences_of_places(monkeypatch: pytest.MonkeyPatch, solver: Solver) -> None:
+    """LAMMPS takes them so, and their rounding is the larger, the shorter the run."""
+    (case,) = casefile.select(casefile.load(), ["sheared.fluid.crossing"])
+    content = case.scene.model_dump(exclude_unset=True)
+    content["evolve"]["deform"] |= {"y": 0.3}
+    content["evolve"]["timestep"] *= 1e-6
+    ready = prepare(replace(case, scene=case.scene.model_validate(content)))
+
+    def found() -> str:
+        return evaluate(ready.case, ready.eos, ready.atoms, solver(ready.jobs[0]), ENGINE, Predictor())[0].verdict
+
+    assert found() == "explained"
+    monkeypatch.setattr(Deform, "image_rounding", lambda self, first: np.zeros((2, 2)))
+    assert found() == "differs"
 
 
 @pytest.mark.parametrize(

@@ -45,21 +45,25 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
     if "evolve" not in content:
         return content, prepare(content)
     limit, speed, sound = _limits(ready)
+    lacking = min(_lacking(*side) for side in ready.sides)
     share = chance.weighted({(0.02, 0.5): 0.85, (0.5, 1.0): 0.13, (1.5, 4.0): 0.02})
-    step = rounded(limit * chance.number(*share), 2)
-    content = content | {"evolve": _with_time_step(content["evolve"], step)}
+    step = rounded(lacking * limit * chance.number(*share), 2)
+    content = content | {"evolve": _with_time_step(content["evolve"], step, lacking)}
     boost = max(map(abs, content.get("twin", {}).get("boost", [0.0])))
     travel = content["evolve"]["steps"] * step * (3 * speed + boost + 0.2 * sound)
     content = _with_room(content, travel)
     return (content := _without_old_lists(content, travel)), prepare(content)
 
 
-def _with_time_step(evolve: Content, step: float) -> Content:
-    """Return time steps of a length, half of it from stops on that change it."""
+def _with_time_step(evolve: Content, step: float, lacking: float) -> Content:
+    """Return time steps of a length, half of it from stops on that change it.
+
+    Forces between images that move with the box lack factors as well (`_lacking`), so that these move more slowly.
+    """
     stops = [stop | ({"timestep": rounded(step / 2)} if "timestep" in stop else {}) for stop in evolve.get("stops", ())]
     made = evolve | {"timestep": step} | ({"stops": stops} if stops else {})
     if shares := evolve.get("deform"):  # until here, of what the edges grow by in all steps
-        time = step * evolve["steps"]
+        time = step * evolve["steps"] / (lacking if shares.get("remap") == "v" else 1.0)
         made["deform"] = {key: rounded(of / time) if key != "remap" else of for key, of in shares.items()}
     return made
 
@@ -98,21 +102,20 @@ def _with_enough_neighbours(content: Content, ready: PreparedCase, chance: Chanc
 
 
 def _limits(ready: PreparedCase) -> tuple[float, float, float]:
-    """Return the largest time step by sound, viscosity and heat, and the largest speeds of particles and of sound.
-
-    Findings may lack factors of the volume or the heat capacity of a particle, or of its units, in a force or a flow of
-    heat: the step is short enough for them too, where that makes it shorter, and in the numbers of a twin as well.
-    """
+    """Return the largest time step by sound, viscosity and heat, and the largest speeds of particles and of sound."""
     model, state = _problem(ready.case.scene, ready.atoms)
     speed = float(np.abs(state.v_nc).max(initial=0.0))
     limits = numbers(model, state, 1.0)
     sound = max(limits.c, float(model.cs.max()))
-    lacking = min(_lacking(*side) for side in ready.sides)
-    return lacking / max(limits.fraction, 4 * sound / limits.h), speed, sound
+    return 1 / max(limits.fraction, 4 * sound / limits.h), speed, sound
 
 
 def _lacking(scene: Scene, atoms: Atoms) -> float:
-    """Return the product of the factors that findings may lack, each 1 where the lack makes nothing larger."""
+    """Return the product of the factors that findings may lack, each 1 where the lack makes nothing larger.
+
+    Findings may lack factors of the volume or the heat capacity of a particle, or of its units, in a force or a flow of
+    heat: time steps are short enough for them too, and in the numbers of a twin as well.
+    """
     model, state = _problem(scene, atoms)
     volume = float((atoms.mass_n / state.rho_n).min())
     heats = [each.specific_heat for each in model.thermal or ()]

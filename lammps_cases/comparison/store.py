@@ -25,6 +25,7 @@ from lammps_cases.records.files import write_atomically
 
 VARIABLE = "EOS_REF_PREDICTIONS"  # environment variable that names another folder
 LIMIT = 2_000_000_000  # bytes
+LARGEST = LIMIT // 20  # of an entry: one that is larger would cost many others their place, and memory to be packed
 _HASH = hashlib.sha256().digest_size
 _ALIGNED = 16
 
@@ -68,7 +69,9 @@ class Store:
         return arrays
 
     def write(self, key: str, arrays: Arrays) -> None:
-        """Keep the arrays of a key; a folder that cannot be written costs time later, and nothing else."""
+        """Keep the arrays of a key, unless they are very large; what is not written costs time later, nothing else."""
+        if sum(array.nbytes for array in arrays.values()) > LARGEST:
+            return
         path = self._path(key)
         with contextlib.suppress(OSError):
             write_atomically(path, packed(path.name, arrays))

@@ -267,6 +267,14 @@ def test_the_longest_unused_goes_first(tmp_path: Path) -> None:
     assert Store(tmp_path / "absent").size() == (0, 0)
 
 
+def test_an_entry_that_would_push_many_others_out_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "LARGEST", 1600)
+    kept = Store(tmp_path)
+    for key, more in (("fits", 0), ("does not", 1)):
+        kept.write(key, {"x": np.zeros(100), "y": np.zeros(100 + more)})
+    assert [kept.read(key) is not None for key in ("fits", "does not")] == [True, False]
+
+
 def test_entries_keep_type_shape_and_bits() -> None:
     arrays = {
         "none": np.zeros((0, 3)),

@@ -128,15 +128,18 @@ def dissipated(budgets: Sequence[BudgetRecord]) -> dict[str, float]:
 
 
 def percent(of: float | None) -> str:
-    """Write a relative difference; empty for None."""
-    return "" if of is None else f"{100 * of:+.2f} %".replace("-", "\N{MINUS SIGN}")
+    """Write a relative difference, without a sign if none is left of it; empty for None."""
+    if of is None:
+        return ""
+    rounded = round(100 * of, 2)
+    return f"{rounded:+.2f} %".replace("-", "\N{MINUS SIGN}") if rounded else "0.00 %"
 
 
 def lines(case: CaseRecord) -> Iterator[str]:
     """Yield in words what is conserved, and what makes up the difference to the closed solution."""
     for of in conserved(case.budgets):
-        lost = f"not conserved by the formulas, {number(of.share, 2)} of its terms remains"
-        broken = "".join(f"; {name} changes it by {number(by, 2)} of them" for name, by in of.broken_by.items())
+        lost = f"not conserved by the formulas, {number(of.share, 2)} of its terms remain"
+        broken = "".join(f"; {name} changes it by {number(by, 2)} of its terms" for name, by in of.broken_by.items())
         yield f"{of.quantity}: {'conserved but for rounding' if of.kept else lost}{broken}"
     if case.closed is not None:
         yield f"closed solution of the {case.closed.quantity}: {case.closed.flow}, {case.closed.about}"

@@ -55,7 +55,7 @@ def _vortices(good: Good, model: Model, nu: float, steps: Sequence[int], times: 
         return None  # too little viscosity or too much for a rate
     return ClosedRecord(
         flow="vortices of Taylor and Green", quantity="kinetic energy",
-        about=f"decays at the rate 4 nu k^2, k = {k:.6g}",
+        about=f"decays at the rate 4 ν k², k = {k:.6g}",
         steps=list(steps), values=values, decays=True,
     )  # fmt: skip
 

@@ -33,7 +33,7 @@ def picture(example: Example) -> Markup:
         left, right = figure.subplots(1, 2)
         own, exact = balance.measured(case), case.closed
         what = exact.quantity if exact else "kinetic energy"
-        left.set_title(what, color=INK)
+        left.set_title(f"{what} (units of the deck)", color=INK)
         if exact is not None:
             left.plot(exact.steps, exact.values, color=FAINT, lw=3.0, alpha=0.5, label="closed solution")
         for series in case.series:
@@ -44,7 +44,7 @@ def picture(example: Example) -> Markup:
         left.plot(own.steps, _values(own, exact), "o", color=RED, ms=3.0, label="LAMMPS")
         left.set_xlabel("step", color=FAINT)
         left.legend(frameon=False, fontsize=8, labelcolor=INK)
-        right.set_title("power of each part of the model", color=INK)
+        right.set_title("power of each part of the model (units of the deck)", color=INK)
         first = [of for of in case.budgets if of.run == case.budgets[-1].run]
         for name, colour in PARTS.items():
             powers = [_power(of, name) for of in first]

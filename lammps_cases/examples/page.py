@@ -46,8 +46,13 @@ class View:
 
     @cached_property
     def powers(self) -> dict[str, float]:
-        """The mean rates at which the parts of the model change the energy."""
-        return balance.dissipated(self.example.case.budgets)
+        """The mean rates at which the parts of the model change the energy; that of pressure is 0 if it is rounding."""
+        budgets = self.example.case.budgets
+        powers = balance.dissipated(budgets)
+        rounding = max((of.bound.get("energy of pressure", -1.0) for of in budgets), default=-1.0)
+        if abs(powers.get("pressure", 0.0)) <= rounding:
+            powers["pressure"] = 0.0
+        return powers
 
     @cached_property
     def picture(self) -> Markup:

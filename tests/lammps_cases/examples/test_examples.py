@@ -105,6 +105,19 @@ def test_what_is_conserved_is_told_by_its_bound() -> None:
     assert list(balance.conserved([])) == []
 
 
+@pytest.mark.parametrize(("of", "words"), [(-0.00001, "0.00 %"), (-0.0255, "−2.55 %"), (0.0255, "+2.55 %"), (None, "")])
+def test_nothing_has_no_sign(of: float | None, words: str) -> None:
+    assert balance.percent(of) == words
+
+
+@pytest.mark.parametrize(("power", "shown"), [(-4e-23, 0.0), (-2e-12, -2e-12)])
+def test_a_power_of_pressure_within_its_rounding_is_none(power: float, shown: float) -> None:
+    bound = {"energy of pressure": 1e-12}
+    of = budget(0.0, 0.0).model_copy(update={"bound": bound, "parts": [BudgetPart(name="pressure", power=power)]})
+    case = CaseRecord(case="made", verdict="pass", budgets=[of])
+    assert page.View(collect.Example("", "", case)).powers == {"pressure": shown}
+
+
 # --- with LAMMPS
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from lammps_cases.cli import completion
-from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option
+from lammps_cases.cli.shared import cluster_option_with, json_option, launcher_option, page_folder
 from lammps_cases.records.progress import Bar
 
 SECTIONS = ("laws", "sums", "kernels", "searches", "timestep", "flows", "codes")
@@ -59,6 +59,7 @@ def chart_command(
 
     if pysph and sections and "codes" not in sections:
         raise InputError("--pysph", "must come with the section codes", pysph)
+    page_folder(out)
     with Bar(quiet=as_json) as bar:
         first, *others = engines or ("env",)
         chart = collect.collect(sections, quick, out, command_line(), bar, first, pysph)

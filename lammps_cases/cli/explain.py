@@ -45,6 +45,8 @@ def explain_command(name: str, atom: int | None, step: int | None, paths: tuple[
         if name not in others:
             files = dict.fromkeys(case.name.split(".")[0] for case in cases)
             raise unknown("case, finding, field or verdict", name, [*others, *files, *(case.name for case in cases)])
+        if atom is not None:
+            raise InputError("option --atom", "is that of a particle of a case", name)
         others[name](name, as_json)
         return 0
     if atom is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,6 +68,7 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
         click.echo(json.dumps({"kits": kits}, indent=1) if as_json else "\n".join(map(str, KITS)))
         return 0
     chosen, notes = kit(name), list[str]()
+    _check_options(name, ("--shards", "--run") if not chosen.cluster else ("--repository",))
     if chosen.cluster:
         try:
             words = shlex.split(options)
@@ -102,6 +104,17 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
     for note in notes:
         click.echo(note, err=True)
     return 0
+
+
+def _check_options(name: str, others: Sequence[str]) -> None:
+    """Refuse the options of other kits."""
+    from eos_ref import InputError
+
+    context = click.get_current_context()
+    for param in context.command.params:
+        given = context.get_parameter_source(str(param.name)) is ParameterSource.COMMANDLINE
+        if given and param.opts[0] in others:
+            raise InputError(f"option {param.opts[0]}", "is not one of this kit", name)
 
 
 def _costs(words: list[str], shards: int) -> tuple[Costs, str]:

@@ -90,9 +90,30 @@ cluster_option = cluster_option_with("take the place of --jobs")
 
 def fail_on_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say which known findings make the exit code 1; --strict is the same as the least level."""
-    strict = click.option("--strict", "fail_on", flag_value="low", help="The same as --fail-on low.")
+    strict = click.option(
+        "--strict",
+        is_flag=True,
+        expose_value=False,
+        is_eager=True,
+        callback=lambda context, _, given: context.meta.update({_STRICT: given}),
+        help="The same as --fail-on low.",
+    )
     help_ = "Exit 1 also for known findings of at least this severity; new: for none of them.  [default: new]"
-    return click.option("--fail-on", type=click.Choice(FAIL_ON), help=help_)(strict(command))
+    return click.option("--fail-on", type=click.Choice(FAIL_ON), callback=_least, help=help_)(strict(command))
+
+
+_STRICT = "eos-ref.strict"
+
+
+def _least(context: click.Context, _: click.Parameter, given: str | None) -> str | None:
+    """Return the severity from which on findings make the exit code 1."""
+    if not context.meta[_STRICT]:
+        return given
+    if given not in (None, "low"):
+        from eos_ref import InputError
+
+        raise InputError("--strict", "is --fail-on low, and must not be given with another level", given)
+    return "low"
 
 
 tag_option = click.option(

@@ -55,6 +55,7 @@ def stability_command(
     """
     from lammps_cases.engine import installations
 
+    shared.page_folder(out)
     if cell is not None:
         return _one_cell(cell, out, installations.resolve(engine).site, as_json)
     from lammps_cases.run.provenance import command_line

@@ -12,6 +12,7 @@ import click
 
 from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
+from lammps_cases.records.wording import counted
 
 if TYPE_CHECKING:
     from lammps_cases.studies.mutation.witnesses import RuleRow
@@ -53,8 +54,13 @@ def witnesses_command(names: tuple[str, ...], every: bool, out: Path, jobs: int,
         click.echo(json.dumps({"rules": table, "complaints": complaints}, indent=1))
         return int(bool(complaints))
     columns = ("rule", "witnesses in 2D", "in 3D", "what the reference does")
-    shared.table(columns, [(row.rule, _cases(row, 2), _cases(row, 3), row.sentence) for row in rows], prose=columns[1:])
-    click.secho(f"{len(rows)} rules, {len(examined)} cases, {len(complaints)} complaints", bold=True)
+    shown = [row for row in rows if not names or any(row.cases.values())]  # of some cases those alone that they witness
+    shared.table(
+        columns, [(row.rule, _cases(row, 2), _cases(row, 3), row.sentence) for row in shown], prose=columns[1:]
+    )
+    of_all = f"{len(shown)} of {counted(len(rows), 'rule')}" if names else counted(len(rows), "rule")
+    complained = counted(len(complaints), "complaint")
+    click.secho(f"{of_all}, {counted(len(examined), 'case')}, {complained}", bold=True)
     for complaint in complaints:
         click.secho(f"  {complaint}", fg="red")
     click.echo(f"report: {out / 'witnesses.html'}")

@@ -111,11 +111,14 @@ class ClusterPool:
 
         try:
             from distributed import Client
+            from distributed.comm import get_address_host_port
         except ImportError:
             raise InputError("--cluster", "needs dask.distributed: pip install 'eos-ref[cluster]'") from None
         for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by what becomes of the tasks
         try:
+            if not scheduler.startswith("inproc:"):  # an address that says no host leaves threads of a client behind
+                get_address_host_port(scheduler if "://" in scheduler else f"tcp://{scheduler}", strict=True)
             self._client: Client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = str(error).partition("\n")[0]

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from eos_ref.errors import InputError, unknown
+from eos_ref.errors import InputError, nearest, unknown
 from lammps_cases.history.model import StoredCase, StoredRun
 from lammps_cases.history.store import History
 from lammps_cases.history.versions import EngineRuns, engines
@@ -214,9 +214,10 @@ def case_views(history: History, runs: Sequence[StoredRun], cases: Sequence[str]
     results = history.results({run.id for run in runs}, cases)
     outcomes = history.outcomes({result.outcome for result in results})
     if field:
+        had = {name for outcome in outcomes.values() for name in outcome.fields}
         outcomes = {k: outcome.restricted(field) for k, outcome in outcomes.items()}
         if outcomes and not any(outcome.fields for outcome in outcomes.values()):
-            raise InputError("field", "none of these cases has it", field)
+            raise InputError("field", f"none of these cases has it{nearest(field, had)}", field)
     of: dict[str, dict[int, StoredCase]] = {}
     for result in results:
         of.setdefault(result.case, {})[result.run] = result

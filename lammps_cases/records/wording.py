@@ -112,11 +112,12 @@ def counted(count: int, noun: str) -> str:
 
 
 def by_file(cases: Sequence[str]) -> str:
-    """Name cases; count them by their files if they are many."""
+    """Name cases; count them by their files, of which those with the most are named, if they are many."""
     if len(cases) <= MOST_NAMES:
         return ", ".join(cases)
     counts = Counter(case.partition(".")[0] for case in cases)
-    return f"{counted(len(cases), 'case')} ({', '.join(f'{count} {file}.*' for file, count in counts.most_common())})"
+    files = some([f"{count} {file}.*" for file, count in counts.most_common()])
+    return f"{counted(len(cases), 'case')} ({files})"
 
 
 def plain(item: Any) -> Any:

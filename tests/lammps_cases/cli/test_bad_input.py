@@ -359,6 +359,12 @@ def test_case_that_does_not_exist(eos_ref_command: Run) -> None:
         (("run", "near-rho0.linear.2d", "--baseline", "/nowhere"), "a folder of accepted baselines"),
         (("explain", "nothing"), "no such case, finding, field or verdict: 'nothing'"),
         (("explain",), "CASE"),
+        (("explain", "explained", "--atom", "3"), "option --atom: is that of a particle of a case"),
+        (("run", "near-rho0.linear.2d", "--strict", "--fail-on", "new"), "--strict: is --fail-on low"),
+        (("kit", "github", "--shards", "3"), "option --shards: is not one of this kit"),
+        (("kit", "slurm", "--repository", "a/b"), "option --repository: is not one of this kit"),
+        (("chart", "--out", str(Path(__file__) / "under")), "output folder: cannot be written"),
+        (("stability", "--out", str(Path(__file__) / "under")), "output folder: cannot be written"),
     ],
 )
 def test_wrong_usage(arguments: tuple[str, ...], part: str, eos_ref_command: Run) -> None:

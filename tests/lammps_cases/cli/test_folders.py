@@ -18,6 +18,8 @@ def interrupted(*arguments: object, **named: object) -> None:
     ("words", "worker"),
     [
         (("validate", "--quick"), "lammps_cases.studies.validation.run.validate"),
+        (("chart", "--quick"), "lammps_cases.studies.chart.collect.collect"),
+        (("stability", "--quick"), "lammps_cases.studies.stability.atlas.measure"),
         (("examples", "--from", "{decks}"), "lammps_cases.examples.collect.collect"),
     ],
 )

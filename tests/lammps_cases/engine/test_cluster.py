@@ -7,6 +7,7 @@ import os
 import resource
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from eos_ref import InputError
 from lammps_cases.engine import cluster, installations
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Workers, limited
@@ -184,3 +186,10 @@ def test_no_scheduler(address: str, eos_ref_command: Run, monkeypatch: pytest.Mo
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("eos-ref: --cluster: must be the address of a scheduler: ") and address in err
     assert not (tmp_path / "report").exists() and not cluster.address()
+
+
+def test_an_address_without_a_port_leaves_no_threads_that_keep_the_program_alive() -> None:
+    before = set(threading.enumerate())
+    with pytest.raises(InputError, match="must be the address of a scheduler: missing port"):
+        cluster.ClusterPool("nowhere")
+    assert set(threading.enumerate()) <= before

@@ -197,6 +197,8 @@ def test_a_field_alone_may_be_asked_for(tmp_path: Path) -> None:
         assert (ended.kind, ended.worst, ended.worst_field, len(ended.fields)) == ("exact", 0.0, "", 1)
         with pytest.raises(InputError, match="field: none of these cases has it, found 'speed'"):
             views.case_views(history, history.runs(), ["one"], "speed")
+        with pytest.raises(InputError, match="did you mean 'rho'"):
+            views.case_views(history, history.runs(), ["one"], "rhoo")
 
 
 def test_runs_are_chosen_by_engine_day_and_number(history: History) -> None:

@@ -37,6 +37,12 @@ def test_numbers_that_json_has_not_are_those_of_run_json() -> None:
     assert wording.plain(values) == written == ["Infinity", "-Infinity", "NaN", 1.5]
 
 
+def test_many_cases_are_counted_by_the_files_that_have_most() -> None:
+    assert wording.by_file(["a.1", "b.1"]) == "a.1, b.1"
+    files = [f"{file}.{k}" for file, count in zip("abcdefgh", range(9, 1, -1), strict=True) for k in range(count)]
+    assert wording.by_file(files) == "44 cases (9 a.*, 8 b.*, 7 c.*, 6 d.*, 5 e.*, 4 f.*, 2 more)"
+
+
 def test_things_are_counted() -> None:
     assert [wording.counted(count, "case") for count in (0, 1, 2)] == ["0 cases", "1 case", "2 cases"]
 

@@ -52,8 +52,17 @@ def plain_log_axis(axis: Any) -> None:
     low, high = axis.get_view_interval()
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
     axis.set_major_locator(LogLocator(10.0, (1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=6))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _plain(value)))
     axis.set_minor_formatter(NullFormatter())
+
+
+def _plain(value: float) -> str:
+    """Write a number of an axis: as it is, or as a power of ten where that has more than five digits."""
+    if 1e-4 <= value < 1e5:
+        return f"{value:g}"
+    mantissa, _, exponent = f"{value:e}".partition("e")
+    times = "" if float(mantissa) == 1 else rf"{float(mantissa):g}\cdot"
+    return rf"${times}10^{{{int(exponent)}}}$"
 
 
 def plain_text(words: str) -> str:

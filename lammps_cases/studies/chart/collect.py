@@ -39,7 +39,7 @@ SECTIONS = {
     "codes": (
         "Whole codes",
         "The same flows, each code by a scheme that it documents: error against the processor time of all steps "
-        "of a run on one core. What comes before the first step is left out.",
+        "of a run on one core. What comes before the first step is left out. Numbers at marks: particles per length.",
     ),
 }
 

@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter
 
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE, plain_log_axis
 from lammps_cases.studies.chart.codes import compared, name
@@ -136,12 +136,12 @@ def convergence_figure(runs: Sequence[Convergence], measure: str) -> Figure:
             style, ours = _code(run.engine), run.engine == "reference"
             error, fit = np.array(run.errors[measure]), run.fit(measure)
             spread = f" ± {fit.standard_error:.2f}" if np.isfinite(fit.standard_error) else ""
-            label = f"{'reference' if ours else 'LAMMPS'}, order {fit.order:.2f}{spread}"
+            label = f"{'reference' if ours else 'LAMMPS'}, order {round(fit.order, 2) + 0.0:.2f}{spread}"
             left.plot(run.resolutions, error, label=label, **style)
             work = 1e9 * np.array(run.seconds) / np.array(run.particles)
             right.plot(work, error, **style)
         left.set(yscale="log", xscale="log", xlabel="particles per length (log)", ylabel=f"error: {measure}")
-        left.yaxis.set_minor_formatter(NullFormatter())
+        plain_log_axis(left.yaxis)
         ticks = sorted({n for run in runs for n in run.resolutions})
         left.set_xticks(ticks, [str(n) for n in ticks])
         left.minorticks_off()

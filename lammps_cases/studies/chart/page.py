@@ -60,6 +60,7 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
         flows={section.name: list(_flows(section, figures)) for section in chart.sections},
         codes={section.name: _codes(section, figures) for section in chart.sections if section.codes},
         without=codes.without(chart),
+        busy=_busy(chart),
         rows=rows,
         sentence=sentence,
         error=lambda value: f"{value:.2g}" if math.isfinite(value) else "none right",
@@ -85,6 +86,14 @@ def _facts(chart: Chart, others: Sequence[Chart]) -> list[tuple[str, str]]:
         ("processor", f"{machine['processor']}, {machine['cores']} cores, load {machine['load']} at the start"),
         ("took", f"{chart.seconds:.0f} s" + (" (quick)" if chart.quick else "")),
     ]
+
+
+def _busy(chart: Chart) -> str:
+    """Warn of a machine that did other things meanwhile; empty if a core was free for what is timed."""
+    load, cores = float(chart.machine["load"]), int(chart.machine["cores"])
+    if load <= max(1, cores - 1):
+        return ""
+    return f"Other programs ran: load {load:.1f} on {cores} cores at the start. Times are worth little, errors hold."
 
 
 def _flows(section: Section, figures: Path) -> Iterator[FlowView]:

@@ -128,7 +128,7 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
     any_start = solved[""][0].start
     per = len(any_start.atoms) * any_start.steps[-1] * any_start.timestep
     orders = "; ".join(
-        f"{prefix or 'reference '}{fitted.order:.2f} +/- {fitted.standard_error:.2f}"
+        f"{prefix or 'reference '}{fitted.order:.2f} ± {fitted.standard_error:.2f}"
         for prefix, fitted in ((prefix, order(s)) for prefix, s in solved.items())
     )
     limited, m = (flow, n) if flow.name == "shear-wave" else (FLOWS["taylor-green"], SWIFT)

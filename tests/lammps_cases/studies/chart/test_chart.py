@@ -7,6 +7,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,12 @@ def test_the_page_says_what_the_points_say_and_names_no_part_twice(tmp_path: Pat
     assert len(ids) == len(set(ids))
     used = set(re.findall(r'(?:xlink:href="#|url\(#)([^")]+)', html))
     assert used <= set(ids)
+
+
+@pytest.mark.parametrize(("load", "cores", "busy"), [(0.9, 2, False), (1.4, 2, True), (1.0, 1, False), (3.0, 4, False)])
+def test_the_page_warns_of_a_machine_that_was_busy(load: float, cores: int, busy: bool, tmp_path: Path) -> None:
+    page.write(replace(made_chart(), machine={"processor": "p", "cores": cores, "load": load}), tmp_path)
+    assert ("Other programs ran" in (tmp_path / "report.html").read_text()) is busy
 
 
 def test_the_frontier_that_is_drawn_is_that_of_the_points() -> None:

@@ -234,3 +234,19 @@ def test_threads_of_the_model_are_charted_once_it_has_them(monkeypatch: pytest.M
     assert [point.error for point in law.points] == [0.0] * len(law.points)
     assert [point.method for point in model.points] == ["1 thread", "2 threads"]
     assert model.points[1].error == pytest.approx(1e-3)
+
+
+@pytest.mark.usefixtures("untimed")
+def test_steps_that_are_timed_are_not_taken_for_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a method that is called more often the particles have moved further."""
+    untimed = measure.in_turns
+
+    def twice(calls: Mapping[str, Call], *effort: Any) -> Any:
+        calls["2 threads"]()
+        return untimed(calls, *effort)
+
+    monkeypatch.setattr(measure, "in_turns", twice)
+    monkeypatch.setattr(threads, "QUICK_EDGES", (16,))
+    one = evaluator.CompiledEvaluator
+    monkeypatch.setattr(evaluator, "CompiledEvaluator", lambda *given, threads=1, **more: one(*given, **more))
+    assert threads._model_threads(True).points[1].error == 0.0

@@ -210,12 +210,12 @@ class Scene(SceneModel):
     def _check_stretch(self, stretch: Stretch) -> None:
         if stretch.z != 1 and self.dimension == 2:
             raise ValueError(f"stretch.z must be 1 in 2D, found {stretch.z!r}")
+        if getattr(self.positions, "tilt", None):
+            raise ValueError("stretch needs a box without tilt")
         self._check_faces("stretch")
 
     def _check_faces(self, key: str) -> None:
         """Check that a box can change its size."""
-        if getattr(self.positions, "tilt", None):
-            raise ValueError(f"{key} needs a box without tilt")
         if self.engine.boundary != "f":  # LAMMPS sets such faces itself
             raise ValueError(f"{key} needs faces that are periodic or fixed, found boundary {self.engine.boundary}")
 

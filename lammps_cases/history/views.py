@@ -29,7 +29,7 @@ class RunDifference:
     @property
     def sentence(self) -> str:
         """The difference in a few words."""
-        parts = [f"{kind} of {count}" for kind, count in self.changed.items() if count]
+        parts = [f"other {kind} in {count}" for kind, count in self.changed.items() if count]
         text = ", ".join(parts) if parts else "same" if self.common else "no case in common"
         more = [f"{count} {word}" for word, count in (("new", self.new), ("not run", self.gone)) if count]
         return f"{text} ({', '.join(more)})" if more else text

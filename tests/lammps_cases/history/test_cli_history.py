@@ -50,7 +50,7 @@ def test_the_runs_are_listed_with_what_changed(command: Callable[..., Outcome], 
     first, second = (line for line in ended.out.splitlines() if "2026-11-" in line)
     assert "2 pass" in first
     assert "first run" in first
-    assert "9.0: verdict of 1, bits of 1" in second
+    assert "9.0: other verdict in 1, other bits in 1" in second
     assert (tmp_path / "out" / "history.html").exists()
 
 

@@ -163,7 +163,7 @@ def test_the_page_says_what_changed(history: History, tmp_path: Path) -> None:
     assert "1.0 to 2.0: 1 case (verdict of 1, bits of 1)" in text
     assert "pass to differs" in text
     assert "Cases that changed (1 of 2)" in text
-    assert "1.0: verdict of 1, bits of 1, finding of 1" in text  # the run of the second day
+    assert "1.0: other verdict in 1, other bits in 1, other finding in 1" in text  # the run of the second day
 
 
 def _past(history: History, record: RunRecord) -> Past:

@@ -143,7 +143,7 @@ def test_a_run_is_told_from_the_one_before_and_from_the_engine_before(history: H
     assert again.same is not None
     assert again.same.sentence == "same"
     assert late.before is not None  # nothing of the version before it is older
-    assert (late.before.label, late.before.sentence) == (NEW, "verdict of 1, bits of 1, finding of 1")
+    assert (late.before.label, late.before.sentence) == (NEW, "other verdict in 1, other bits in 1, other finding in 1")
 
 
 def test_what_is_chosen_does_not_change_what_a_run_is_compared_with(history: History) -> None:
@@ -161,7 +161,7 @@ def test_parts_of_a_run_add_up_and_a_case_renamed_is_new(tmp_path: Path) -> None
         old, new = views.case_views(history, history.runs(), ["b", "renamed"])
     assert last.same is not None
     assert (last.same.common, last.same.new, last.same.gone, last.same.changed["bits"]) == (2, 1, 0, 1)
-    assert last.same.sentence == "bits of 1 (1 new)"
+    assert last.same.sentence == "other bits in 1 (1 new)"
     assert (len(old.spans), len(new.spans)) == (1, 1)
     assert new.spans[0].since == "2026-11-03"
 

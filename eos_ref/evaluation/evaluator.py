@@ -271,9 +271,11 @@ class Evaluator(ABC):
 
     def _cross_type(self, shift: Axes, rho_n: Array, keep: float, cmin: float, wmin: float) -> Axes:
         gradient, color_n, same_n = self.color_sums(self.volume_of_wall(rho_n))
-        normal = self.cross_type_normal(gradient)
-        along = (1 - keep) * dot(normal, shift)
-        scaled = [s - n * along for s, n in zip(shift, normal, strict=True)]
+        scaled = shift
+        if keep != 1:  # else nothing is taken out, whatever the normal is: also where it has no direction
+            normal = self.cross_type_normal(gradient)
+            along = (1 - keep) * dot(normal, shift)
+            scaled = [s - n * along for s, n in zip(shift, normal, strict=True)]
         return [
             where(same_n < wmin, 0.0, where(color_n >= cmin, new, old)) for new, old in zip(scaled, shift, strict=True)
         ]

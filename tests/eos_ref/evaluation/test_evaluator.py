@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from eos_ref.evaluation.pairs import directed_pairs
 from eos_ref.model.box import Box
 from eos_ref.model.parameters import Thermal, Viscosity
 from eos_ref.numbers.rounded import Decision, Rounded, value
+from eos_ref.syntax.fixes import Shift
 from tests.support.particle_scenes import CS, MASS, RHO0, Scene, scene
 
 U = 2.0**-53  # unit roundoff
@@ -35,6 +38,19 @@ def test_both_evaluators_have_one_constructor() -> None:
     assert (settled.skin, settled.threads) == (0.25, 2)
     with pytest.raises(InputError, match="threads: must be a whole number, at least 1, found 0"):
         CompiledEvaluator(built.model, built.box, s.type_n, s.solid_n, threads=0)
+
+
+@pytest.mark.parametrize(("left", "bounded"), [(1.0, True), (0.5, False)])
+def test_a_shift_of_which_all_is_left_needs_no_normal(left: float, bounded: bool) -> None:
+    """In a regular lattice rounding alone is left of the gradient of the color function: it has no direction."""
+
+    class Undirected(ArrayEvaluator):
+        def cross_type_normal(self, gradient: Any) -> Any:
+            return [Rounded(value(n), np.full(self.n, np.inf)) for n in super().cross_type_normal(gradient)]
+
+    simulation = scene(2, shift=Shift(scale_cross_type=(left, 0.0, 0.0))).simulate(["shift/v"])
+    simulation.evaluate()
+    assert np.isfinite(simulation.rounded(Undirected).fields["shift/v"].error).all() == bounded
 
 
 def test_a_class_is_open_where_its_error_is() -> None:

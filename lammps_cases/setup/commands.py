@@ -92,7 +92,7 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
     for step in sorted({*read, *stops}):
         # Without pre no a run begins with an evaluation of its own, which a continued run does not have.
         again = "" if done is None or every else "pre no "
-        ends = _ends(evolve, done or 0)
+        ends = _ends(evolve, done)
         yield RunCommand(f"run {step - (done or 0)} {again}post no{ends}{every}", step in read and step not in stops)
         if step in stops:
             yield between(stops[step])
@@ -101,16 +101,17 @@ def _runs(scene: Scene, every_step: bool, between: Callable[[Stop], Interlude]) 
         done = step
 
 
-def _ends(evolve: Evolve | None, step: int) -> str:
+def _ends(evolve: Evolve | None, step: int | None) -> str:
     """Return the words by which the pieces of a run know its beginning and end: fix deform goes from one to the other.
 
-    Of the run that has, or begins with, a step; a run that has no step moves nothing.
+    Of the run that has, or begins with, a step, None: of the first, before a stop at step 0 sets LAMMPS' count; a run
+    that has no step moves nothing.
     """
     if not (evolve and evolve.deform):
         return ""
-    begin = max((stop.at for stop in evolve.stops if stop.at <= step), default=0)
-    end = min((stop.at for stop in evolve.stops if stop.at > step), default=evolve.steps)
-    (start,) = evolve.counted((begin,))
+    begin = max((stop.at for stop in evolve.stops if stop.at <= (step or 0)), default=0)
+    end = min((stop.at for stop in evolve.stops if stop.at > (step or 0)), default=evolve.steps)
+    (start,) = (0,) if step is None else evolve.counted((begin,))
     return f" start {start} stop {start + end - begin}"
 
 

@@ -200,6 +200,17 @@ def test_pieces_of_a_run_know_its_ends_where_the_box_grows(case_file: Write) -> 
     assert told == [f"run {n} {pre}post no {ends}" for n, pre, ends in (*pieces, ("3", "pre no ", after))]
 
 
+def test_the_first_piece_comes_before_a_stop_sets_the_count(case_file: Write) -> None:
+    """LAMMPS refuses a run that is said to begin after its count."""
+    evolve = {"steps": 2, "timestep": 0.1, "deform": {"x": 0.3}, "stops": [{"at": 0, "count": 7}]}
+    runs = job_of(case_file(compare=["f"], evolve=evolve)).runs
+    told = [run.command for run in runs if isinstance(run, RunCommand)]
+    assert told == [
+        *("run 0 post no start 0 stop 2", "run 0 post no start 7 stop 9"),
+        *("run 1 pre no post no start 7 stop 9" for _ in range(len(told) - 2)),
+    ]
+
+
 def test_a_box_that_comes_to_lean_is_a_prism(case_file: Write) -> None:
     evolve = {"steps": 5, "timestep": 0.1, "deform": {"xy": 0.3, "remap": "v"}}
     given = job_of(case_file(compare=["f"], evolve=evolve))

@@ -33,11 +33,15 @@ def problem(case_file: Callable[..., Path], units: str = "lj") -> Problem:
 
 def test_everything_moves_a_little(case_file: Callable[..., Path]) -> None:
     one = problem(case_file)
+    own = {"energy_n": one.state.rho_n + 1, "mass_n": one.state.rho_n + 2}
+    one = replace(one, state=replace(one.state, **own), timestep=0.3)
     other = moved_input(one, np.random.default_rng(1))
-    for name in ("x_nc", "v_nc", "rho_n"):
+    for name in ("x_nc", "v_nc", "rho_n", *own):
         ours, theirs = getattr(one.state, name), getattr(other.state, name)
-        far = np.abs(theirs - ours) / np.abs(ours)
-        assert (far > 0).all() and far.max() < ROUNDING + 2.0**-52
+        far = (theirs - ours) / ours
+        assert np.abs(np.abs(far) - ROUNDING).max() < 2.0**-52
+        assert far.min() < 0 < far.max(), "each by itself"
+    assert abs(abs(other.timestep / one.timestep - 1) - ROUNDING) < 2.0**-52
     model, moved = one.model, other.model
     assert moved.mass_t != model.mass_t and moved.fix.rho0 != model.fix.rho0 and moved.viscosity != model.viscosity
     assert moved.eos[1].parameter != model.eos[1].parameter

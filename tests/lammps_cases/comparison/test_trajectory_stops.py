@@ -11,7 +11,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
-from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, visit, wanted
+from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, shaken, visit, wanted
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
@@ -114,6 +114,31 @@ def test_bounds_of_a_box_that_changes_hold_the_way_to_fractions_and_back() -> No
         for box in (None, Box(of.box.low_c, tuple(1.3 * high for high in of.box.high_c), of.box.periodic))
     )
     assert 6 * EPS * 1.3 * max(of.box.high_c) < plain + changed < 16 * EPS * max(of.box.high_c)
+
+
+@pytest.mark.parametrize("shear", [(), (0.7,)])
+def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float, ...]) -> None:
+    """Six of each corner and tilt, up or down, whatever the edges."""
+    of, signs = problem("stretched.fluid.once"), set()
+    by, begun_in = Deform((0.5, -0.2), shear=shear), replace(of.box, low_c=(-9.0, 1.0), tilt=(0.3,))
+    plain = by.box(begun_in, 0.25)
+    for seed in range(9):
+        steps = shaken(Simulation, np.random.default_rng(seed))
+        sim = steps(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+        sim.begun = begun_in
+        box = sim.grown(by, 0.25)
+        size_c = 6 * EPS * np.maximum(np.abs(plain.low_c), np.abs(plain.high_c))
+        tilt_size = 6 * EPS * np.abs(plain.tilt) * bool(shear)
+        for moved, end, size in (
+            (box.low_c, plain.low_c, size_c),
+            (box.high_c, plain.high_c, size_c),
+            (box.tilt, plain.tilt, tilt_size),
+        ):
+            far = np.subtract(moved, end)
+            assert (np.abs(np.abs(far) - size) <= EPS / 2 * np.abs(end)).all()
+            signs |= set(np.sign(far).tolist())
+        assert (box.periodic, len(box.tilt)) == (plain.periodic, 1)
+    assert {-1.0, 1.0} <= signs
 
 
 def test_stops_behind_the_last_step_are_none() -> None:

@@ -115,7 +115,8 @@ def test_a_difference_between_the_runs_is_blamed_on_the_original_s_atom(make: Ma
     assert record.verdict == "differs" and record.blame is not None and not record.not_same_problem
     assert [field.field for field in record.fields if field.verdict == "differs"] == ["f"]
     assert (record.blame.field, record.blame.stage, record.blame.step, record.blame.atom) == ("f", "twin", 2, 7)
-    assert record.blame.lammps - record.blame.reference == pytest.approx(0.5 if side == 0 else -0.5)
+    apart = record.blame.lammps - record.blame.reference
+    assert abs(apart - (0.5 if side == 0 else -0.5)) <= record.blame.bound
     assert record.message.startswith(f"LAMMPS against itself (twin: {kind}): f (stage twin) leaves its bound at step 2")
 
 

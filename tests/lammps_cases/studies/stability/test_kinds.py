@@ -12,6 +12,7 @@ from eos_ref.eos import laws
 from lammps_cases.studies.stability import kinds
 from lammps_cases.studies.stability.kinds import Observation, ParticleFailure
 from lammps_cases.studies.stability.model import KINDS, FailureCriteria
+from tests.support.roundings import rounded
 from tests.support.stability_scenes import brute_moments, channel
 
 START = channel()
@@ -24,6 +25,7 @@ ENERGY = kinds.kinetic_energy(OF.mass_n, V)
 WATCH = FailureCriteria(
     growth=4.0, closest=0.5, hyperbolic=True, pressure=True, behind=(1, 1.7), surface={10: 0, 60: 1}, condition=1e12
 )
+
 LOOK = Observation(7, X, V, np.ones(N), np.full(N, 0.5), None, np.where(OF.id_n == 60, 1.0, 0.0))
 K = 40  # a fluid particle far from all faces
 WALL = int(np.flatnonzero(OF.solid_n)[0])
@@ -99,14 +101,14 @@ def test_solids_may_lie_behind_a_wall_and_close_together() -> None:
 def test_clumping_is_seen_through_a_periodic_face() -> None:
     first = int(FLUID[np.argmin(np.where(np.abs(X[FLUID, 1] - 4.5) < 0.3, X[FLUID, 0], np.inf))])
     look = put(x_nc=(first + 3, (X[first, 0] - 0.25 + 8.0, X[first, 1])))
-    assert seen(look) == ParticleFailure("clumping", first + 1, pytest.approx(0.25))
+    assert seen(look) == ParticleFailure("clumping", first + 1, rounded(0.25, 4, terms=8.0))
 
 
 def test_penetration_is_seen_in_any_image() -> None:
     of = replace(OF, box=replace(OF.box, periodic=(True, True)))
     look = put(x_nc=(K, (3.0, 1.65 - 14.0)))
     assert kinds.FailureDetectors(of, WATCH, look, None).wall_penetration() == ParticleFailure(
-        "wall penetration", K + 1, pytest.approx(1.65)
+        "wall penetration", K + 1, rounded(1.65, 2, terms=14.0)
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -111,13 +111,7 @@ def _judge(
     fail_on: FailOn,
     as_json: bool,
 ) -> int:
-    """Judge claims by finished runs, and by runs of the cases needed on some engines; write the page.
-
-    Returns
-    -------
-    int
-        The exit code of the command.
-    """
+    """Judge claims by finished runs, and by runs of the cases needed on some engines; return the exit code."""
     from lammps_cases.claims import model, page
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.verdicts import BROKEN, of_all, of_run
@@ -135,13 +129,8 @@ def _judge(
         Column(label, run.engine, folder / "report.html", of_run(chosen, run, case_names))
         for label, (run, folder) in zip(labels, answers, strict=True)
     ]
-    extra = model.without_claim()
-    unforeseen = [
-        (label, case)
-        for label, (run, _) in zip(labels, answers, strict=True)
-        for case in run.cases
-        if case.case in extra and not case.as_expected
-    ]
+    runs_by_label = [(label, run) for label, (run, _) in zip(labels, answers, strict=True)]
+    unforeseen = _unforeseen(runs_by_label, model.without_claim())
     broken = [case.case for run, _ in answers for case in run.cases if case.verdict in BROKEN]
     unexpected = dict.fromkeys([*broken, *(case.case for _, case in unforeseen)])
     headline = of_all([column.judged for column in columns], list(unexpected), fail_on)
@@ -155,6 +144,13 @@ def _judge(
         click.echo(f"page: {out / 'claims.html'}")
         shared.say(headline)
     return 3 if broken else int(headline.state == "FAIL")
+
+
+def _unforeseen(runs: Iterable[tuple[str, RunRecord]], unclaimed: Container[str]) -> list[tuple[str, CaseRecord]]:
+    """Return the cases of no claim that did not end as expected, each with the label of its run."""
+    return [
+        (label, case) for label, run in runs for case in run.cases if case.case in unclaimed and not case.as_expected
+    ]
 
 
 def _manuals(chosen: Sequence[Claim], as_json: bool) -> int:

@@ -15,6 +15,7 @@ from click.core import ParameterSource
 from lammps_cases.cli import shared
 
 if TYPE_CHECKING:
+    from lammps_cases.ci.kits.files import KitFile
     from lammps_cases.run.shards import Costs
 
 
@@ -58,10 +59,6 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
     """
     from eos_ref import InputError
     from lammps_cases.ci.kits.files import KITS, in_repository, in_shards, kit, write
-    from lammps_cases.engine import installations
-    from lammps_cases.engine.session import EngineMissing
-    from lammps_cases.upstream.examples import example_files
-    from lammps_cases.upstream.files import kit_files
 
     if name is None:
         kits = [{"kit": each.name, "about": each.about, "files": list(each.files)} for each in KITS]
@@ -82,12 +79,7 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
         if chosen.tests:
             if out is None and not as_json:
                 raise InputError("--out", "must be given: the kit has a hundred files", where="kit unittest")
-            files += kit_files()
-            try:
-                files += example_files(installations.resolve("env"), out)
-            except EngineMissing as error:
-                files += example_files(None)
-                notes.append(f"the decks come without logs: {error}")
+            files += _upstream_files(out, notes)
         if "OWNER/" in repository:
             notes.append(f"replace {repository} by your repository (--repository)")
     written = write(files, out) if out else []
@@ -97,10 +89,7 @@ def kit_command(name: str | None, out: Path | None, repository: str, shards: int
         for path in written:
             click.echo(path)
     else:
-        for file in files:
-            if len(files) > 1:
-                click.echo(f"# ----- {file.path}")
-            click.echo(file.content, nl=False)
+        _print(files)
     for note in notes:
         click.echo(note, err=True)
     return 0
@@ -115,6 +104,29 @@ def _check_options(name: str, others: Sequence[str]) -> None:
         given = context.get_parameter_source(str(param.name)) is ParameterSource.COMMANDLINE
         if given and param.opts[0] in others:
             raise InputError(f"option {param.opts[0]}", "is not one of this kit", name)
+
+
+def _upstream_files(out: Path | None, notes: list[str]) -> list[KitFile]:
+    """Return the tests and decks for LAMMPS' own tree; note it if no LAMMPS is there that writes the decks' logs."""
+    from lammps_cases.engine import installations
+    from lammps_cases.engine.session import EngineMissing
+    from lammps_cases.upstream.examples import example_files
+    from lammps_cases.upstream.files import kit_files
+
+    files = kit_files()
+    try:
+        return [*files, *example_files(installations.resolve("env"), out)]
+    except EngineMissing as error:
+        notes.append(f"the decks come without logs: {error}")
+        return [*files, *example_files(None)]
+
+
+def _print(files: Sequence[KitFile]) -> None:
+    """Print files one after the other, each under its path if there are more than one."""
+    for file in files:
+        if len(files) > 1:
+            click.echo(f"# ----- {file.path}")
+        click.echo(file.content, nl=False)
 
 
 def _costs(words: list[str], shards: int) -> tuple[Costs, str]:

@@ -101,12 +101,16 @@ def run_command(
             )
         changes = () if baseline is None else _against(baseline, run, folder, {case.name for case in every}, as_json)
     if not as_json:
-        for line in _notes([case for case in chosen if not case.shipped], run):
-            shared.show(line, "  ", fg="yellow")
-    if profile and not as_json:
-        for line in shared.stages(run):
-            click.echo(line)
+        _show(_notes([case for case in chosen if not case.shipped], run), shared.stages(run) if profile else ())
     return shared.finish(run, folder, as_json, changes)
+
+
+def _show(notes: Iterable[str], stages: Iterable[str]) -> None:
+    """Print notes in yellow, and where the processor time went."""
+    for line in notes:
+        shared.show(line, "  ", fg="yellow")
+    for line in stages:
+        click.echo(line)
 
 
 def _notes(own: Sequence[Case], run: RunRecord) -> Iterator[str]:

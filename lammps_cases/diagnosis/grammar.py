@@ -365,6 +365,16 @@ _KEYWORDS: dict[str, Callable[[Model], Model]] = {
 # --- time steps
 
 
+def _without_half(which: int) -> Callable[..., Any]:
+    """Return what leaves out every first (1) or second (0) call of a simulation's method."""
+
+    def call(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
+        sim.halves = getattr(sim, "halves", 0) + 1
+        return None if sim.halves % 2 == which else plain(*given)
+
+    return call
+
+
 def _of_steps() -> Iterator[Change]:
     parts = (
         ("the change of density in half a step", "_continuity"),
@@ -386,19 +396,11 @@ def _of_steps() -> Iterator[Change]:
         ("the accelerations kept for walls", "keep_forces"),
     ):
         yield Change(f"{target} were left out", target, stepping=step_part(method, lambda plain, sim, given: None))
-
-    def first_only(which: int) -> Callable[..., Any]:
-        def call(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
-            sim.halves = getattr(sim, "halves", 0) + 1
-            return None if sim.halves % 2 == which else plain(*given)
-
-        return call
-
     for which, words in ((1, "first"), (0, "second")):
         yield Change(
             f"the {words} half of the change of density were left out",
             "the change of density in half a step",
-            stepping=step_part("_continuity", first_only(which)),
+            stepping=step_part("_continuity", _without_half(which)),
         )
     yield Change(
         "the gradients of the first half step were those of the evaluation before",

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import weakref
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -210,26 +210,31 @@ def particles(atoms: ase.Atoms, scene: Scene) -> Atoms:
     return made
 
 
+def _type(model: Model, t: int) -> dict[str, Any]:
+    """Return the keys of an atom type in a scene."""
+    fix, law = model.fix, model.viscosity[t]
+    given: dict[str, Any] = {"mass": model.mass_t[t], "rho0": fix.rho0 and fix.rho0[t], "cs": fix.cs and fix.cs[t]}
+    given["viscosity"] = (
+        law.eta if law.style == "constant" else {"eta": law.eta, "gd0": law.gd0, "K": law.K, "n": law.n}
+    )
+    if model.thermal:
+        thermal = vars(model.thermal[t])
+        given |= {name: value for name, value in thermal.items() if value or name != "latent_heat"}
+    return given
+
+
+def _pressure(model: Model) -> Iterator[dict[str, Any]]:
+    """Yield the groups of fix rheo/pressure in a scene."""
+    for t, eos in enumerate(model.eos, 1):
+        argument = {} if eos.law.parameter is None else {eos.law.parameter: eos.parameter}
+        yield {"types": str(t), "style": eos.style, **argument}
+        if eos.background:
+            yield {"types": str(t), "style": "background", "P_b": eos.background}
+
+
 def scene_of(model: Model) -> Scene:
     """Return a scene with the settings of a model, and a single particle."""
     fix, pair, d = model.fix, model.pair, model.dimension
-    types: list[dict[str, Any]] = []
-    for t, mass in enumerate(model.mass_t):
-        law = model.viscosity[t]
-        given: dict[str, Any] = {"mass": mass, "rho0": fix.rho0 and fix.rho0[t], "cs": fix.cs and fix.cs[t]}
-        given["viscosity"] = (
-            law.eta if law.style == "constant" else {"eta": law.eta, "gd0": law.gd0, "K": law.K, "n": law.n}
-        )
-        if model.thermal:
-            thermal = vars(model.thermal[t])
-            given |= {name: value for name, value in thermal.items() if value or name != "latent_heat"}
-        types.append(given)
-    pressure = []
-    for t, eos in enumerate(model.eos, 1):
-        argument = {} if eos.law.parameter is None else {eos.law.parameter: eos.parameter}
-        pressure.append({"types": str(t), "style": eos.style, **argument})
-        if eos.background:
-            pressure.append({"types": str(t), "style": "background", "P_b": eos.background})
     forces = [
         {"style": force.style, "vector": force.vector, "types": str(t)}
         for force in model.forces
@@ -240,9 +245,9 @@ def scene_of(model: Model) -> Scene:
         {
             "units": model.units,
             "dimension": d,
-            "types": types,
+            "types": [_type(model, t) for t in range(len(model.mass_t))],
             "positions": {"x": [[0.5] * d], "low": [0.0] * d, "high": [1.0] * d},
-            "pressure": pressure,
+            "pressure": list(_pressure(model)),
             "compare": list(FIELDS_OF.values()),
             "forces": forces,
             "energy": {"constant": 1.0} if fix.thermal else None,

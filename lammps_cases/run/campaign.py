@@ -86,17 +86,10 @@ def run_cases(
     with output_folder(directory, resume) as folder:
         campaign = Campaign(cases, folder, options, progress, store)
         try:
-            drawn = campaign.judge(engine, jobs, command)
-            campaign.collect()  # and what workers left half-written that were killed goes
-            run = campaign.run()
-            run.triage = triaged(run, cases, folder, store)
-            run.seconds = round(time.perf_counter() - begin, 3)
-            with stage("report"):
-                write_run(run, folder, drawn, history.past(run))
+            run = _finished(campaign, campaign.judge(engine, jobs, command), begin)
             if lost := campaign.lost():
-                rule = (
-                    f"lost {wording.counted(len(lost), 'judged case')} while the run was made; --resume does the rest"
-                )
+                cases_lost = wording.counted(len(lost), "judged case")
+                rule = f"lost {cases_lost} while the run was made; --resume does the rest"
                 raise InputError("output folder", rule, where=str(directory))
         except InputError as error:
             raise (error if error.where or not campaign.begun else error.at(str(directory))) from None
@@ -110,6 +103,17 @@ def run_cases(
     history.collect(run, directory)
     if store and run.predictions.computed:
         store.trim()
+    return run
+
+
+def _finished(campaign: Campaign, drawn: dict[str, Drawn], begin: float) -> RunRecord:
+    """Return the record of a campaign whose cases are judged, and write the report."""
+    campaign.collect()  # and what workers left half-written that were killed goes
+    run = campaign.run()
+    run.triage = triaged(run, campaign.cases, campaign.folder, campaign.store)
+    run.seconds = round(time.perf_counter() - begin, 3)
+    with stage("report"):
+        write_run(run, campaign.folder, drawn, history.past(run))
     return run
 
 

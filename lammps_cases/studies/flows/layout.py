@@ -89,20 +89,7 @@ def start(
     n = len(x_nc)
     dt = times[0] / math.ceil(times[0] / timestep)
     steps = tuple(round(t / dt) for t in times)
-    rheo = {"kernel": options.kernel, "cut": options.cut, "zmin": options.zmin, "rho_sum": options.rho_sum}
-    parsed = Scene.model_validate(
-        {
-            "dimension": 2,
-            "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have some
-            "pressure": ({"types": "*", "style": "linear"},),
-            "rho": None if options.rho_sum else {"ratio": (1.0, 1.0)},
-            "energy": None if e_n is None else {"constant": 1.0},
-            "evolve": {"steps": steps[-1], "timestep": dt, "compare_at": steps},
-            "compare": ("x", "v", "rho", "pressure", *(["energy"] if e_n is not None else [])),
-            **scene,
-            "rheo": {**rheo, **scene.get("rheo", {})},
-        }
-    )
+    parsed = _scene(scene, options, steps, dt, with_energy=e_n is not None)
     types_n = np.ones(n, int) if type_n is None else type_n
     mass_n = np.array([t.mass for t in parsed.types])[types_n - 1]
     rho0_n = np.array(parsed.rho0 or (1.0,) * len(parsed.types))[types_n - 1]
@@ -121,6 +108,26 @@ def start(
         energy_n=None if e_n is None else mass_n * e_n,
     )
     return Start(Case(name, "", (), parsed, Path("flows")), atoms, steps, dt, body)
+
+
+def _scene(
+    scene: Mapping[str, Any], options: Options, steps: tuple[int, ...], timestep: float, with_energy: bool
+) -> Scene:
+    """Return the scene of a flow, but for its particles."""
+    rheo = {"kernel": options.kernel, "cut": options.cut, "zmin": options.zmin, "rho_sum": options.rho_sum}
+    return Scene.model_validate(
+        {
+            "dimension": 2,
+            "positions": {"lattice": "sq", "spacing": 1.0, "cells": (1, 1)},  # a scene must have some
+            "pressure": ({"types": "*", "style": "linear"},),
+            "rho": None if options.rho_sum else {"ratio": (1.0, 1.0)},
+            "energy": {"constant": 1.0} if with_energy else None,
+            "evolve": {"steps": steps[-1], "timestep": timestep, "compare_at": steps},
+            "compare": ("x", "v", "rho", "pressure", *(["energy"] if with_energy else [])),
+            **scene,
+            "rheo": {**rheo, **scene.get("rheo", {})},
+        }
+    )
 
 
 def relative(error_n: FloatArray, scale_n: FloatArray) -> float:

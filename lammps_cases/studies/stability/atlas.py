@@ -82,20 +82,25 @@ def measure(
     with Workers(site, jobs) as workers, probe.examiner(workers, limit) as examiner:
         about = workers.identify().result()
         about["library_sha256"] = library_sha256(about.pop("library", ""))
-        map_lines = [
-            MapLine(of.id, layer, y, engine)
-            for of in maps
-            for layer in of.layers
-            for y in of.lines_run(quick)
-            for engine in engines
-            if engine in of.engines(layer)
-        ]
+        map_lines = _lines(maps, engines, quick)
         key = functools.partial(cell_key, about=about, limit=limit)
         results = Survey({of.id: of for of in maps}, map_lines, examiner, key, out, progress).run(2 * workers.count)
     records = tuple(map_record(of, quick, results, engines) for of in maps)
     atlas = Atlas(command, before, about, quick, time.perf_counter() - begin, records)
     record.write(atlas, out)
     return atlas
+
+
+def _lines(maps: Sequence[StabilityMap], engines: Sequence[Engine], quick: bool) -> list[MapLine]:
+    """Return the lines of maps that are run, each on every engine that runs its layer."""
+    return [
+        MapLine(of.id, layer, y, engine)
+        for of in maps
+        for layer in of.layers
+        for y in of.lines_run(quick)
+        for engine in engines
+        if engine in of.engines(layer)
+    ]
 
 
 def cell_key(of: StabilityMap, cell: MapCell, side: Engine, *, about: dict[str, str], limit: float) -> str:

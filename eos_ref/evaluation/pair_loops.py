@@ -42,9 +42,9 @@ def near(
     x_nc: FloatArray, i_p: IntArray, j_p: IntArray, shift_pc: FloatArray, cut: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return those of some pairs with r < cut; of displacements there may be one row for all."""
-    found = np.empty((3, len(i_p)), np.int64)
-    count = _near(np.ascontiguousarray(x_nc), i_p, j_p, shift_pc, cut, *found)
-    i, j, p = found[:, :count]
+    near_3p = np.empty((3, len(i_p)), np.int64)
+    count = _near(np.ascontiguousarray(x_nc), i_p, j_p, shift_pc, cut, *near_3p)
+    i, j, p = near_3p[:, :count]
     return i, j, np.broadcast_to(shift_pc, (count, x_nc.shape[1])) if len(shift_pc) == 1 else shift_pc[p]
 
 

@@ -100,8 +100,8 @@ class Simulation:
     def _start(self, state: State, evaluator: Evaluator, fields: tuple[str, ...]) -> None:
         self.model, self.box, self.state = evaluator.model, evaluator.box, state
         self.evaluator: Evaluator = evaluator
-        self.asked = fields or quantities.needed_to_step(self.model)
-        self.plan = quantities.required(self.model, self.asked)
+        self.fields_needed = fields or quantities.needed_to_step(self.model)
+        self.plan = quantities.required(self.model, self.fields_needed)
         self.other_nc: Any = np.zeros(state.x_nc.shape)  # acceleration that is not pressure's; see `keep_forces`
         self.fields: dict[str, Any] = {}
         self.gradient, self.surface = Gradients(), Surface()
@@ -369,7 +369,9 @@ class Simulation:
     def _check_steps(self) -> None:
         missing = [field for field in quantities.needed_to_step(self.model) if field not in self.plan]
         if missing:
-            raise InputError("fields", f"must name what time steps need: {', '.join(missing)}", ", ".join(self.asked))
+            raise InputError(
+                "fields", f"must name what time steps need: {', '.join(missing)}", ", ".join(self.fields_needed)
+            )
 
     def _half_step_gradients(self) -> Gradients:
         s, fix = self.state, self.model.fix

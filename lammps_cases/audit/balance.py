@@ -97,7 +97,7 @@ def parts(case: CaseRecord) -> list[Part]:
     if exact is None or not case.series:
         return []
     right = next(series for series in case.series if series.name == AS_IT_IS)
-    found = []
+    deviations = []
     for series in [measured(case), *case.series]:
         own = deviation(exact, series)
         at = max((step for step in series.steps if step in exact.steps), default=0)
@@ -105,8 +105,8 @@ def parts(case: CaseRecord) -> list[Part]:
         away = None if own is None or reference is None or series is right or series.name == LAMMPS else reference - own
         if away is not None and series.findings:  # which such a run has, and the reference as it is has not
             away = -away
-        found.append(Part(series.name, at, own, away, series.ended))
-    return found
+        deviations.append(Part(series.name, at, own, away, series.ended))
+    return deviations
 
 
 def log_deviation(exact: ClosedRecord | None, columns: Mapping[str, Sequence[float]]) -> tuple[int, float] | None:

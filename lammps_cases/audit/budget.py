@@ -199,12 +199,12 @@ class Rates:
     def residuals(self, plain: Rates) -> dict[str, Array]:
         """Return the sums that vanish where the formulas conserve, each in every element; the momentum's largest."""
         sums = [summed(f_n) for f_n in axes(self.force_nc)]
-        found: dict[str, Array] = {"momentum": max(sums, key=lambda of: abs(value(of)[0]))}
+        sums_by_name: dict[str, Array] = {"momentum": max(sums, key=lambda of: abs(value(of)[0]))}
         if self.compressed_n is not None:
-            found["energy of pressure"] = plain._power(plain.pressure_force_nc) + summed(self.compressed_n)
+            sums_by_name["energy of pressure"] = plain._power(plain.pressure_force_nc) + summed(self.compressed_n)
         if self.model.thermal is not None:
-            found["heat"] = summed(self.heat_n)
-        return found
+            sums_by_name["heat"] = summed(self.heat_n)
+        return sums_by_name
 
     def _power(self, force_nc: Array) -> Array:
         """Return the work of forces per time."""

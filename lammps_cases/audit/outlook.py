@@ -88,7 +88,7 @@ def _cause(attempts: _Attempts, engine: str, taken: int) -> OutlookRecord:
     """
     good = attempts.good
 
-    def found(cause: Cause, entries: Sequence[Finding] = (), after: int | None = None) -> OutlookRecord:
+    def record(cause: Cause, entries: Sequence[Finding] = (), after: int | None = None) -> OutlookRecord:
         names = [entry.id for entry in entries]
         return OutlookRecord(
             cause=cause, findings=names, run=good.run, step=good.step, taken=taken, after=after, steps=attempts.count
@@ -97,12 +97,12 @@ def _cause(attempts: _Attempts, engine: str, taken: int) -> OutlookRecord:
     after = attempts.runaway(good.timestep, ())
     if after is not None:
         finer = attempts.runaway(good.timestep / FINER, (), 2 * FINER * after)
-        return found("set-up" if finer is not None else "time step", after=after)
+        return record("set-up" if finer is not None else "time step", after=after)
     for entries in _sets(touching(good.sample, engine)):
         after = attempts.runaway(good.timestep, entries)
         if after is not None:
-            return found("findings", entries, after)
-    return found("not understood")
+            return record("findings", entries, after)
+    return record("not understood")
 
 
 def _sets(entries: Sequence[Finding]) -> Iterator[tuple[Finding, ...]]:

@@ -75,9 +75,9 @@ def _rows(*columns: Array) -> list[str]:
     return [" ".join(map(repr, row)) for row in zip(*lists, strict=True)]
 
 
-def write(asked: PairShare, folder: Path) -> Path:
+def write(pairs: PairShare, folder: Path) -> Path:
     """Write the second deck into a folder, and return its path."""
-    (folder / DATA).write_text("\n".join(asked.data), encoding="utf-8")
+    (folder / DATA).write_text("\n".join(pairs.data), encoding="utf-8")
     script = folder / SCRIPT
-    script.write_text("\n".join([*asked.commands, ""]), encoding="utf-8")
+    script.write_text("\n".join([*pairs.commands, ""]), encoding="utf-8")
     return script

@@ -87,29 +87,29 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
     return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
 
 
-def _take_share(case: CaseRecord, findings: Findings, asked: PairShare, options: AuditOptions) -> None:
+def _take_share(case: CaseRecord, findings: Findings, pairs: PairShare, options: AuditOptions) -> None:
     """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
-    where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {asked.step}"
+    where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {pairs.step}"
     own = replace(options, fields=("f",), steps=None, keep=None, suffix=None, progress=SILENT)
     try:
         with tempfile.TemporaryDirectory(prefix="eos-ref-share-") as folder:
-            second = audit_deck(share.write(asked, Path(folder)), own).record.cases[0]
+            second = audit_deck(share.write(pairs, Path(folder)), own).record.cases[0]
         failure = second.engine_error
     except InputError as error:
         failure = str(error)
     compared = [] if failure else second.fields
     for record in compared:
-        told_of = {"worst_step": asked.step, "derivation": f"{where}; {record.derivation}"}
+        told_of = {"worst_step": pairs.step, "derivation": f"{where}; {record.derivation}"}
         case.fields.append(record.model_copy(update=told_of))
-        case.checks += [c.model_copy(update={"step": asked.step, "run": asked.run}) for c in second.checks]
+        case.checks += [c.model_copy(update={"step": pairs.step, "run": pairs.run}) for c in second.checks]
         if case.blame is None and second.blame is not None:
-            case.blame = second.blame.model_copy(update={"step": asked.step, "run": asked.run})
+            case.blame = second.blame.model_copy(update={"step": pairs.step, "run": pairs.run})
     failure = failure.replace(f"{folder}/", "")
     if compared:
-        of_forces = f"f with all that adds to it: {asked.reason}; compared is that {where}"
+        of_forces = f"f with all that adds to it: {pairs.reason}; compared is that {where}"
         case.unchecked.pop("f", None)
     else:
-        case.unchecked["f"] = f"{asked.reason}; {where} it cannot be had ({failure})"
+        case.unchecked["f"] = f"{pairs.reason}; {where} it cannot be had ({failure})"
         of_forces = f"f: {case.unchecked['f']}"
     case.not_checked = findings.not_checked(of_forces)
     case.verdict = worst([case.verdict, *(record.verdict for record in compared)])

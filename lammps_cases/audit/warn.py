@@ -140,10 +140,10 @@ class Questions:
             return
         prefix = "" if run == 1 else f"run {run}: "
         if self._judged is None or self._judged[0] != model:
-            far, found = lints(sample)
+            far, warnings = lints(sample)
             self._far |= {(t, model.eos[t]): line for t, line in far.items()}
-            self._lines += [prefix + line for subject, line in found.items() if subject not in self._said]
-            self._said |= found.keys()
+            self._lines += [prefix + line for subject, line in warnings.items() if subject not in self._said]
+            self._said |= warnings.keys()
         self._judged = model, timestep
         for advice in judge(model, sample.box, state, timestep):
             lines = self._lines if advice.warns else self.stability

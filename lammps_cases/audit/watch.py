@@ -298,9 +298,9 @@ class DeckWatch:
                 self._first = self._good
         self._judged += 1
         doubled = self._judged & (self._judged - 1) == 0
-        found = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
-        self._harmful |= {effect.finding for effect in found}
-        return found
+        harmful = tuple(effects(now, self.engine, self.runs, step)) if doubled else ()
+        self._harmful |= {effect.finding for effect in harmful}
+        return harmful
 
     def _budget(self, run: WatchedRun, step: int, setup: bool, with_findings: bool) -> tuple[BudgetRecord, ...]:
         """Return the conserved quantities of a sample if they are asked for, and the forces of all pairs are known."""

@@ -105,11 +105,11 @@ def claims() -> tuple[Claim, ...]:
         file = _read(name, _File)
         rows = [{**row, "page": page, "section": section} for section, of in file.sections.items() for row in of]
         every += _checked(rows, tuple[Claim, ...], name)
-    seen: set[str] = set()
+    ids: set[str] = set()
     for claim in every:
-        if claim.id in seen:
+        if claim.id in ids:
             raise InputError("claim", "must have an id of its own", claim.id)
-        seen.add(claim.id)
+        ids.add(claim.id)
     return tuple(every)
 
 

@@ -76,7 +76,7 @@ def write(columns: Sequence[Column], trace: Trace, path: Path, headline: Headlin
         verdicts=verdicts,
         present={verdict: count for verdict, count in verdicts.items() if count},
         kinds=[kind for kind in KINDS if any(claim.kind == kind for claim in claims)],
-        sections=[(page, title, list(found)) for (page, title), found in grouped],
+        sections=[(page, title, list(group)) for (page, title), group in grouped],
         findings=[
             (entry, [r for r in rows if any(entry.id in p.evidence.findings for p in r.proofs)])
             for entry in LEDGER

@@ -35,7 +35,7 @@ class Trace:
 def trace(claims: Sequence[Claim], cases: Iterable[str]) -> Trace:
     """Follow claims to cases (and probes), and back."""
     names = Names(cases)
-    every = {name for found in names.by_head.values() for name in found}
+    every = {name for names_of in names.by_head.values() for name in names_of}
     dangling = {c.id: [p for p in c.cases if not names.matching(p)] for c in claims}
     claimed = {name for claim in claims for name in names.of(claim)}
     reasons: dict[str, str] = {}

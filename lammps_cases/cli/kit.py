@@ -150,11 +150,11 @@ def _costs(words: list[str], shards: int) -> tuple[Costs, str]:
         given = option.name and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
         if given and option.name in OF_SHARDS:
             raise InputError("--run", "must leave to the kit what each shard has of its own", option.opts[0])
-    asked = context.params
-    cases = casefile.select(casefile.load(asked["paths"]), asked["names"], asked["tag"])
+    options = context.params
+    cases = casefile.select(casefile.load(options["paths"]), options["names"], options["tag"])
     if shards > len(cases):
         raise InputError("--shards", f"must be at most one for each of {counted(len(cases), 'case')}", shards)
-    installations.resolve(asked["engine"])  # nodes have no internet
+    installations.resolve(options["engine"])  # nodes have no internet
     place, slowest = history_file(), dict[str, float]()
     if place:
         with History(place) as history:

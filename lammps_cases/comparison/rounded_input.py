@@ -37,10 +37,10 @@ def moved_input(problem: Problem, random: np.random.Generator) -> Problem:
         if not is_dataclass(part) or isinstance(part, type):
             return part
         names = (field.name for field in fields(part) if field.init and field.name not in EXACT)
-        found = {name: moved(getattr(part, name)) for name in names}
+        moved_parts = {name: moved(getattr(part, name)) for name in names}
         if isinstance(part, Shift) and part.scale_cross_type:  # the first is a fraction, which may be 1 and no more
-            found["scale_cross_type"] = (part.scale_cross_type[0], *found["scale_cross_type"][1:])
-        return replace(part, **found)
+            moved_parts["scale_cross_type"] = (part.scale_cross_type[0], *moved_parts["scale_cross_type"][1:])
+        return replace(part, **moved_parts)
 
     s = problem.state
     x_nc, v_nc, rho_n = (array * sign(array.shape) for array in (s.x_nc, s.v_nc, s.rho_n))

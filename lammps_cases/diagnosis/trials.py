@@ -212,7 +212,7 @@ class HypothesisSearch:
     def singles(self) -> list[Tried]:
         """Return the single changes that reproduce a case; keep what all of them do to its first red field."""
         survivors: list[Tried] = []
-        seen: set[bytes] = set()
+        shapes: set[bytes] = set()
         try:
             for change in self._worth_trying():
                 self.tried += 1
@@ -223,8 +223,8 @@ class HypothesisSearch:
                 if self.case.nearer(values) and self.case.reproduced((change,), self.work, strictly=True):
                     survivors.append((change,))
                 shown = np.asarray(values[-1][self.case.field], float).ravel()
-                if np.isfinite(shown).all() and shown.tobytes() not in seen:
-                    seen.add(shown.tobytes())
+                if np.isfinite(shown).all() and shown.tobytes() not in shapes:
+                    shapes.add(shown.tobytes())
                     self.effects.append((change, shown))
         except Spent:
             self.spent = True

@@ -145,8 +145,8 @@ def size(text: str) -> int:
     ------
     InputError
     """
-    found = re.fullmatch(r"(\d{1,15})([MGT])", text, re.ASCII)
-    if found is None or not (most := int(found[1]) << {"M": 20, "G": 30, "T": 40}[found[2]]) < 2**63:
+    match = re.fullmatch(r"(\d{1,15})([MGT])", text, re.ASCII)
+    if match is None or not (most := int(match[1]) << {"M": 20, "G": 30, "T": 40}[match[2]]) < 2**63:
         raise InputError("memory", "must be a whole number of M, G or T bytes, as 4G", text)
     return most
 

@@ -112,9 +112,9 @@ def _pressures(
     if not case.budgets or case.budgets[0].press is None:
         return ()
     ranks = sorted({1, *(log.ranks for log in logs)})
-    asked = [(count, None) for count in ranks] + [(1, True)]
+    settings = [(count, None) for count in ranks] + [(1, True)]
     pressures = []
-    for count, newton in asked:
+    for count, newton in settings:
         task = workers.call(first_pressure, deck.path, count, newton, time_limit=LIMIT)
         outcome = workers.outcome(task, LIMIT)
         how = "on" if newton else "as in the deck"

@@ -77,17 +77,17 @@ class ImagesLeftBehind(FollowingLists):
 
     Attributes
     ----------
-    seen : positions and box of the last forces
+    at_forces : positions and box of the last forces
     behind : rows and distances of pairs between the two, while there are any
     """
 
-    seen: tuple[FloatArray, Box]
+    at_forces: tuple[FloatArray, Box]
     behind: tuple[IntArray, IntArray, FloatArray] | None = None
 
     def move(self, x_nc: Array) -> None:
         """Remember where the forces had the particles."""
         if self.behind is None:
-            self.seen = value(x_nc).astype(float), self.box
+            self.at_forces = value(x_nc).astype(float), self.box
         super().move(x_nc)
 
     def follow(self, x_nc: Array) -> None:
@@ -116,7 +116,7 @@ class ImagesLeftBehind(FollowingLists):
 
     def _moved(self, x_nc: FloatArray) -> tuple[NeighbourList, FloatArray, FloatArray]:
         """Return the list in use, where the last forces had its slots, and by what their particles have moved."""
-        listed, (seen_nc, box) = self.lists[self.at], self.seen
+        listed, (seen_nc, box) = self.lists[self.at], self.at_forces
         found_sc, row_s = listed.x_sc[:, : x_nc.shape[1]], listed.row_s
         before_sc, now_sc = (
             places_nc[row_s] + around.shift(around.periods(found_sc - places_nc[row_s]))

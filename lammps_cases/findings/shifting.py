@@ -130,7 +130,7 @@ class CorrectingFirst(Simulation):
     def _start(self, state: State, evaluator: Evaluator, fields: tuple[str, ...]) -> None:
         super()._start(state, evaluator, fields)
         if self.model.corrects_gradients:
-            self.plan = quantities.required(self.model, (*self.asked, "correction"))
+            self.plan = quantities.required(self.model, (*self.fields_needed, "correction"))
 
 
 class CorrectingShifts(CorrectingFirst, CountingSteps):

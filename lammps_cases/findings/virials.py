@@ -46,8 +46,8 @@ class VirialOfPlaces(FollowingLists):
         x, listed = value(x_nc).astype(float), self.lists[self.at]
         image_sc = self.box.periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
         forward_p = self.forward_p >= 0
-        slots = listed.pair_ps[np.where(forward_p, self.forward_p, self.backward_p)]
-        slot_p = np.where(forward_p, slots[:, 0], slots[:, 1])
+        rows_p2 = listed.pair_ps[np.where(forward_p, self.forward_p, self.backward_p)]
+        slot_p = np.where(forward_p, rows_p2[:, 0], rows_p2[:, 1])
         shift_pc = self.box.shift(image_sc[slot_p])
         self.place = [x_n[self.i] + shift_pc[:, a] for a, x_n in enumerate(axes(x_nc))]
 

@@ -59,8 +59,8 @@ class WallsSummedAfterSetup(Simulation):
 def sums_walls(problem: Problem) -> bool:
     """Return whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
     fix, begins = problem.model.fix, {0, *(stop.step for stop in problem.stops)}
-    seen = not begins.isdisjoint(problem.steps)
-    return seen and fix.rho_sum and fix.interface_reconstruct and bool(problem.state.solid_n.any())
+    looked_at = not begins.isdisjoint(problem.steps)
+    return looked_at and fix.rho_sum and fix.interface_reconstruct and bool(problem.state.solid_n.any())
 
 
 class PressureForceKept(Simulation):

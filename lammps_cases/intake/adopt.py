@@ -168,7 +168,9 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
     if not (evidence.ROOT / "pyproject.toml").exists() or not evidence.TABLE.exists():
         raise InputError("adopt", "must run in a checkout of eos-ref to bring it up to date (--dry-run does not)")
     version = adoption.engine.distribution
-    seen_on = {entry.id: seen(SEEN_ON.get(entry.id, ()), version, adoption.findings, entry.id) for entry in LEDGER}
+    seen_on = {
+        entry.id: engines_showing(SEEN_ON.get(entry.id, ()), version, adoption.findings, entry.id) for entry in LEDGER
+    }
     write_atomically(engines.FILE, engines.document(tuple(sorted({*KNOWN, version})), seen_on))
     accepted = accept(run, f"taken in: {adoption.sentence}", baselines, adoption.command, with_failures=True)
     # Another process: this one has read the list of engines as it was.
@@ -176,7 +178,7 @@ def land(adoption: Adoption, run: Path, baselines: Path) -> list[Path]:
     return [engines.FILE, accepted.folder, SHOWN_BY, evidence.TABLE]
 
 
-def seen(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:
+def engines_showing(before: Sequence[str], version: str, rows: Sequence[FindingRow], name: str) -> tuple[str, ...]:
     """Return the engines that a finding was seen on, after an intake; what was not asked stays as it was."""
     row = next((row for row in rows if row.id == name), None)
     if row is None or row.status == "not asked":

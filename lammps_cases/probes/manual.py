@@ -187,12 +187,12 @@ def put(chosen: Sequence[ManualProbe], workers: Workers, progress: Progress = SI
     inputs = [probe.inputs for probe in chosen]
     once = list({_key(given): given for of in inputs for given in of}.values())  # decks compared are often the same
     replies, heard = run.put(workers, once, TIME_LIMIT), dict[Any, Reply]()
-    asked = iter(map(_key, once))
+    keys_left = iter(map(_key, once))
     records = []
     for done, (probe, of) in enumerate(zip(chosen, inputs, strict=True), 1):
         keys = [_key(given) for given in of]
         while not heard.keys() >= set(keys):
-            heard[next(asked)] = next(replies)
+            heard[next(keys_left)] = next(replies)
         records.append(judge(probe, [heard[key] for key in keys]))
         progress.advance(done, len(chosen), "probes")
     return records

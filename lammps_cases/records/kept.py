@@ -79,12 +79,12 @@ class Shelf:
         there = self.folder.iterdir() if self.folder.is_dir() else ()
         targets = {entry for entry in map(_entry, there) if is_entry(entry)}
         done = {_engine(entry): begun(entry) for entry in reversed(self.entries()) if self.alike}
-        found: dict[str, Path] = {}
+        unfinished: dict[str, Path] = {}
         for target in sorted(filter(folders.resumable, targets), key=begun):
             if begun(target) > done.get(_engine(target), ("", 0)):
                 with suppress(InputError), folders.exclusive(_making(target), WHAT, "is being made"):
-                    found[_engine(target)] = target
-        return found
+                    unfinished[_engine(target)] = target
+        return unfinished
 
     def settle(self) -> None:
         """Point the link to the newest report, drop the oldest of each engine, and what killed programs left."""

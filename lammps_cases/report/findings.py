@@ -54,16 +54,16 @@ class Outcome:
     findings: list[RunFinding]
 
     @cached_property
-    def seen(self) -> list[RunFinding]:
+    def shown(self) -> list[RunFinding]:
         """The findings that the run shows, the most severe first; of equal severity those of most cases."""
-        seen = [finding for finding in self.findings if finding.status == "seen"]
-        return sorted(seen, key=lambda f: (SEVERITIES.index(f.entry.severity), -len(f.cases), f.entry.number))
+        shown = [finding for finding in self.findings if finding.status == "seen"]
+        return sorted(shown, key=lambda f: (SEVERITIES.index(f.entry.severity), -len(f.cases), f.entry.number))
 
     @cached_property
     def known(self) -> dict[str, Severity]:
         """The findings that the run shows with their severities."""
         named = (finding for case in self.run.cases for finding in case.findings)
-        return severities([*(finding.entry.id for finding in self.seen), *named], [f.entry for f in self.findings])
+        return severities([*(finding.entry.id for finding in self.shown), *named], [f.entry for f in self.findings])
 
     @cached_property
     def rejected(self) -> frozenset[str]:
@@ -103,7 +103,7 @@ class Outcome:
 
     def closing(self) -> list[str]:
         """Return what follows the headline on a terminal: the severe findings, the others counted, the next command."""
-        severe = [finding for finding in self.seen if finding.entry.severity == "high"]
+        severe = [finding for finding in self.shown if finding.entry.severity == "high"]
         lines = [
             f"  high  {finding.entry.title} ({finding.entry.id}): {counted(len(finding.cases), 'case')}"
             for finding in severe
@@ -122,7 +122,7 @@ class Outcome:
             outlook = wrong[0].outlook
             broken = outlook.findings if outlook is not None else []
             return shlex.join(["eos-ref", "ledger", broken[0]]) if broken else wrong[0].reproduce
-        return self.report_bug(self.seen[0].entry) if self.seen else self._command("claims")
+        return self.report_bug(self.shown[0].entry) if self.shown else self._command("claims")
 
     def report_bug(self, finding: Finding) -> str:
         """Return the command that writes a deck and an issue of a finding on the LAMMPS of this run."""
@@ -151,12 +151,12 @@ def carried_over(run: RunRecord, ledger: Sequence[Finding] = LEDGER) -> CarriedO
     if not engine:
         return None  # LAMMPS did not live to say who it is
     every = of_run(run, ledger)
-    seen = {one.entry.id: len(one.cases) for one in every if one.cases and engine not in one.entry.engines}
+    first = {one.entry.id: len(one.cases) for one in every if one.cases and engine not in one.entry.engines}
     expected = [one for one in every if one.listed and one.unseen]
     carried = CarriedOver(
         version=engine,
         nearest=nearest(engine),
-        first_seen=seen,
+        first_seen=first,
         partly={one.entry.id: len(one.unseen) for one in expected if one.cases},
         gone={one.entry.id: len(one.unseen) for one in expected if not one.cases},
         unexplained=sum(not case.as_expected for case in run.cases),

@@ -90,7 +90,7 @@ def _known(of_run: Outcome) -> str:
             len(f.cases),
             code(of_run.report_bug(f.entry)),
         )
-        for f in of_run.seen
+        for f in of_run.shown
     ]
     head = ("severity", "what is wrong, and what it does to you", "since", "cases", "deck and issue for LAMMPS")
     return f"### Known bugs\n\n{table(head, rows)}" if rows else ""

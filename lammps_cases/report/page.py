@@ -110,7 +110,7 @@ def listed(of_run: Outcome, named: Collection[str] = ()) -> list[CaseRecord]:
 def _named(matrices: Sequence[agreement.Matrix], claims: verdicts.Summary | None) -> set[str]:
     """Return the cases that the page leads to from what it says of all of them."""
     cells = [cell for matrix in matrices for row in matrix.rows for cell in row.cells if cell is not None]
-    worst = {found.case for cell in cells for found in (cell.inside, cell.explained, cell.outside)}
+    worst = {extreme.case for cell in cells for extreme in (cell.inside, cell.explained, cell.outside)}
     return worst | {judged.evidence[0].case for judged in (claims.refuted if claims else ())}
 
 
@@ -149,10 +149,10 @@ def _entry(case: CaseRecord, of_run: Outcome, drawn: Drawn) -> CaseEntry:
 
 def _families(entries: list[CaseEntry]) -> list[list[CaseEntry]]:
     """Return the cases by the first part of their names: such cases have much in common, and are packed together."""
-    found: dict[str, list[CaseEntry]] = {}
+    families: dict[str, list[CaseEntry]] = {}
     for entry in entries:
-        found.setdefault(entry.record.case.partition(".")[0], []).append(entry)
-    return list(found.values())
+        families.setdefault(entry.record.case.partition(".")[0], []).append(entry)
+    return list(families.values())
 
 
 def _provenance(run: RunRecord) -> Iterator[tuple[str, str]]:

@@ -127,7 +127,7 @@ def with_lists(site: str | None, ready: PreparedCase, outcomes: Outcomes, record
 
 def listed(site: str | None, ready: PreparedCase, outcomes: Outcomes, reading: Sequence[Job]) -> Outcomes:
     """Return the outcomes of a case with the lists of the same runs, read at every step; nothing if they are others."""
-    found: Outcomes = []
+    reread: Outcomes = []
     for (scene, _), outcome, every_step in zip(ready.sides, outcomes, reading, strict=True):
         if isinstance(outcome, Failure):
             return []
@@ -135,8 +135,8 @@ def listed(site: str | None, ready: PreparedCase, outcomes: Outcomes, reading: S
         compared = zip(scene.snapshots, outcome.snapshots, strict=True)
         if not all(_same(arrays, again.snapshots[step]) for step, arrays in compared):
             return []  # another run than the one judged: its lists say nothing
-        found.append(replace(outcome, lists=again.lists))
-    return found
+        reread.append(replace(outcome, lists=again.lists))
+    return reread
 
 
 def _same(arrays: Arrays, others: Arrays) -> bool:

@@ -83,9 +83,9 @@ def findings(run: str | Path | RunRecord) -> pd.DataFrame:
     from lammps_cases.report.findings import outcome
 
     rows = [
-        {name: getattr(seen.entry, name) for name in ("id", "severity", "title", "effect", "workaround")}
-        | {"cases": ", ".join(seen.cases)}
-        for seen in outcome(_record(run)).seen
+        {name: getattr(one.entry, name) for name in ("id", "severity", "title", "effect", "workaround")}
+        | {"cases": ", ".join(one.cases)}
+        for one in outcome(_record(run)).shown
     ]
     return _frame(rows, {}, ("id", "severity", "title", "effect", "workaround", "cases"))
 

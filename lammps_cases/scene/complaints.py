@@ -142,14 +142,14 @@ def _below(nodes: Sequence[yaml.Node], part: str | int) -> tuple[yaml.Node | Non
     if isinstance(part, int):
         members = [each for node in nodes if isinstance(node, yaml.SequenceNode) for each in node.value]
         return None, members[part : part + 1]
-    last, found = None, list[yaml.Node]()
+    last, nodes_there = None, list[yaml.Node]()
     for node in nodes:
         for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
             if key.value not in (part, f"{part}+"):
                 continue
             beside = key.value != part or isinstance(value, yaml.MappingNode)
-            last, found = key, [*found, value] if beside else [value]
-    return last, found
+            last, nodes_there = key, [*nodes_there, value] if beside else [value]
+    return last, nodes_there
 
 
 # --- what pydantic finds
@@ -202,20 +202,20 @@ def _is_member(part: str | int, content: Any) -> bool:
 
 def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
     """Say what is wrong in words of YAML."""
-    kind, found = error["type"], error.get("input")
+    kind, value = error["type"], error.get("input")
     context = error.get("ctx", {})
     members = counted(context.get("min_length", context.get("max_length", 0)), "member")
     rule = RULES.get(kind, error["msg"]).format(**context, members=members)
     if kind == "missing" and isinstance(keys[-1], int):
-        return Complaint(keys[:-1], f"must have {counted(keys[-1] + 1, 'member')}", found)
+        return Complaint(keys[:-1], f"must have {counted(keys[-1] + 1, 'member')}", value)
     if kind == "literal_error":
         rule = rule.replace("True", "true")
     elif kind == "value_error":
         named = re.match(r"[\w.]+", rule)  # a part below that the rule speaks of
-        below = _inside(named[0], found) if named else ()
-        if below or isinstance(found, dict) or "found" in rule:
+        below = _inside(named[0], value) if named else ()
+        if below or isinstance(value, dict) or "found" in rule:
             return Complaint(keys, rule, kind=kind, below=below)
-    return Complaint(keys, rule, None if kind in ("missing", "extra_forbidden") else flow(found), kind)
+    return Complaint(keys, rule, None if kind in ("missing", "extra_forbidden") else flow(value), kind)
 
 
 def _inside(name: str, content: Any) -> Keys:

@@ -77,33 +77,33 @@ def _opened(site: str | None) -> Iterator[Any]:
 
 
 def _pair(site: str | None, given: Commands, folder: Path) -> Looks:
-    seen: Looks = {}
+    looks: Looks = {}
     for newton in ("on", "off"):
         with _opened(site) as lmp:
             _each(lmp, f"variable newton_pair index {newton}", f"variable input_dir index {folder}", *given.before)
             lmp.file(str(folder / TEMPLATE))
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *", "pair_modify table 0", "pair_modify table/disp 0")
-            seen[f"newton {newton}"] = _looked(lmp, *given.after)
+            looks[f"newton {newton}"] = _looked(lmp, *given.after)
             _each(lmp, f"write_restart {folder}/test.restart", f"variable {WRITE_DATA} index ii")
             lmp.command(f"write_data {folder}/test.data pair ${{{WRITE_DATA}}}")
             _each(lmp, "thermo_style custom step temp pe press", "thermo 2", "fix 1 all nve")
-            seen[f"newton {newton}, 4 steps"] = _looked(lmp, run=4, defined=True)
+            looks[f"newton {newton}, 4 steps"] = _looked(lmp, run=4, defined=True)
     for stage, more in (("restart", ()), ("nofdotr", ("pair_modify nofdotr",))):
         with _opened(site) as lmp:
             _each(lmp, "newton on", f"read_restart {folder}/test.restart")
             _each(lmp, f"pair_style {given.pair}", "pair_coeff * *")
-            seen[stage] = _looked(lmp, *given.after, *more)
+            looks[stage] = _looked(lmp, *given.after, *more)
     with _opened(site) as lmp:
         _each(lmp, f"variable input_dir index {folder}", f"variable data_file index {folder}/test.data")
         _each(lmp, *(line for line in given.before if " data_file " not in line))
         _each(lmp, f"variable pair_style index '{given.pair}'")
         lmp.file(str(folder / TEMPLATE))
-        seen["data"] = _looked(lmp, "pair_coeff * *", *given.after)
-    return seen
+        looks["data"] = _looked(lmp, "pair_coeff * *", *given.after)
+    return looks
 
 
 def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
-    seen: Looks = {}
+    looks: Looks = {}
     half = "run 4 post no start 0 stop 8"
     with _opened(site) as lmp:
         _each(lmp, f"variable input_dir index {folder}", *given.before)
@@ -111,7 +111,7 @@ def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
         lmp.file(str(folder / COEFFICIENTS))
         _each(lmp, *given.after, "timestep 0.25", "run 0 post no", "thermo 2", half)
         _each(lmp, f"write_restart {folder}/test.restart", half)
-        seen["normal run"] = _seen(lmp, given)
+        looks["normal run"] = _seen(lmp, given)
     for stage, rmass in (("restart", False), ("rmass", True)):
         with _opened(site) as lmp:
             lmp.command(f"read_restart {folder}/test.restart")
@@ -120,8 +120,8 @@ def _fix(site: str | None, given: Commands, folder: Path) -> Looks:
                 lmp.command("fix rmass all property/atom rmass ghost yes")
                 _each(lmp, *(f"set type {t} mass {mass:g}" for t, mass in enumerate(mass_t, 1)))
             _each(lmp, *given.after, "timestep 0.25", "thermo 2", half)
-            seen[stage] = _seen(lmp, given)
-    return seen
+            looks[stage] = _seen(lmp, given)
+    return looks
 
 
 def _seen(lmp: Any, given: Commands) -> dict[str, Any]:
@@ -146,11 +146,11 @@ def _looked(lmp: Any, *commands: str, run: int = 0, defined: bool = False) -> di
 # --- judged
 
 
-def failing(test: ForceTest, numbers: Expected, seen: Looks) -> Iterator[tuple[Stage, str]]:
+def failing(test: ForceTest, numbers: Expected, looks: Looks) -> Iterator[tuple[Stage, str]]:
     """Yield the stages and fields whose errors, as the program measures them, are more than it allows."""
     for stage in STAGES[test.program]:
         for field, key in ((field, stage.keys[field]) for field in compared(test)):
-            obtained = _obtained(test, field, seen[stage.name])
+            obtained = _obtained(test, field, looks[stage.name])
             allowed = numbers.epsilon * stage.factors[field]
             if not (error(obtained, numbers.values[key]) <= allowed).all():
                 yield stage, field

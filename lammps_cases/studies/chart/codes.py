@@ -110,11 +110,11 @@ def by_pysph(python: str, case: Compared, scheme: str, n: int, start: Start) -> 
     """
     speed = case.speed(n)
     times = [repr(float(step * start.timestep * speed / n)) for step in start.steps]
-    found = _answer(python, case.example, scheme, str(n), *times)
-    shots = tuple(_snapshot(shot, n, speed, start) for shot in found["shots"])
+    answer = _answer(python, case.example, scheme, str(n), *times)
+    shots = tuple(_snapshot(shot, n, speed, start) for shot in answer["shots"])
     finite = all(np.isfinite(shot.x_nc[start.atoms.type_n == 1]).all() for shot in shots)
     message = "" if finite else "a position of PySPH is no finite number"
-    return FlowResult(shots, found["seconds"], found["particles"], found["steps"], message)
+    return FlowResult(shots, answer["seconds"], answer["particles"], answer["steps"], message)
 
 
 @functools.cache

@@ -25,11 +25,11 @@ def each(task: Callable[..., float], arguments: Sequence[tuple[Any, ...]]) -> li
     """
     if not cluster.address():
         return [task(None, *given) for given in arguments]
-    found = []
+    results = []
     with Workers(None, 1) as workers:
         for future in [workers.call(task, *given, time_limit=PATIENCE) for given in arguments]:
             outcome = workers.outcome(future, PATIENCE)
             if isinstance(outcome, Failure):
                 raise EngineMissing(f"a worker of the cluster failed: {outcome.message}")
-            found.append(outcome)
-    return found
+            results.append(outcome)
+    return results

@@ -38,8 +38,8 @@ def _lines(chart: Chart) -> Iterator[str]:
     yield f"`{chart.command}`, LAMMPS {about}, {chart.machine['processor']}:"
     yield "\n| flow, error of | code | N: error in seconds of one core | particles, steps at the finest N |"
     yield "|---|---|---|---|"
-    found = [row for section in chart.sections for row in rows(section.codes)]
-    for (flow, measure, code), of in groupby(found, key=lambda row: row[:3]):
+    every = [row for section in chart.sections for row in rows(section.codes)]
+    for (flow, measure, code), of in groupby(every, key=lambda row: row[:3]):
         runs = list(of)
         cells = "; ".join(
             f"{n}: {error}" + (f" in {seconds} s" if seconds != "0" else "") for *_, n, _, _, seconds, error in runs

@@ -100,10 +100,10 @@ def generated() -> tuple[Generated, ...]:
 
 def of_form(form: Form) -> Iterator[Generated]:
     """Yield the inputs of a form; the first is the form itself."""
-    seen: set[Commands] = set()
+    generated: set[Commands] = set()
     for one in (_whole(form, "legal", form.line), *_values(form), *_arrangements(form), *_commands(form)):
-        if one.commands not in seen:
-            seen.add(one.commands)
+        if one.commands not in generated:
+            generated.add(one.commands)
             yield one
 
 

@@ -226,9 +226,9 @@ def attributes(words: Words, model: Model) -> tuple[str, ...]:
         None, an unknown one, one that the model does not have, or components that there are not.
     """
     for what, word in (("command", "compute"), ("compute ID", ""), ("group-ID", ""), ("style", "rheo/property/atom")):
-        found = words.word(what)
-        if word and found != word:
-            words.fail(what, f"must be {word}", found)
+        token = words.word(what)
+        if word and token != word:
+            words.fail(what, f"must be {word}", token)
     names: list[str] = []
     while words.left or not names:
         names.append(_attribute(words, words.word("attribute"), model))

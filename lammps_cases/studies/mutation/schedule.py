@@ -195,8 +195,8 @@ class MutationPool:
         """Have the mutated reference answer in place of LAMMPS; then of one without findings, which hide mistakes."""
         detections = yield from self._ask_in_place(fault, self.played, self.engine.distribution, [])
         if not self._enough(detections):
-            seen = {one.case for one in detections}
-            others = [name for name in self.manual if name not in seen]
+            detecting = {one.case for one in detections}
+            others = [name for name in self.manual if name not in detecting]
             detections = yield from self._ask_in_place(fault, others, None, detections)
         return detections
 

@@ -78,9 +78,9 @@ class ExaminedCase:
             return False
         if not rule.faults:
             return bool(exercise.counts(self.ready.case, self.ready.atoms, self.predictor).get(rule.name))
-        seen = self._model_sees if self.ready.case.scene.whole_model else self._law_sees
+        detects = self._model_sees if self.ready.case.scene.whole_model else self._law_sees
         with np.errstate(all="ignore"):
-            return any(seen(fault) for fault in rule.faults)
+            return any(detects(fault) for fault in rule.faults)
 
     # --- equations of state
 

@@ -23,7 +23,7 @@ from lammps_cases.studies.validation.model import (
     Curve,
     FlowPanel,
     FlowQuantity,
-    Known,
+    ReferenceCurve,
     Validation,
     curve,
     line,
@@ -148,7 +148,7 @@ def _middle(n: int, options: Options, snapshots: Sequence[Snapshot]) -> float:
     return max(velocity)
 
 
-def _known(of: Callable[[int], PowerFluid], label: str) -> Known:
+def _known(of: Callable[[int], PowerFluid], label: str) -> ReferenceCurve:
     """Return the closed form, over the unit of speed; it depends on n by the units alone."""
     y = np.linspace(0, 1, 201)
     return line(label, y, of(FINE).velocity(y * FINE) / (REYNOLDS / FINE), "the law integrated over the gap")
@@ -160,7 +160,7 @@ def _of_channel(
     about: str,
     of: Callable[[int], PowerFluid],
     resolutions: tuple[int, ...] = (12, 16, 24),
-    extra: tuple[Known, ...] = (),
+    extra: tuple[ReferenceCurve, ...] = (),
 ) -> Validation:
     known = _known(of, "closed form")
     panel = FlowPanel("velocity", "y / gap", "velocity / nominal speed (Re = 0.1)", (known, *extra), _profile)

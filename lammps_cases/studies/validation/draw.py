@@ -9,7 +9,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from lammps_cases.pages.figures import BLUE, GREY, RED, STYLE
-from lammps_cases.studies.validation.model import FlowPanel, Known, Validation
+from lammps_cases.studies.validation.model import FlowPanel, ReferenceCurve, Validation
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, Validated, called
 
 _COLOURS = {REFERENCE: BLUE, LAMMPS: RED, UNIT: RED}
@@ -55,7 +55,7 @@ def _label(side: str, n: int) -> str:
     return textwrap.fill(f"{called(side)}, N\u00a0=\u00a0{n}", 22, break_on_hyphens=False)
 
 
-def _draw_known(axis: Any, known: Known, mark: str) -> None:
+def _draw_known(axis: Any, known: ReferenceCurve, mark: str) -> None:
     if known.marks:
         style: dict[str, Any] = {"ls": "none", "marker": mark, "ms": 4.5, "mfc": "white", "mec": "black", "mew": 1}
     else:

@@ -20,7 +20,7 @@ Read = Callable[[int, Options, Sequence[Snapshot]], Curve]
 
 
 @dataclass(frozen=True)
-class Known:
+class ReferenceCurve:
     """What others know of a curve: points of an experiment or a table, drawn as marks, or a solution, as a line."""
 
     label: str
@@ -39,18 +39,18 @@ class Known:
         return relative(np.array(y) - given, given)
 
 
-def table(name: str, label: str) -> Known:
+def table(name: str, label: str) -> ReferenceCurve:
     """Return the points of ``data/NAME.csv``: lines ``# source`` and ``# scatter``, a header, x and y."""
     lines = (DATA / f"{name}.csv").read_text(encoding="utf-8").splitlines()
     about = dict(line.removeprefix("# ").split(": ", 1) for line in lines if line.startswith("# "))
     _, *points = csv.reader(line for line in lines if not line.startswith("#"))
     x, y = zip(*((float(a), float(b)) for a, b in points), strict=True)
-    return Known(label, x, y, about["source"], about["scatter"])
+    return ReferenceCurve(label, x, y, about["source"], about["scatter"])
 
 
-def line(label: str, x: FloatArray, y: FloatArray, source: str) -> Known:
+def line(label: str, x: FloatArray, y: FloatArray, source: str) -> ReferenceCurve:
     """Return a solution, drawn as a line."""
-    return Known(label, tuple(x.tolist()), tuple(y.tolist()), source, marks=False)
+    return ReferenceCurve(label, tuple(x.tolist()), tuple(y.tolist()), source, marks=False)
 
 
 def curve(x: FloatArray, y: FloatArray) -> Curve:
@@ -66,7 +66,7 @@ class FlowPanel:
     name: str
     x: str
     y: str
-    known: tuple[Known, ...]
+    known: tuple[ReferenceCurve, ...]
     read: Read
 
 

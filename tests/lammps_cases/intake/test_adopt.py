@@ -12,7 +12,7 @@ from eos_ref import InputError
 from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import KNOWN, LEDGER, SEEN_ON, engines
 from lammps_cases.intake import adopt, page
-from lammps_cases.intake.adopt import Intake, collect, seen
+from lammps_cases.intake.adopt import Intake, collect, engines_showing
 from lammps_cases.intake.record import DOCUMENT, Adoption, FindingRow
 from lammps_cases.probes import manual
 from lammps_cases.regression import evidence
@@ -63,11 +63,11 @@ def test_what_was_seen_is_added_what_is_gone_is_taken_off_and_what_was_not_asked
     row = FindingRow("x", "t", "low", "there", False, True, ("case",), ())
     gone = FindingRow("x", "t", "low", "gone", True, True, (), ("case",))
     silent = FindingRow("x", "t", "low", "not asked", True, True, (), ())
-    assert seen(("1.0",), "2.0", [row], "x") == ("1.0", "2.0")
-    assert seen(("1.0", "2.0"), "2.0", [row], "x") == ("1.0", "2.0")
-    assert seen(("1.0", "2.0"), "2.0", [gone], "x") == ("1.0",)
-    assert seen(("1.0", "2.0"), "2.0", [silent], "x") == ("1.0", "2.0")
-    assert seen(("1.0", "2.0"), "2.0", [], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0",), "2.0", [row], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0", "2.0"), "2.0", [row], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0", "2.0"), "2.0", [gone], "x") == ("1.0",)
+    assert engines_showing(("1.0", "2.0"), "2.0", [silent], "x") == ("1.0", "2.0")
+    assert engines_showing(("1.0", "2.0"), "2.0", [], "x") == ("1.0", "2.0")
 
 
 def test_the_list_of_engines_is_written_as_it_is_read() -> None:

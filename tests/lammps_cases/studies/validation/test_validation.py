@@ -31,7 +31,7 @@ from lammps_cases.studies.validation import (
     summary,
     surfaces,
 )
-from lammps_cases.studies.validation.model import DATA, Known, Validation, table
+from lammps_cases.studies.validation.model import DATA, ReferenceCurve, Validation, table
 from lammps_cases.studies.validation.page import Effect
 from lammps_cases.studies.validation.record import LAMMPS, REFERENCE, UNIT, FlowRecord, Lost, Validated
 from tests.support.flow_faults import Plant, of_gravity, of_types
@@ -85,10 +85,10 @@ def test_a_stiff_plug_becomes_rigid() -> None:
 
 
 def test_points_are_met_where_they_are_and_solutions_where_the_run_is() -> None:
-    points = Known("", (1.0, 2.0), (1.0, 2.0), "")
+    points = ReferenceCurve("", (1.0, 2.0), (1.0, 2.0), "")
     assert points.misfit(((0.0, 4.0), (0.0, 4.0))) == 0
     assert points.misfit(((0.0, 4.0), (0.5, 4.5))) == rounded(0.5 / 2.5**0.5, 4)
-    solution = Known("", (0.0, 10.0), (0.0, 10.0), "", marks=False)
+    solution = ReferenceCurve("", (0.0, 10.0), (0.0, 10.0), "", marks=False)
     assert solution.misfit(((3.0, 7.0), (3.0, 7.0))) == 0
     assert solution.misfit(((3.0, 4.0), (4.0, 4.0))) == rounded(1 / 5, 4)
 

@@ -24,14 +24,14 @@ def test_walls_keep_their_densities_while_others_meet_fluid() -> None:
     fresh: list[np.ndarray] = []
     met: list[np.ndarray] = []
 
-    class Recording(ArrayEvaluator):
+    class RecordingEvaluator(ArrayEvaluator):
         def wall_density(self, at: Any, p: Any, energy_n: Any) -> Any:
             density = super().wall_density(at, p, energy_n)
             fresh.append(placed(density, at, self.rho0_n))
             met.append(at)
             return density
 
-    stages = type("Tried", (stale("wall_density"), Recording), {})
+    stages = type("Tried", (stale("wall_density"), RecordingEvaluator), {})
     sim = Watched(problem.model, problem.box, quick, needed_to_step(problem.model), stages)
     sim.setup()
     for _ in range(10):

@@ -19,7 +19,7 @@ BEFORE = {
 }
 
 
-class Library:
+class LibraryStub:
     """A LAMMPS that writes down what it is given, and refuses some of it."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class Library:
 
 def done(*actions: InterludeAction) -> list[str]:
     """What LAMMPS is given."""
-    library = Library()
+    library = LibraryStub()
     perform(library, Interlude(actions), lambda: BEFORE, "folder", Exception)
     return library.given
 
@@ -75,7 +75,7 @@ def test_an_error_after_which_the_instance_is_lost_is_not_swallowed(how: Any) ->
 
 def test_the_state_is_read_before_and_after() -> None:
     states = iter([BEFORE, BEFORE | {"rho": np.zeros(3)}])
-    carried = perform(Library(), Interlude(()), lambda: next(states), "", Exception)
+    carried = perform(LibraryStub(), Interlude(()), lambda: next(states), "", Exception)
     assert carried.before["rho"][0] == 1.1 and carried.after["rho"][0] == 0.0
 
 

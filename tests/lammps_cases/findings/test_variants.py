@@ -25,7 +25,7 @@ from lammps_cases.verdict.model_cases import problem_of
 from tests.support.particle_scenes import scene
 
 
-class Steps(Simulation):
+class OtherStepping(Simulation):
     """Another time step."""
 
 
@@ -50,11 +50,11 @@ def test_without_variants_it_is_the_reference(problem: Problem) -> None:
 
 
 def test_several_are_one_class_each_before_the_reference(problem: Problem) -> None:
-    made = combined([variant(ForcePerVolume), variant(HeatOverDensity), variant(stepping=Steps)], problem, {})
+    made = combined([variant(ForcePerVolume), variant(HeatOverDensity), variant(stepping=OtherStepping)], problem, {})
     assert made is not None
     stages, stepping = made
     assert stages.__mro__[1:4] == (ForcePerVolume, HeatOverDensity, ArrayEvaluator)
-    assert stepping.__mro__[1:3] == (Steps, Simulation)
+    assert stepping.__mro__[1:3] == (OtherStepping, Simulation)
     assert {stages.__module__, stepping.__module__} == {variants.__name__}, "predictions of it can be kept"
 
 
@@ -66,10 +66,10 @@ def test_what_builds_on_another_stands_for_both(problem: Problem) -> None:
 
 
 def test_beside_one_that_builds_on_it_a_variant_changes_nothing() -> None:
-    assert variant(HeatOverDensity).within(variant(Fitted, stepping=Steps))
-    assert variant(stepping=Simulation).within(variant(Fitted, stepping=Steps))
+    assert variant(HeatOverDensity).within(variant(Fitted, stepping=OtherStepping))
+    assert variant(stepping=Simulation).within(variant(Fitted, stepping=OtherStepping))
     assert not variant(Fitted).within(variant(HeatOverDensity))
-    assert not variant(HeatOverDensity, stepping=Steps).within(variant(Fitted))
+    assert not variant(HeatOverDensity, stepping=OtherStepping).within(variant(Fitted))
     assert not variant().within(variant(Fitted)), "a case that LAMMPS ends is no part of another"
 
 

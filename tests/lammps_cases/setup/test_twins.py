@@ -23,6 +23,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.setup import twins
 from tests.support.outcome import Outcome
+from tests.support.twin_kinds import KINDS
 
 pytestmark = pytest.mark.lammps
 
@@ -59,19 +60,6 @@ ACROSS: dict[str, Any] = {
     "rheo": {"shift": {"scale_cross_type": [0.3, 0.05, 0.25]}},
     "evolve": {"steps": 1, "timestep": 0.004},
     "compare": [*BASE["compare"], "shift/v"],
-}
-KINDS: dict[str, Any] = {
-    "translate": [2.3, -3.1],
-    "boost": [0.8, -0.45],
-    "relabel": True,
-    "rescale": 4.0,
-    "units": "micro",
-    "newton": False,
-    "skin": 0.7,
-    "rebuild": {"every": 1, "check": False},
-    "split": True,
-    "ranks": 2,
-    "tilt": [1],
 }
 BLAME = re.compile(r"LAMMPS against itself \(twin: (\w+)\): (\S+) \(stage twin\) leaves its bound at step (\d+) .*")
 

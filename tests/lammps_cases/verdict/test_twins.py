@@ -24,21 +24,13 @@ from lammps_cases.verdict.model_cases import problem_of
 from lammps_cases.verdict.model_fields import derived
 from lammps_cases.verdict.twins import evaluate_twin
 from tests.support import made_answers
+from tests.support.twin_kinds import PLAIN
 
 ENGINE = EngineRecord(name="pypi:2025.7.22.4.0", distribution="2025.7.22.4.0")
 SCENE: dict[str, Any] = {
     "compare": ["coordination", "f", "x", "v"],
     "velocity": {"random": 0.3},
     "evolve": {"steps": 2, "timestep": 0.001, "compare_at": [0, 2]},
-}
-KINDS: dict[str, Any] = {
-    "translate": [2.3, -3.1],
-    "boost": [0.8, -0.45],
-    "relabel": True,
-    "rescale": 4.0,
-    "units": "micro",
-    "newton": False,
-    "split": True,
 }
 Make = Callable[..., PreparedCase]
 
@@ -48,7 +40,7 @@ def make(case_file: Callable[..., Path]) -> Make:
     """A small case with a twin."""
 
     def ready(kind: str, **changes: Any) -> PreparedCase:
-        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
+        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: PLAIN[kind]}),))[0])
 
     return ready
 
@@ -74,7 +66,7 @@ def moved(answer: Answer, name: str, by: float, row: int, at: int = -1) -> Answe
     return replace(answer, arrays=snapshots[-1], snapshots=tuple(snapshots))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", PLAIN)
 def test_the_reference_agrees_with_its_twin(make: Make, kind: str) -> None:
     ready = make(kind)
     record, arrays = evaluate_twin(ready.case, twin_of(ready), answers_of(ready), ENGINE)

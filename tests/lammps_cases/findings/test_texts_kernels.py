@@ -87,7 +87,7 @@ def test_the_divergence_inside_a_fluid(lammps: Engine) -> None:
     inside, reported = said(NAME, "argument", r"is # inside a fluid in 2D.* it is #, so")
     grid = np.stack(np.meshgrid(*[np.arange(8.0)] * 2), axis=-1).reshape(-1, 2)
     scene = told(grid, (8, 8), **OPTIONS["surface"])
-    assert scene.predicted().fields[0]["surface/divr"] == pytest.approx(float(inside), rel=0.02)
+    assert all(map(inside.is_rounded, scene.predicted().fields[0]["surface/divr"]))
     (found,) = with_kernel(lammps, scene)
     assert reported.is_rounded(found["surface/divr"][0])
 

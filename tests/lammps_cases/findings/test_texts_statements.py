@@ -48,7 +48,7 @@ def found(lammps: Engine, id: str) -> float:
 def test_sound_of_force_per_volume(lammps: Engine) -> None:
     """The speed is c over the root of the volume, to the accuracy of the measurement."""
     volume, speed, c = said("force-per-volume", "argument", "with volumes of # at # for c = #")
-    assert math.isclose(speed, c / math.sqrt(volume), rel_tol=1e-12)
+    assert speed.is_rounded(c / math.sqrt(volume))
     reply = shown(lammps, "sound.linear")
     within = float(reply.arrays["within"][0]) / c
     assert abs(float(reply.arrays["found"][0]) / speed - 1) <= within

@@ -47,7 +47,7 @@ def test_the_factors_are_those_of_lammps_and_of_nature(lammps: Engine) -> None:
             compare=["f", "v"],
         )
         at_first, at_last = lammps.fields(moved)
-        np.testing.assert_allclose(at_last["v"], 0.5 * (at_first["f"] / 181.1) * UNITS[name].energy, rtol=4e-16)
+        np.testing.assert_allclose(at_last["v"], 0.5 * (at_first["f"] / 181.1) * UNITS[name].energy, rtol=6 * 2.0**-53)
         assert agree(at_last["v"], moved.predicted(), "v", 1), "this factor is right"
 
 

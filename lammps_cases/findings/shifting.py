@@ -267,7 +267,7 @@ CROSS_TYPE_MASS_OF_TYPE = Finding(
     "normal; fix property/atom: rmass gives every particle a mass of its own, in place of that of its type.",
     observed="In the gradient of the color function, which gives the normal, the second of a pair meets the first with "
     "the mass of the first's type; the first meets the second with its own mass. The color function itself, which is "
-    "compared with cmin, takes own masses. The sums of cross-type-normal, up to 2025.7.22.4.0, have the same masses; "
+    "compared with cmin, takes own masses. The sums of cross-type-normal have the same masses; "
     "they decide with RK1 and RK2.",
     argument="A particle of one fluid has two neighbours of another at the same distance, along x and along y, with "
     "rmass 2 and 1 where their type has the mass 3: the color function falls off in the direction (2, 1). Where the "

@@ -265,10 +265,10 @@ CROSS_TYPE_MASS_OF_TYPE = Finding(
     effect="With rmass shifts at an interface of two fluids are scaled along another direction",
     documented="fix rheo, scale/cross/type: a color function is calculated and used to estimate a local interfacial "
     "normal; fix property/atom: rmass gives every particle a mass of its own, in place of that of its type.",
-    observed="In the gradient of the color function, which gives the normal, the second of a pair meets the first with "
-    "the mass of the first's type; the first meets the second with its own mass. The color function itself, which is "
-    "compared with cmin, takes own masses. The sums of cross-type-normal have the same masses; "
-    "they decide with RK1 and RK2.",
+    observed="Since 2026.7.4, in the gradient of the color function, which gives the normal, the second of a pair "
+    "meets the first with the mass of the first's type; the first meets the second with its own mass. The color "
+    "function itself, which is compared with cmin, takes own masses. The sums of cross-type-normal have the same "
+    "masses before; they decide with RK1 and RK2.",
     argument="A particle of one fluid has two neighbours of another at the same distance, along x and along y, with "
     "rmass 2 and 1 where their type has the mass 3: the color function falls off in the direction (2, 1). Where the "
     "particle is the first of both pairs in the neighbour list LAMMPS has that direction, and where it is the second "

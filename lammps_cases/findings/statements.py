@@ -62,13 +62,13 @@ BONDS_ACROSS_BOUNDARY = Finding(
     effect="Solids that freeze across a periodic boundary do not hold together, or the number of bonds is wrong",
     documented="fix rheo/thermal, react: bonds are created between nearby solid particles, and broken as they "
     "melt; thermo_style: bonds is the number of these interactions.",
-    observed="Up to 2025.7.22.0.2 no bonds are made across a periodic boundary, and the keyword bonds of thermo_style "
-    "stays 0. Later they are made, and the keyword has each of them twice where compute property/local has it once. As "
-    "particles melt, all are gone.",
+    observed="The two oldest versions make no bonds across a periodic boundary, and the keyword bonds of thermo_style "
+    "stays 0. Later ones make them, and the keyword has each of them twice where compute property/local has it once. "
+    "As particles melt, all are gone.",
     argument="Three rows of 9 particles that freeze, periodic along x, have 27 + 18 = 45 bonds with their neighbours. "
-    "Up to 2025.7.22.0.2 compute property/local lists 42, as many as with fixed faces; later it lists 45, and "
+    "In the two oldest versions compute property/local lists 42, as many as with fixed faces; later it lists 45, and "
     "thermo_style prints 48, one more for every row.",
-    workaround="Keep what freezes away from periodic boundaries, or use 2025.7.22.1.0 or newer and count with compute "
+    workaround="Keep what freezes away from periodic boundaries, or use a later version and count with compute "
     "property/local and compute reduce ('inputs local').",
     engines=WHEELS + NEWER,
     applies_to=("probes.thermal-react-count",),

@@ -95,7 +95,8 @@ def _particles(costs: CampaignCosts) -> Iterator[str]:
     before, last = costs.judged[-2:]
     more = last.particles - before.particles
     memory, judge = (last.memory - before.memory) / more, (last.judge - before.judge) / more
-    hours, at_once = ATOMS * judge / (16 * CORES) / HOUR, CORES * 1e6 * memory / GB
+    million = last.memory + (1_000_000 - last.particles) * memory
+    hours, at_once = ATOMS * judge / (16 * CORES) / HOUR, CORES * million / GB
     yield _row("of a further particle: the judge / memory", f"{n(judge * 1e6)} µs / {memory:.0f} B")
     yield _row(
         f"{ATOMS:,} in scenes of a million, 16 nodes of {CORES} workers", f"{n(hours)} h, {n(at_once)} GB a node"

@@ -16,7 +16,7 @@ from eos_ref.eos import rounded_eos
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
-from eos_ref.evaluation.pairs import directed_pairs
+from eos_ref.evaluation.pairs import ROWS, Candidates, directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
 from eos_ref.model.box import BoolArray
@@ -33,12 +33,17 @@ class ArrayEvaluator(Evaluator):
     """Stages of a force evaluation in plain array operations; see `Evaluator` for the parameters."""
 
     by_rows = True  # whether what a particle collects depends on its neighbours' values alone
+    candidates: Candidates | None = None  # of the last search
 
     # --- pairs, kernel values, coordination
 
     def pairs(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the directed pairs closer than a cutoff; see `directed_pairs`."""
-        return directed_pairs(x_nc, self.box, cut)
+        if len(x_nc) > ROWS:  # what is kept for the next step takes memory
+            return directed_pairs(x_nc, self.box, cut)
+        if self.candidates is None or not self.candidates.hold(x_nc, self.box, cut):
+            self.candidates = Candidates(x_nc, self.box, cut)
+        return self.candidates.closer(x_nc, cut)
 
     def move(self, x_nc: Array) -> None:
         if not np.isfinite(value(x_nc).astype(float)).all():

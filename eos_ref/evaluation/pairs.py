@@ -21,7 +21,6 @@ from eos_ref.model.parameters import IntArray
 ROWS = 4096  # particles whose pairs are found at a time: what these take stays in the cache
 ROOM = 1 + 1e-9  # of the reach: what rounding moves must not lose a pair
 SKIN = 0.1  # of the cutoff, by which candidates may lie farther
-_last: Candidates | None = None
 
 
 class Search:
@@ -116,12 +115,6 @@ def directed_pairs(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, In
 
     Each pair stands twice, once for each particle that collects.
     """
-    if 0 < len(x_nc) <= ROWS:
-        return _around(x_nc, box, cut).closer(x_nc, cut)
-    return _searched(x_nc, box, cut)
-
-
-def _searched(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
     search, n = Search(x_nc, box, cut), len(x_nc)
     rows = [search.rows(first, min(first + ROWS, n), cut) for first in range(0, max(n, 1), ROWS)]
     return rows[0] if len(rows) == 1 else tuple(map(np.concatenate, zip(*rows, strict=True)))  # type: ignore[return-value]
@@ -130,35 +123,28 @@ def _searched(x_nc: FloatArray, box: Box, cut: float) -> tuple[IntArray, IntArra
 class Candidates:
     """Pairs somewhat farther than a cutoff, which hold those within it until particles have moved as far (Verlet).
 
-    A scene is evaluated some hundred times in nearly the same places: step by step, moved by roundings, in variants.
+    An evaluator asks twice at every step, once for those that rounding may put within the cutoff.
     """
 
     def __init__(self, x_nc: FloatArray, box: Box, cut: float) -> None:
         self.x_nc, self.box = x_nc.copy(), box
         reach = (1 + SKIN) * cut
-        self.i, self.j, self.shift_pc = _searched(x_nc, box, reach)
-        self.room = reach / ROOM - 8 * EPS * float(np.abs(x_nc).max() + np.abs(box.cell_cc).sum())
+        self.i, self.j, self.shift_pc = directed_pairs(x_nc, box, reach)
+        self.room = reach / ROOM - 8 * EPS * float(np.abs(x_nc).max(initial=0.0) + np.abs(box.cell_cc).sum())
 
     def hold(self, x_nc: FloatArray, box: Box, cut: float) -> bool:
         """Return whether the pairs within a cutoff are among them."""
         if self.x_nc.shape != x_nc.shape or self.box != box:
             return False
-        moved = np.sqrt(((x_nc - self.x_nc) ** 2).sum(axis=1).max())
+        moved = np.sqrt(((x_nc - self.x_nc) ** 2).sum(axis=1).max(initial=0.0))
         return bool(cut + 2 * moved <= self.room)
 
     def closer(self, x_nc: FloatArray, cut: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return those with r < cut, in their order."""
-        near = np.flatnonzero(separations(x_nc, self.i, self.j, self.shift_pc) < cut)
-        return self.i[near], self.j[near], self.shift_pc[near]
-
-
-def _around(x_nc: FloatArray, box: Box, cut: float) -> Candidates:
-    """Return candidates for the pairs of particles: those of the last search, if they hold."""
-    global _last
-    candidates = _last
-    if candidates is None or not candidates.hold(x_nc, box, cut):
-        _last = candidates = Candidates(x_nc, box, cut)
-    return candidates
+        """Return those closer than a cutoff, in their order."""
+        i, j, shift_pc = self.i, self.j, self.shift_pc
+        r = separations(x_nc, i, j, shift_pc)
+        near = np.flatnonzero(r < cut)
+        return i[near], j[near], shift_pc[near]
 
 
 def _order(i: IntArray, j: IntArray, image_pc: IntArray) -> IntArray:

@@ -79,6 +79,7 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
         "exercise-walls-3d.law": {floor},
         "exercise-walls-3d.lone": {lone},
         "exercise-walls-3d.lone-rk1": {lone},
+        "exercise-walls.images-of-images": {floor},
         "exercise-walls.law": {floor},
         "exercise-walls.lone": {lone, floor},
         "exercise-walls.lone-rk1": {lone},

@@ -15,6 +15,7 @@ import numpy as np
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
+from eos_ref.errors import InputError
 from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import IntArray
 
@@ -24,7 +25,13 @@ SKIN = 0.1  # of the cutoff, by which candidates may lie farther
 
 
 class Search:
-    """Positions (n, d), any image of each, among which pairs closer than a reach can be found."""
+    """Positions (n, d), any image of each, among which pairs closer than a reach can be found.
+
+    Raises
+    ------
+    InputError
+        Particles so far outside a periodic box that rounding moves them by more than the reach.
+    """
 
     def __init__(self, x_nc: FloatArray, box: Box, reach: float) -> None:
         from scipy.spatial import cKDTree
@@ -34,7 +41,11 @@ class Search:
         self.inside_nc = x_nc - box.shift(self.outside_nc)
         around_c = np.array(box.periodic)
         places = float(np.abs(x_nc[:, around_c]).max(initial=0.0) + np.abs(box.cell_cc).sum())
-        self.wide = reach * ROOM + 8 * EPS * places
+        rounding = 8 * EPS * places
+        if rounding > reach:  # all are neighbours, of as many images as there are edges on the way
+            rule = "must be known to less than the cutoff; the time step may be too long"
+            raise InputError("positions", rule, f"{places:g} away")
+        self.wide = reach * ROOM + rounding
         self.of_g, self.image_gc = _copies(self.inside_nc, box, self.wide)
 
     def half(self) -> tuple[IntArray, IntArray, IntArray]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref.errors import InputError
 from eos_ref.evaluation.pairs import Candidates, Search, directed_pairs
 from eos_ref.model.box import Box
 
@@ -175,3 +176,12 @@ def test_pairs_of_moving_particles_are_those_of_a_search(tilt: tuple[float, ...]
         if k == 20:
             box = Box((-1.0, 0.0, 0.5), (1.125, 3.0, 4.5), (True, True, False), tilt)
     assert 5 < held < 25
+
+
+def test_particles_too_far_away_for_their_places_to_be_known_have_no_pairs() -> None:
+    """A run that is lost asked for as many images as there are edges on the way to its particles."""
+    box = Box((0.0, 0.0), (4.0, 4.0), (True, False))
+    x_nc = np.array([[1.0, 1.0], [1e18, 2.0]])
+    with pytest.raises(InputError, match="positions: must be known to less than the cutoff"):
+        directed_pairs(x_nc, box, 1.0)
+    assert not as_set(directed_pairs(x_nc[:, ::-1], box, 0.5)), "along an open axis"

@@ -1,7 +1,7 @@
 """What explains a difference: the smallest set of findings whose variants together reproduce LAMMPS on every atom.
 
 No list of engines decides here. The findings that an engine is known to have are tried first, as they are the most
-likely; then every set of those that apply to the scene, so that a LAMMPS in which one fault of several is mended is
+likely; then sets of those that apply to the scene, so that a LAMMPS in which one fault of several is mended is
 explained by those that are left.
 """
 
@@ -25,6 +25,8 @@ from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import Beyond, Blame
 from lammps_cases.scene.fields import FIELDS, in_step_order
 from lammps_cases.verdict.model_fields import blame_of, sides
+
+SETS = 300  # findings that are tried together, at most: all sets of eight, those of up to three of a dozen
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Trial:
     _left: dict[tuple[str, ...], Blame] = field(default_factory=dict, repr=False)
 
     def explain(self, engine: str, first: Blame) -> Explanation:
-        """Return the smallest set of findings that is inside the bounds everywhere, each of them necessary.
+        """Return the smallest set of findings tried that is inside the bounds everywhere, each of them necessary.
 
         ``first`` is what the reference leaves outside first. Where no set is inside, what is left beyond the set that
         comes furthest beyond that is returned, or beyond those that the engine is known to have.
@@ -65,11 +67,13 @@ class Trial:
         if listed and self._inside(listed, at_once=True):
             return Explanation(self._necessary(listed))
         every = applicable(self.problem, lists)
-        for entries in self._sets(every, listed):
+        for entries in itertools.islice(self._sets(every, listed), SETS):
             if self._inside(entries):
                 return Explanation(list(entries))
-        if len(every) > 1 and self._inside(every):  # some findings show only beside others
-            return Explanation(self._necessary(every))
+        # Some findings show only beside others; and sets of all but one of many are not among those tried.
+        for large in (every, *(tuple(e for e in listed if e is not mended) for mended in listed)):
+            if len(large) > 1 and self._inside(large):
+                return Explanation(self._necessary(large))
         return Explanation([], self._furthest(first, listed))
 
     def _necessary(self, entries: Sequence[Finding]) -> list[Finding]:

@@ -21,7 +21,7 @@ from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
-from lammps_cases.verdict import particle_model
+from lammps_cases.verdict import explanation, particle_model
 from lammps_cases.verdict.model_cases import problem_of
 
 CASES = {case.name: case for case in casefile.load()}
@@ -78,6 +78,19 @@ def test_every_subset_of_findings_explains_a_lammps_that_has_it(name: str, engin
             assert (verdict.first is None) == (not some) and verdict.beyond is None
             worst = {comparison.record.verdict for comparison in verdict.comparisons}
             assert ("explained" in worst) == bool(some) and "differs" not in worst
+
+
+def test_of_many_findings_all_but_one_are_tried_even_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there are so many that the sets are not tried to the end; here none is."""
+    of, id_n = problem("constants.metal")
+    listed = shown_by(of, "2025.7.22.4.0")
+    assert len(listed) > 2
+    monkeypatch.setattr(explanation, "SETS", 0)
+    for mended in listed:
+        left = [entry for entry in listed if entry is not mended]
+        verdict = judged(of, id_n, "constants.metal", played(of, left), "2025.7.22.4.0")
+        assert verdict.entries and mended not in verdict.entries
+        assert "differs" not in {comparison.record.verdict for comparison in verdict.comparisons}
 
 
 @pytest.mark.parametrize("engine", ["2025.7.22.0.1", "2025.7.22.4.0", NEW])

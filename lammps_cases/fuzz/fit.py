@@ -114,14 +114,17 @@ def _lacking(scene: Scene, atoms: Atoms) -> float:
     """Return the product of the factors that findings may lack, each 1 where the lack makes nothing larger.
 
     Findings may lack factors of the volume or the heat capacity of a particle, or of its units, in a force or a flow of
-    heat: time steps are short enough for them too, and in the numbers of a twin as well.
+    heat, divide that by the density, or take temperatures for those of a unit of mass: time steps are short enough for
+    them too, and in the numbers of a twin as well.
     """
     model, state = _problem(scene, atoms)
-    volume = float((atoms.mass_n / state.rho_n).min())
-    heats = [each.specific_heat for each in model.thermal or ()]
-    capacity = float((atoms.mass_n * np.array(heats)[state.type_n - 1]).min()) if heats else 1.0
-    sparse = float((1 / state.rho_n).min())
-    return min(1.0, volume) * min(1.0, capacity, sparse) / max(1.0, UNITS[scene.units].energy)
+    mass_n, rho_n = atoms.mass_n, state.rho_n
+    volume = float((mass_n / rho_n).min())
+    factors = [1 / rho_n]
+    if heats := [each.specific_heat for each in model.thermal or ()]:
+        factors += [mass_n * np.array(heats)[state.type_n - 1], rho_n, 1 / mass_n, rho_n / mass_n]
+    flow = min(float(factor_n.min()) for factor_n in factors)
+    return min(1.0, volume) * min(1.0, flow) / max(1.0, UNITS[scene.units].energy)
 
 
 def _with_room(content: Content, travel: float) -> Content:

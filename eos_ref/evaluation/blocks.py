@@ -26,7 +26,7 @@ from eos_ref.numbers.rounded import Rounded, error, value
 
 ROWS = 2048  # particles of a block: their pairs' numbers stay in the processor's cache
 SKIN = 0.1  # of the cutoff, by which pairs are listed beyond it
-KEPT = 2**22  # directed pairs whose values are kept between two stages; of more only who meets whom
+KEPT = 2**22  # directed pairs whose values are kept between two stages; of the blocks beyond only who meets whom
 COMPILED_ABOVE = 2**13  # particles: loading compiled operations takes as long as they save. The bits are the same
 FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `count`
 
@@ -143,7 +143,7 @@ class InBlocks(ArrayEvaluator):
     def _list(self, rows: int) -> None:
         self.blocks = listed(value(self.x_nc).astype(float), self.box, self.model.cut, rows)
         self.made: list[Any] = [None] * len(self.blocks)  # stages of the blocks, as long as they are kept
-        self.kept = sum(len(block.i_p) for block in self.blocks) <= KEPT
+        self.kept = np.cumsum([len(block.i_p) for block in self.blocks]) <= KEPT
 
     def _adopt(self, *names: str) -> None:
         """Take attributes of the particles from the blocks, as far as they have them."""
@@ -164,7 +164,7 @@ class InBlocks(ArrayEvaluator):
                     self._tell(stages, block)
                     stages.correct(self.rho_of_correction[block.at_m])
             self._tell(stages, block)
-            self.made[at] = stages if self.kept else None
+            self.made[at] = stages if self.kept[at] else None
             yield block, stages
 
     def _tell(self, stages: Any, block: Block) -> None:

@@ -29,4 +29,6 @@ def diagnose_command(run: Path, paths: tuple[Path, ...], as_json: bool) -> int:
     record = read_run(run)
     record.triage = campaign.triaged(record, campaign.cases_of(record, paths), run, open_store())
     report_files.write_run(record, run, past=history.past(record))
+    if record.triage is None and not as_json:
+        click.echo("every case is as expected: there is nothing to group")
     return shared.finish(record, run, as_json)

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from lammps_cases.studies.mutation.record import Power
 
 FAMILIES = ("told", "read", "formula", "source")
-SECTIONS = ("faults", "resolution", "alarms")
 
 
 @click.command("power")
@@ -60,6 +59,7 @@ def power_command(
     """
     from lammps_cases.run.provenance import command_line
     from lammps_cases.studies.mutation import collect, page, record
+    from lammps_cases.studies.mutation.fault import SECTIONS
 
     patterns = [name for name in names if name not in SECTIONS]
     sections = [name for name in names if name in SECTIONS] or (

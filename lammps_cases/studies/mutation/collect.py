@@ -19,7 +19,7 @@ from lammps_cases.scene import casefile
 from lammps_cases.scene.casefile import Case
 from lammps_cases.studies.mutation import alarms, catalogue, record, resolution, schedule
 from lammps_cases.studies.mutation.alarms import AlarmRun
-from lammps_cases.studies.mutation.fault import Fault
+from lammps_cases.studies.mutation.fault import SECTIONS, Fault
 from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, PlantedEntry, Power
 from lammps_cases.studies.mutation.resolution import Resolution
 from lammps_cases.studies.mutation.schedule import MutationPool
@@ -38,7 +38,7 @@ def select(
     chosen = [fault for fault in faults.values() if family in (None, fault.family)]
     for name in names:
         if not fnmatch.filter(faults, name):
-            raise unknown("fault", name, faults)
+            raise unknown("fault", name, (*SECTIONS, *faults))
     if names:
         chosen = [fault for fault in chosen if any(fnmatch.fnmatchcase(fault.id, name) for name in names)]
     if sample is not None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar, get_args
 
+SECTIONS = ("faults", "resolution", "alarms")  # of a measurement
 Family = Literal["told", "read", "formula", "source"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
 ABOUT: dict[Family, str] = {

@@ -182,6 +182,12 @@ def test_a_green_run_has_no_triage(tmp_path: Path) -> None:
     assert list(wording.triage_lines(run)) == []
 
 
+@pytest.mark.lammps
+def test_a_green_run_has_nothing_to_group(tmp_path: Path, eos_ref_command: Run) -> None:
+    assert eos_ref_command("run", "near-rho0.linear.2d", "--out", tmp_path / "report").code == 0
+    assert "there is nothing to group" in eos_ref_command("diagnose", tmp_path / "report").out
+
+
 @pytest.mark.slow
 def test_what_red_scenes_share_and_green_ones_lack(tmp_path: Path, eos_ref_command: Run) -> None:
     names = ("shift.all.2d", "images.shift.two", "images.shift.four", "images.quintic.two", "images.quintic.four")

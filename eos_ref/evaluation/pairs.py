@@ -30,7 +30,7 @@ class Search:
     Raises
     ------
     InputError
-        Particles so far outside a periodic box that rounding moves them by more than the reach.
+        Particles so far outside a periodic box that rounding moves them by more than an edge.
     """
 
     def __init__(self, x_nc: FloatArray, box: Box, reach: float) -> None:
@@ -41,11 +41,10 @@ class Search:
         self.inside_nc = x_nc - box.shift(self.outside_nc)
         around_c = np.array(box.periodic)
         places = float(np.abs(x_nc[:, around_c]).max(initial=0.0) + np.abs(box.cell_cc).sum())
-        rounding = 8 * EPS * places
-        if rounding > reach:  # all are neighbours, of as many images as there are edges on the way
-            rule = "must be known to less than the cutoff; the time step may be too long"
+        if around_c.any() and EPS * places > np.array(box.edge_c)[around_c].min():  # all edges on the way are searched
+            rule = "must be known to less than an edge of the box; the time step may be too long"
             raise InputError("positions", rule, f"{places:g} away")
-        self.wide = reach * ROOM + rounding
+        self.wide = reach * ROOM + 8 * EPS * places
         self.of_g, self.image_gc = _copies(self.inside_nc, box, self.wide)
 
     def half(self) -> tuple[IntArray, IntArray, IntArray]:

@@ -125,7 +125,7 @@ ONLY = {
 EXCLUDED_ASSIGNMENTS = {
     "numbers.elementary:powm1": ("normal",),
     "evaluation.array_evaluator:ArrayEvaluator._apart": ("image_p", "apart.error"),
-    "evaluation.pairs:Search.__init__": ("places", "rounding", "self.wide"),
+    "evaluation.pairs:Search.__init__": ("places", "self.wide"),
     "evaluation.pairs:_copies": ("room_c", "most"),
     "evaluation.time_step:Simulation._start": ("self.fresh",),
     "evaluation.time_step:Simulation.step": ("self.fresh",),

@@ -182,6 +182,6 @@ def test_particles_too_far_away_for_their_places_to_be_known_have_no_pairs() -> 
     """A run that is lost asked for as many images as there are edges on the way to its particles."""
     box = Box((0.0, 0.0), (4.0, 4.0), (True, False))
     x_nc = np.array([[1.0, 1.0], [1e18, 2.0]])
-    with pytest.raises(InputError, match="positions: must be known to less than the cutoff"):
+    with pytest.raises(InputError, match="positions: must be known to less than an edge"):
         directed_pairs(x_nc, box, 1.0)
     assert not as_set(directed_pairs(x_nc[:, ::-1], box, 0.5)), "along an open axis"

@@ -160,7 +160,10 @@ class ClusterPool:
         from lammps_cases.engine.workers import MEMORY
 
         def settle(remote: Any) -> None:
-            if remote.status == "error" and isinstance(remote.exception(), KilledWorker) and left > 1:
+            killed = remote.status == "error" and isinstance(remote.exception(), KilledWorker)
+            # An answer that a worker took with it, while the scheduler is there.
+            lost = remote.status == "lost" and self._client.status == "running"
+            if (killed or lost) and left > 1:
                 self._submit(future, task, left - 1)
                 return
             self._under_way.pop(future, None)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from eos_ref.eos.table import FloatArray
-from eos_ref.model.box import Box, Deform
+from eos_ref.model.box import BoolArray, Box, Deform
 from eos_ref.model.parameters import IntArray
 from eos_ref.model.state import Gradients
 from eos_ref.numbers.columns import Axes
@@ -34,34 +34,43 @@ class BoundaryPairsTwice(FollowingLists):
     def total(self, term_p: Any) -> Any:
         """Return sums over the neighbours; those across a boundary count twice while ``twice`` is set."""
         if self.twice:
-            term_p = where((self.forward_p >= 0) & (self.backward_p >= 0), 2 * term_p, term_p)
+            term_p = where(self.twice_p(), 2 * term_p, term_p)
         return super().total(term_p)
 
-    @contextmanager
-    def _images_added(self) -> Iterator[None]:
+    def tells_particles(self) -> bool:
+        """Return whether particles are told what their images collect from pairs that both particles list."""
         of_pairs, of_bonds = self.lists[self.at].newton
-        self.twice = bool(of_bonds and not of_pairs)
+        return bool(of_bonds and not of_pairs)
+
+    @contextmanager
+    def images_added(self) -> Iterator[None]:
+        """Sum as where particles are told what their images collect."""
+        before, self.twice = self.twice, self.tells_particles() and not self.each_listing
         yield
-        self.twice = False
+        self.twice = before
+
+    def twice_p(self) -> BoolArray:
+        """Return which pairs count twice at present, (p,): those that both particles list, while ``twice`` is set."""
+        return (self.forward_p >= 0) & (self.backward_p >= 0) & self.twice
 
     def kernel_sum(self, weight_n: Array | None = None) -> Array:
         """Return sums of the kernel, for densities."""
-        with self._images_added():
+        with self.images_added():
             return super().kernel_sum(weight_n)
 
     def gradients(self, *arguments: Any, **options: Any) -> Gradients:
         """Return gradients of fields."""
-        with self._images_added():
+        with self.images_added():
             return super().gradients(*arguments, **options)
 
     def wall_sums(self, pressure_n: Array, rho_n: Array, acceleration_nc: Array) -> tuple[Array, ...]:
         """Return sums for same-phase fractions and densities of walls."""
-        with self._images_added():
+        with self.images_added():
             return super().wall_sums(pressure_n, rho_n, acceleration_nc)
 
     def surface_sums(self, rho_n: Array) -> tuple[Axes, Array]:
         """Return sums for divergences and normals."""
-        with self._images_added():
+        with self.images_added():
             return super().surface_sums(rho_n)
 
 
@@ -87,13 +96,13 @@ class ImagesLeftBehind(FollowingLists):
     def move(self, x_nc: Array) -> None:
         """Remember where the forces had the particles."""
         if self.behind is None:
-            self.at_forces = value(x_nc).astype(float), self.box
+            self.at_forces, self.each_listing = (value(x_nc).astype(float), self.box), False
         super().move(x_nc)
 
     def follow(self, x_nc: Array) -> None:
         """Find the pairs of particles that have moved with the box and of images that have not."""
         if self.lists:
-            self.behind = self._behind(value(x_nc).astype(float))
+            self.behind, self.each_listing = self._behind(value(x_nc).astype(float)), True
         super().follow(x_nc)
         self.behind = None
 
@@ -110,7 +119,7 @@ class ImagesLeftBehind(FollowingLists):
         listed, before_sc, moved_sc = self._moved(x_nc)
         one, other = listed.pair_ps.T
         apart_pc = before_sc[one] - before_sc[other] + moved_sc[one] - moved_sc[other] * listed.own_s[other, None]
-        both = listed.newton[0] | listed.own_s[other]  # else the other particle lists the pair itself
+        both = listed.newton[0] | listed.own_s[other] | self.tells_particles()  # else the other one lists it itself
         i, j = listed.row_s[one], listed.row_s[other]
         return np.append(i, j[both]), np.append(j, i[both]), np.append(apart_pc, -apart_pc[both], axis=0)
 

@@ -6,6 +6,8 @@ cases that differ and may be explained by such a variant.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -78,6 +80,7 @@ class FollowingLists(ArrayEvaluator):
     forward_p, backward_p : entry of the list under i, and under j, for every directed pair; -1 if there is none
     reverse_p : the same pair as the other particle collects it; -1 if rounding puts it beyond the cutoff
     exchanged : whether a variant has exchanged the gradients for one evaluation
+    each_listing : whether pairs stand there once for every particle that lists them and is told of them
     """
 
     by_rows = False
@@ -85,6 +88,7 @@ class FollowingLists(ArrayEvaluator):
     at: int = 0
     kept_sc: FloatArray = np.zeros((0, 0))
     exchanged: bool = False
+    each_listing: bool = False
 
     def move(self, x_nc: Array) -> None:
         """Find the pairs, and each in LAMMPS' list."""
@@ -102,6 +106,19 @@ class FollowingLists(ArrayEvaluator):
         entries = np.column_stack([*rows, image_sc[other_s] - image_sc[one_s]])
         self.forward_p, self.backward_p = _places(own, entries), _places(other, entries)
         self.reverse_p = _places(other, own)
+
+    def tells_particles(self) -> bool:
+        """Return whether particles are told what their images collect from pairs that both particles list: not so."""
+        return False
+
+    @contextmanager
+    def images_added(self) -> Iterator[None]:
+        """Sum as where particles are told what their images collect: no other than elsewhere."""
+        yield
+
+    def twice_p(self) -> BoolArray:
+        """Return which pairs count twice at present, (p,): none."""
+        return np.zeros(len(self.i), bool)
 
 
 def unbounded(x: Array, undefined: BoolArray) -> Array:

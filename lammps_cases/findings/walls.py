@@ -31,11 +31,19 @@ class WallVelocityLost(ArrayEvaluator):
         return (v_solid - v_fluid) * ratio
 
 
+def walls(problem: Problem) -> BoolArray:
+    """Return which particles are reconstructed solids, or may freeze to one, (n,)."""
+    model, state = problem.model, problem.state
+    freezes_t = [properties.T_freeze is not None for properties in model.thermal or ()]
+    wall_n = state.solid_n | (np.array(freezes_t)[state.type_n - 1] if any(freezes_t) else False)
+    return wall_n & model.fix.interface_reconstruct
+
+
 def has_moving_walls(problem: Problem) -> bool:
     """Return whether reconstructed solids move, or may come to move."""
-    solid_n = problem.state.solid_n
-    free = solid_n & ~_held(problem.model, problem.state.type_n)
-    return problem.model.fix.interface_reconstruct and bool(np.any(problem.state.v_nc[solid_n]) or free.any())
+    wall_n = walls(problem)
+    free = wall_n & ~_held(problem.model, problem.state.type_n)
+    return bool(np.any(problem.state.v_nc[wall_n]) or free.any())
 
 
 def _held(model: Model, type_n: Any) -> Any:
@@ -58,9 +66,9 @@ class WallsSummedAfterSetup(Simulation):
 
 def sums_walls(problem: Problem) -> bool:
     """Return whether densities of reconstructed solids are summed as well, and looked at after the set-up."""
-    fix, begins = problem.model.fix, {0, *(stop.step for stop in problem.stops)}
+    begins = {0, *(stop.step for stop in problem.stops)}
     looked_at = not begins.isdisjoint(problem.steps)
-    return looked_at and fix.rho_sum and fix.interface_reconstruct and bool(problem.state.solid_n.any())
+    return looked_at and problem.model.fix.rho_sum and bool(walls(problem).any())
 
 
 class PressureForceKept(Simulation):
@@ -90,9 +98,8 @@ class PressureForceKept(Simulation):
 
 def begins_again_with_walls(problem: Problem) -> bool:
     """Return whether a run with reconstructed walls ends and another begins, of the same fixes."""
-    fix, last = problem.model.fix, problem.steps[-1]
-    kept = any(stop.step <= last and not stop.new_n.all() for stop in problem.stops)
-    return kept and fix.interface_reconstruct and bool(problem.state.solid_n.any())
+    kept = any(stop.step <= problem.steps[-1] and not stop.new_n.all() for stop in problem.stops)
+    return kept and bool(walls(problem).any())
 
 
 class AccelerationsOfOldImages(FollowingLists):
@@ -105,22 +112,26 @@ class AccelerationsOfOldImages(FollowingLists):
             return *sums, sum_n
         i, j = self.i, self.j
         present = [a_n[j] - a_n[i] for a_n in axes(acceleration_nc)]
-        read = axes(self._read())
         wall_p = self.solid_n[i] & ~self.solid_n[j]
-        stale_p = wall_p & np.logical_or.reduce([value(a) != b for a, b in zip(present, read, strict=True)])
-        change = [where(stale_p, b - a, 0.0) for a, b in zip(present, read, strict=True)]
-        return *sums, sum_n + self.total(where(stale_p, self.w * rho_n[j] * dot(change, self.x), 0.0))
+        with self.images_added():
+            read = axes(self._read())
+            stale_p = wall_p & np.logical_or.reduce([value(a) != b for a, b in zip(present, read, strict=True)])
+            change = [where(stale_p, b - a, 0.0) for a, b in zip(present, read, strict=True)]
+            return *sums, sum_n + self.total(where(stale_p, self.w * rho_n[j] * dot(change, self.x), 0.0))
 
     def _read(self) -> FloatArray:
-        """Acceleration in the slot of j less that in the slot of i, for every pair; NaN for pairs not in the list."""
+        """Acceleration in the slot of j less that in the slot of i, for every pair; NaN for pairs not in the list.
+
+        Of a pair that counts twice, as each of its particles meets an image of the other: the mean.
+        """
         listed = self.lists[self.at]
         new_sc = np.zeros((len(listed.row_s), self.model.dimension))[len(self.kept_sc) :]
         held_sc = np.concatenate([self.kept_sc, new_sc])
-        under_i = self.forward_p >= 0
-        entry_p = np.where(under_i, self.forward_p, self.backward_p)
-        one, other = listed.pair_ps[entry_p].T
-        difference_pc = (held_sc[other] - held_sc[one]) * np.where(under_i, 1.0, -1.0)[:, None]
-        return np.where(entry_p[:, None] >= 0, difference_pc, np.nan)
+        one, other = listed.pair_ps.T
+        difference_pc = np.vstack([held_sc[other] - held_sc[one], np.full((1, self.model.dimension), np.nan)])
+        under_i, under_j = difference_pc[self.forward_p], -difference_pc[self.backward_p]
+        read_pc = np.where(self.forward_p[:, None] >= 0, under_i, under_j)
+        return np.where(self.twice_p()[:, None], (under_i + under_j) / 2, read_pc)
 
 
 def has_kept_images(problem: Problem) -> bool:
@@ -242,7 +253,7 @@ def keeps_corrected_forces(problem: Problem) -> bool:
 
 def keeps_forces(problem: Problem) -> bool:
     """Return whether accelerations are kept from step to step to reconstruct the densities of walls."""
-    return problem.model.fix.interface_reconstruct and problem.steps[-1] > 0 and bool(problem.state.solid_n.any())
+    return problem.steps[-1] > 0 and bool(walls(problem).any())
 
 
 WALL_VELOCITY_LOST = Finding(
@@ -397,7 +408,7 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
     "of the evaluation before in place of accelerations, their periodic images have others: with newton on the sum "
     "over the pairs that list the image, or an image made of it, as the second one, with newton off and after "
-    "read_restart 0.",
+    "read_restart 0. With 'newton off on', where the pair counts twice, it does so with the image of either particle.",
     argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
     "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
     "where only its own force is seen, and the same after read_restart. With more particles newton on differs too, as "

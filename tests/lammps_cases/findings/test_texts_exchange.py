@@ -75,11 +75,11 @@ def test_what_counts_twice_and_what_once(lammps: Engine) -> None:
     assert all(agree(snapshot[field], right, field) for field in once)
 
 
-def parting(first: float, **evolve: Any) -> Told:
+def parting(first: float, engine: dict[str, bool] | None = None, **evolve: Any) -> Told:
     """Two particles at distance 1 that part in a box of 8 that grows, by 5 % a step."""
     grows = {"steps": 2, "timestep": 0.05, "deform": {"x": 1.0}} | evolve
     velocities = [[-1.0, 0.0], [1.0, 0.0]]
-    return two(first, v=velocities, compare=["coordination", "rho"], forces=[HELD], evolve=grows)
+    return two(first, v=velocities, compare=["coordination", "rho"], forces=[HELD], evolve=grows, engine=engine or {})
 
 
 HELD = {"style": "setforce", "vector": [0.0, 0.0]}
@@ -110,6 +110,15 @@ def test_without_remap_images_are_left_behind_by_what_the_edges_grow(lammps: Eng
     unmoved = parting(7.5, deform={})  # until the first half of the second step nothing has met an image elsewhere
     half = lammps.fields(unmoved)[1]["rho"]
     assert np.array_equal(found[1]["rho"], half) and not agree(found[2]["rho"], scene.predicted(), "rho", 2)
+
+
+def test_pairs_that_count_twice_do_so_with_the_image_of_either_particle(lammps: Engine) -> None:
+    """An image that is left behind lies at another distance than the particle that has moved, in either's list."""
+    scene = parting(7.2, engine=APART)
+    found = lammps.fields(scene, every_step=True)
+    assert agree(found[2]["rho"], scene.predicted(TWICE, BEHIND, snapshot=found[0]), "rho", 2)
+    for one in (TWICE, BEHIND):
+        assert not agree(found[2]["rho"], scene.predicted(one, snapshot=found[0]), "rho", 2)
 
 
 def test_the_error_of_a_step_shrinks_with_the_square_of_its_length(lammps: Engine) -> None:

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.lammps
 FORCES, LOST, SUMMED = "force-per-volume", "wall-velocity-lost", "walls-summed-after-setup"
 REBUILT, ORDER = "walls-after-rebuild", "walls-depend-on-pair-order"
 BEGIN, PARTS = "walls-begin-with-pressure", "walls-begin-with-parts"
-CREATED = "created-with-forces-of-others"
+CREATED, TWICE = "created-with-forces-of-others", "boundary-pairs-twice"
 COLUMNS = 4
 HELD = [{"style": "setforce", "types": 2, "vector": [0.0, 0.0]}]
 
@@ -342,3 +342,36 @@ def test_walls_begin_with_parts(lammps: Engine) -> None:
         assert not agree(first["rho"], scene.predicted(), "rho")
     anew = beside_a_wall({"at": 0, "by": "redefined"}, positions=across, engine={"newton": False})
     assert agree(lammps.fields(anew)[0]["rho"], anew.predicted(), "rho"), "the workaround"
+
+
+def test_a_pair_that_counts_twice_begins_with_the_image_of_either_particle(lammps: Engine) -> None:
+    """So that the sum of both forces counts once; a pair within the box has it twice in half the weight."""
+    assert ENTRIES[PARTS].observed.endswith("it does so with the image of either particle.")
+    assert quoted(PARTS, "observed") == ["newton off on"]
+    x = [[8.5, 4.0], [0.5, 4.0], [7.6, 4.6]]
+    across = {"x": x, "low": [0, 0], "high": [9, 9]}
+    scene = beside_a_wall({"at": 0}, positions=across, engine={"newton": False, "newton_bond": True})
+    first, *_ = lammps.fields(scene, every_step=True)
+    assert agree(first["rho"], scene.predicted(TWICE, PARTS, snapshot=first), "rho")
+    assert not any(agree(first["rho"], scene.predicted(*one, snapshot=first), "rho") for one in ([TWICE], [PARTS]))
+
+
+def test_a_wall_that_freezes_is_a_wall(lammps: Engine) -> None:
+    """A fluid particle below its freezing temperature is solid from the first step on, and its velocity is lost."""
+    scene = told(
+        [[4.0, 4.0], [5.0, 4.0]],
+        (9, 9),
+        v=[[0.5, 0.0], [0.5, 0.0]],
+        e=[0.5, 1.5],
+        types=[{"mass": 1.0, "T_freeze": 1.0}],
+        rheo={"interface_reconstruct": True},
+        positions={"lattice": "sq", "spacing": 1.0, "cells": [1, 1], "periodic": [False, False]},
+        evolve={"steps": 1, "timestep": 1e-3},
+        compare=["grad/v", "phase"],
+    )
+    found = lammps.fields(scene)[1]
+    assert found["phase"].tolist() == [1, 0]
+    variant = ENTRIES[LOST].model_variant
+    assert variant and variant.applies(scene.problem)
+    assert agree(found["grad/v"], scene.predicted(LOST), "grad/v", 1)
+    assert not agree(found["grad/v"], scene.predicted(), "grad/v", 1)

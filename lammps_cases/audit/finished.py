@@ -35,7 +35,7 @@ from lammps_cases.audit.options import (
 )
 from lammps_cases.audit.sample import judged, known
 from lammps_cases.audit.supervise import case_name, described
-from lammps_cases.audit.verdict import Findings
+from lammps_cases.audit.verdict import Findings, by_field, leave_unchecked
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.records.run_record import EngineRecord, LawRecord, RunRecord, Seconds
 from lammps_cases.records.wording import counted
@@ -106,8 +106,7 @@ def audit_dump(dump: Path, deck: Path, options: AuditOptions) -> AuditResult:
     audit.end()
     case = findings.case(case_name(dump))
     case.about = "a dump of your input deck: its columns against each other, at the end of a step"
-    case.not_checked = audit.unchecked()
-    case.unchecked = dict(reversed(audit.reasons))
+    leave_unchecked(case, audit.unchecked())
     case.source, case.reproduce = str(dump), shlex.join(["eos-ref", "audit", "--dump", str(dump), "--deck", str(deck)])
     case.seconds = Seconds(reference=time.perf_counter() - begin, total=time.perf_counter() - begin)
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
@@ -269,13 +268,13 @@ class _Audit:
             return f"in units {run.setup.units} force over mass is no acceleration"
         return run.deck.moves_on()
 
-    def unchecked(self) -> list[str]:
-        """Return a line per field and reason, with the steps if it does not hold for all snapshots."""
+    def unchecked(self) -> dict[str, str]:
+        """Return by field why it was not checked, with the steps if that does not hold for all snapshots."""
         lines = []
         for (name, reason), steps in self.reasons.items():
             some = f" (steps {', '.join(map(str, steps[:5]))}{', ...' * (len(steps) > 5)})"
-            lines.append(f"{name}: {reason}{some * (len(steps) < len(self.steps))}")
-        return lines
+            lines.append((name, reason + some * (len(steps) < len(self.steps))))
+        return by_field(lines)
 
     def end(self) -> None:
         """Tell the record that all snapshots have been taken."""

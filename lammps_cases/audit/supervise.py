@@ -20,7 +20,7 @@ from lammps_cases.audit import launch, messages, share
 from lammps_cases.audit.guard import check_script
 from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, DeckSetups, PairShare, SampleRows
 from lammps_cases.audit.scratch import copy_folder
-from lammps_cases.audit.verdict import Findings
+from lammps_cases.audit.verdict import Findings, leave_unchecked
 from lammps_cases.engine import containment
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
@@ -81,13 +81,13 @@ def audit_deck(deck: Path, options: AuditOptions | None = None) -> AuditResult:
         )
         raise InputError("deck", rule, where=str(deck))
     if findings.ended is not None and findings.ended.share is not None:
-        _take_share(case, findings, findings.ended.share, options)
+        _take_share(case, findings.ended.share, options)
     case.seconds.total = time.perf_counter() - begin
     record = RunRecord(engine=EngineRecord(), reference={}, cases=[case], seconds=case.seconds.total).counted()
     return AuditResult(record, findings.who, findings.ended.arrays if findings.ended else {})
 
 
-def _take_share(case: CaseRecord, findings: Findings, pairs: PairShare, options: AuditOptions) -> None:
+def _take_share(case: CaseRecord, pairs: PairShare, options: AuditOptions) -> None:
     """Have a second LAMMPS evaluate pair_style rheo alone at the particles of a sample, and judge its forces."""
     where = f"of pair_style rheo alone, by a second LAMMPS at the particles of step {pairs.step}"
     own = replace(options, fields=("f",), steps=None, keep=None, suffix=None, progress=SILENT)
@@ -106,12 +106,10 @@ def _take_share(case: CaseRecord, findings: Findings, pairs: PairShare, options:
             case.blame = second.blame.model_copy(update={"step": pairs.step, "run": pairs.run})
     failure = failure.replace(f"{folder}/", "")
     if compared:
-        of_forces = f"f with all that adds to it: {pairs.reason}; compared is that {where}"
-        case.unchecked.pop("f", None)
+        forces = ("f with all that adds to it", f"{pairs.reason}; compared is that {where}")
     else:
-        case.unchecked["f"] = f"{pairs.reason}; {where} it cannot be had ({failure})"
-        of_forces = f"f: {case.unchecked['f']}"
-    case.not_checked = findings.not_checked(of_forces)
+        forces = ("f", f"{pairs.reason}; {where} it cannot be had ({failure})")
+    leave_unchecked(case, dict(forces if name == "f" else (name, reason) for name, reason in case.unchecked.items()))
     case.verdict = worst([case.verdict, *(record.verdict for record in compared)])
     case.message = wording.message(case)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from lammps_cases.audit.effects import worst as largest
@@ -85,16 +86,16 @@ class Findings:
             **{name: value for name, value in row._asdict().items() if name != "natoms"},
         )
 
-    def not_checked(self, of_forces: str = "") -> list[str]:
-        """Return a line per field and reason, with the runs if others differ; of forces the one given, if any."""
+    def reasons(self) -> dict[str, str]:
+        """Return by field why it was not checked, with the runs if others differ."""
         several = len({run for runs in self.unchecked.values() for run in runs} | {c.run for c in self.checks}) > 1
         compared = {name for name, _ in self.fields}
         missed = [name for name in offered() if name in self.chosen - compared and self.checks]
-        lines = [
-            (name, f"{name}: {reason}" + (f" (run {', '.join(map(str, runs))})" if several else ""))
+        of_runs = [
+            (name, reason + (f" (run {', '.join(map(str, runs))})" if several else ""))
             for (name, reason), runs in self.unchecked.items()
-        ] + [(name, f"{name}: {NEVER_COMPARABLE}") for name in missed]
-        return [of_forces if name == "f" and of_forces else line for name, line in lines]
+        ]
+        return by_field([*of_runs, *((name, NEVER_COMPARABLE) for name in missed)])
 
     def case(self, name: str, failure: Failure | None = None) -> CaseRecord:
         """Make the record; ``failure`` says how LAMMPS ended, if not well."""
@@ -130,11 +131,10 @@ class Findings:
             series=self.ended.series if self.ended else [],
             closed=self.ended.closed if self.ended else None,
             checks=self.checks,
-            not_checked=self.not_checked(),
-            unchecked=dict(reversed(self.unchecked)),
             explained_by=list(dict.fromkeys(explained)),
             **({"seconds": self.ended.seconds} if self.ended else {}),
         )
+        leave_unchecked(case, self.reasons())
         case.message = wording.message(case)
         return case
 
@@ -179,3 +179,17 @@ def _blame(sample: SampleRows, key: tuple[str, int], row: SampleRow) -> Blame:
         max_over_bound=row.max_over_bound,
         worst_id=row.worst_id,
     )
+
+
+def by_field(reasons: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Return all that is said of each field."""
+    of_fields: dict[str, list[str]] = {}
+    for name, reason in reasons:
+        of_fields.setdefault(name, []).append(reason)
+    return {name: "; ".join(said) for name, said in of_fields.items()}
+
+
+def leave_unchecked(case: CaseRecord, reasons: Mapping[str, str]) -> None:
+    """Note in a record which fields were not checked, and why: as data and in words."""
+    case.unchecked = dict(reasons)
+    case.not_checked = [f"{name}: {reason}" for name, reason in reasons.items()]

@@ -127,8 +127,7 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
 
     head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
     reasons: dict[str, list[str]] = {}
-    for line in case.not_checked:
-        name, _, reason = line.partition(": ")
+    for name, reason in case.unchecked.items():
         reasons.setdefault(reason, []).append(name)
     unchecked = [f"not checked: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     warnings = [f"warning: {line}" for line in case.warnings]

@@ -92,7 +92,7 @@ class Adoption:
     @property
     def sentence(self) -> str:
         """Say in a line what became of the ledger."""
-        there = sum(row.status.startswith(("there", "gone in")) for row in self.findings)
+        there = sum(row.status in ("there", "gone in some cases") for row in self.findings)
         first = sum(bool(row.cases) and not row.known for row in self.findings)
         gone = sum(row.status == "gone" and row.expected for row in self.findings)
         return f"{there} findings there, {first} of them new here; {gone} gone; {len(self.unexplained)} unexplained"

@@ -75,12 +75,8 @@ class Page:
     date: str
     state: str
     title: str
+    sentence: str = ""  # the title without the state; pages of earlier versions do not say it
     whole: bool = False
-
-    @property
-    def sentence(self) -> str:
-        """Its title without the state."""
-        return self.title.removeprefix(f"{self.state}: ")
 
     @property
     def name(self) -> str:

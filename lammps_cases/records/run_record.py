@@ -235,7 +235,7 @@ class CaseRecord(Record):
     closed: ClosedRecord | None = Field(None, description="what a closed solution says of an audited deck")
     checks: list[CheckRecord] = Field([], description="every look of an audit")
     not_checked: list[str] = Field([], description="fields that an audit was asked for and could not check, and why")
-    unchecked: dict[str, str] = Field({}, description="the same as data: the first reason by field")
+    unchecked: dict[str, str] = Field({}, description="the same as data: reasons by field")
 
     @property
     def as_expected(self) -> bool:

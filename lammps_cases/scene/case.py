@@ -23,11 +23,13 @@ from lammps_cases.scene.particles import PLANAR, FromFile, Lattice, Listed, Posi
 from lammps_cases.scene.runs import EngineSettings, Expect, TwinSettings
 from lammps_cases.scene.settings import DeformSettings, Evolve, ForceSettings, PairSettings, RheoSettings
 from lammps_cases.scene.stops import AS_TEXT, FOR_EACH_ATOM, LOSES_MASSES, Stretch
-from lammps_cases.scene.values import SceneModel
+from lammps_cases.scene.values import BrokenRule, SceneModel
 from lammps_cases.scene.violations import Violation
 
 METHOD_KEYS = ("method", "tolerance")  # of the Python interface; a scene is judged by the reference's own body
 MAX_ATOMS = 10_000_000
+# Where rules of what goes on in time are broken.
+STOPS, DEFORM = ("evolve", "stops"), ("evolve", "deform")
 
 
 class Scene(SceneModel):
@@ -67,9 +69,10 @@ class Scene(SceneModel):
         """Refuse the keys that choose a method, and name the place where one is chosen."""
         for key in METHOD_KEYS:
             if isinstance(content, Mapping) and key in content:
-                raise ValueError(
+                raise BrokenRule(
                     f"{key} is no key of a scene, which is judged by the reference's own body: choose a method by "
-                    'EOS.pressure(rho, method="auto", tolerance=1e-9) in Python, and compare methods by eos-ref chart'
+                    'EOS.pressure(rho, method="auto", tolerance=1e-9) in Python, and compare methods by eos-ref chart',
+                    key,
                 )
         return content
 
@@ -78,22 +81,26 @@ class Scene(SceneModel):
         if isinstance(self.positions, Lattice):
             planar = self.positions.lattice in PLANAR
             if planar != (self.dimension == 2):
-                raise ValueError(f"lattice {self.positions.lattice} does not fit dimension {self.dimension}")
+                raise BrokenRule(
+                    f"lattice {self.positions.lattice} does not fit dimension {self.dimension}", "positions", "lattice"
+                )
             atoms = math.prod(self.positions.cells) * {"hex": 2, "bcc": 2, "fcc": 4}.get(self.positions.lattice, 1)
             if atoms > MAX_ATOMS:
-                raise ValueError(f"at most {MAX_ATOMS} particles, found {atoms}")
+                raise BrokenRule(f"at most {MAX_ATOMS} particles", "positions", "cells", found=atoms)
         if isinstance(self.positions, Listed) and len(self.positions.low) != self.dimension:
-            raise ValueError(f"positions need {self.dimension} components, found {len(self.positions.low)}")
+            raise BrokenRule(f"positions need {self.dimension} components", "positions", found=len(self.positions.low))
         if self.violate and not self.expect:
-            raise ValueError("violate needs expect: {refused: TEXT}")
+            raise BrokenRule("violate needs expect: {refused: TEXT}", "violate")
         for key in ("mass", "rho", "energy"):
             field = getattr(self, key)
             if field and field.per_type and len(field.per_type) != len(self.types):
-                raise ValueError(f"{key}.per_type needs {len(self.types)} values, found {len(field.per_type)}")
+                raise BrokenRule(
+                    f"{key}.per_type needs {len(self.types)} values", key, "per_type", found=len(field.per_type)
+                )
         for key in ("rho0", "cs"):
             given = [getattr(t, key) is not None for t in self.types]
             if any(given) and not all(given):
-                raise ValueError(f"{key} must be given for every type or for none (fix rheo takes N values)")
+                raise BrokenRule(f"{key} must be given for every type or for none (fix rheo takes N values)", "types")
         self._check_types()
         self._check_vectors()
         self._check_compare()
@@ -108,13 +115,13 @@ class Scene(SceneModel):
 
     def _check_example(self, example: ExampleSettings) -> None:
         if self.twin or self.violate:
-            raise ValueError("example goes with neither twin nor violate, which change the line")
+            raise BrokenRule("example goes with neither twin nor violate, which change the line", "example")
         try:
             same = self._says(example)
         except InputError:
             return  # the line is against the manual's own syntax: nothing can say the same
         if not same:
-            raise ValueError("the keys of the scene must say what the manual's line says")
+            raise BrokenRule("the keys of the scene must say what the manual's line says", "example")
 
     def _says(self, example: ExampleSettings) -> bool:
         if line := example.line("pressure"):
@@ -125,140 +132,169 @@ class Scene(SceneModel):
 
     def _check_twin(self, twin: TwinSettings) -> None:
         if self.expect or not self.whole_model:
-            raise ValueError("twin compares fields of the whole model: it needs more in compare than pressure")
+            raise BrokenRule("twin compares fields of the whole model: it needs more in compare than pressure", "twin")
         if twin.boost is not None and self.rheo.shift:
-            raise ValueError("twin.boost: shifting follows the speed of each particle, which depends on the frame")
+            raise BrokenRule(
+                "twin.boost: shifting follows the speed of each particle, which depends on the frame", "twin", "boost"
+            )
         if twin.boost is not None and "press" in self.compare:
-            raise ValueError("twin.boost: press has a kinetic part, which depends on the frame")
+            raise BrokenRule("twin.boost: press has a kinetic part, which depends on the frame", "twin", "boost")
         if twin.translate is not None and getattr(self.positions, "tilt", None):
-            raise ValueError("twin.translate needs a box without tilt: take twin.tilt")
+            raise BrokenRule("twin.translate needs a box without tilt: take twin.tilt", "twin", "translate")
         if twin.tilt is not None:
-            check_tilt(twin.tilt, getattr(self.positions, "periodic", None), self.dimension)
+            check_tilt(twin.tilt, getattr(self.positions, "periodic", None), self.dimension, "twin")
         if twin.split and (self.evolve is None or self.evolve.steps < 2):
-            raise ValueError("twin.split needs two time steps or more")
+            raise BrokenRule("twin.split needs two time steps or more", "twin", "split")
         if twin.split and self.evolve and self.evolve.every:
-            raise ValueError(
-                "twin.split goes without evolve.every, whose runs begin with set-ups that pre no leaves out"
+            raise BrokenRule(
+                "twin.split goes without evolve.every, whose runs begin with set-ups that pre no leaves out",
+                "twin",
+                "split",
             )
         if twin.kind in ("newton", "skin", "ranks") and getattr(twin, twin.kind) == getattr(self.engine, twin.kind):
-            raise ValueError(f"twin.{twin.kind} must differ from engine.{twin.kind}")
+            raise BrokenRule(f"twin.{twin.kind} must differ from engine.{twin.kind}", "twin", twin.kind)
         if twin.units is not None:
             if twin.units == self.units:
-                raise ValueError("twin.units must differ from units")
-            self._check_units(twin.units)
+                raise BrokenRule("twin.units must differ from units", "twin", "units")
+            self._check_units(twin.units, "twin")
         if twin.rescale is not None:
             octaves = int(math.log2(twin.rescale))
             for law in (t.viscosity for t in self.types if isinstance(t.viscosity, PowerLaw)):
                 if (Fraction(law.n) * octaves).denominator != 1:
-                    raise ValueError(f"twin.rescale must be exact: rescale to the power of n ({law.n!r}) is not")
+                    raise BrokenRule(
+                        f"twin.rescale must be exact: rescale to the power of n ({law.n!r}) is not", "twin", "rescale"
+                    )
 
-    def _check_units(self, units: UnitStyle) -> None:
+    def _check_units(self, units: UnitStyle, *above: str) -> None:
         if UNITS[units].consistent:
             return
         if self.dimension == 2:
-            raise ValueError(f"units {units} need dimension 3: in a plane their pressures have no unit")
+            raise BrokenRule(
+                f"units {units} need dimension 3: in a plane their pressures have no unit", *above, "units"
+            )
         if not self.whole_model:
-            raise ValueError(
+            raise BrokenRule(
                 f"units {units} need more in compare than pressure: an equation of state alone is judged in numbers "
-                "that are consistent, as those of lj, si, cgs, micro and nano"
+                "that are consistent, as those of lj, si, cgs, micro and nano",
+                *above,
+                "units",
             )
 
     def _check_types(self) -> None:
         n = len(self.types)
         for region in getattr(self.positions, "regions", ()):
             if region.type is not None and region.type > n:
-                raise ValueError(f"type of a region must lie within 1 to {n}, found {region.type}")
+                raise BrokenRule(
+                    f"type of a region must lie within 1 to {n}", "positions", "regions", found=region.type
+                )
         for types in (*(f.types for f in self.forces), *(self.rheo.shifting.exclude if self.rheo.shifting else ())):
             if types is not None:
                 type_range(types, n)
         if any(t.thermal for t in self.types) and self.energy is None and not isinstance(self.positions, FromFile):
-            raise ValueError("conductivity, specific_heat, latent_heat and T_freeze need energy")
+            raise BrokenRule("conductivity, specific_heat, latent_heat and T_freeze need energy", "types")
 
     def _check_vectors(self) -> None:
-        vectors: dict[str, list[tuple[float | None, ...] | tuple[float, ...] | None]] = {
-            "velocity.uniform": [self.velocity.uniform],
-            "velocity.values": [*(self.velocity.values or ())],
-            "velocity of a type": [t.velocity for t in self.types],
-            "vector of a force": [force.vector for force in self.forces],
-            "vector of twin": [self.twin.translate or self.twin.boost] if self.twin else [],
+        vectors: dict[tuple[str, ...], list[tuple[float | None, ...] | tuple[float, ...] | None]] = {
+            ("velocity.uniform", "velocity", "uniform"): [self.velocity.uniform],
+            ("velocity.values", "velocity", "values"): [*(self.velocity.values or ())],
+            ("velocity of a type", "types"): [t.velocity for t in self.types],
+            ("vector of a force", "forces"): [force.vector for force in self.forces],
+            ("vector of twin", "twin"): [self.twin.translate or self.twin.boost] if self.twin else [],
         }
         if self.velocity.values is not None and any(t.velocity for t in self.types):
-            raise ValueError("velocity.values stands instead of the velocity of a type")
-        for what, given in vectors.items():
+            raise BrokenRule("velocity.values stands instead of the velocity of a type", "velocity", "values")
+        for (what, *at), given in vectors.items():
             for vector in given:
                 if vector is not None and len(vector) != self.dimension:
-                    raise ValueError(f"{what} needs {self.dimension} components, found {len(vector)}")
+                    raise BrokenRule(f"{what} needs {self.dimension} components", *at, found=len(vector))
 
     def _check_stops(self) -> None:
         stops = self.evolve.stops if self.evolve else ()
         if stops and (not self.whole_model or self.expect):
-            raise ValueError("stops compares fields of the whole model: it needs more in compare than pressure")
+            raise BrokenRule("stops compares fields of the whole model: it needs more in compare than pressure", *STOPS)
         if stops and self.twin:
-            raise ValueError("stops go with no twin, whose runs are held against each other")
+            raise BrokenRule("stops go with no twin, whose runs are held against each other", *STOPS)
         for stop in stops:
             if stop.by in FOR_EACH_ATOM and self.engine.ranks > 1:
-                raise ValueError(f"stops: {stop.by} needs all atoms on one rank, found {self.engine.ranks} ranks")
+                raise BrokenRule(
+                    f"stops: {stop.by} needs all atoms on one rank", *STOPS, found=f"{self.engine.ranks} ranks"
+                )
             if self.mass and stop.by in LOSES_MASSES:
-                raise ValueError(f"stops: {stop.by} does not keep the masses of particles, which mass gives")
+                raise BrokenRule(f"stops: {stop.by} does not keep the masses of particles, which mass gives", *STOPS)
             if stop.stretch:
                 self._check_stretch(stop.stretch)
             if stop.displace:
                 type_range(stop.displace.types or "*", len(self.types))
                 if stop.displace.z and self.dimension == 2:
-                    raise ValueError(f"displace.z must be 0 in 2D, found {stop.displace.z!r}")
+                    raise BrokenRule("displace.z must be 0 in 2D", *STOPS, found=stop.displace.z)
 
     def _check_stretch(self, stretch: Stretch) -> None:
         if stretch.z != 1 and self.dimension == 2:
-            raise ValueError(f"stretch.z must be 1 in 2D, found {stretch.z!r}")
+            raise BrokenRule("stretch.z must be 1 in 2D", *STOPS, found=stretch.z)
         if getattr(self.positions, "tilt", None):
-            raise ValueError("stretch needs a box without tilt")
-        self._check_faces("stretch")
+            raise BrokenRule("stretch needs a box without tilt", *STOPS)
+        self._check_faces("stretch", *STOPS)
 
-    def _check_faces(self, key: str) -> None:
+    def _check_faces(self, key: str, *at: str) -> None:
         """Check that a box can change its size."""
         if self.engine.boundary != "f":  # LAMMPS sets such faces itself
-            raise ValueError(f"{key} needs faces that are periodic or fixed, found boundary {self.engine.boundary}")
+            raise BrokenRule(
+                f"{key} needs faces that are periodic or fixed", *at, found=f"boundary {self.engine.boundary}"
+            )
 
     def _check_deform(self, deform: DeformSettings) -> None:
         assert self.evolve is not None
         if not self.whole_model or self.expect:
-            raise ValueError("deform compares fields of the whole model: it needs more in compare than pressure")
+            raise BrokenRule(
+                "deform compares fields of the whole model: it needs more in compare than pressure", *DEFORM
+            )
         if deform.z and self.dimension == 2:
-            raise ValueError(f"deform.z must be 0 in 2D, found {deform.z!r}")
+            raise BrokenRule("deform.z must be 0 in 2D", *DEFORM, "z", found=deform.z)
         self._check_shear(deform)
-        self._check_faces("deform")
+        self._check_faces("deform", *DEFORM)
         for stop in self.evolve.stops:
             if stop.stretch or stop.by in AS_TEXT:
-                raise ValueError(f"deform goes with neither stretch nor a stop by data, found one at {stop.at}")
+                raise BrokenRule(
+                    "deform goes with neither stretch nor a stop by data", *DEFORM, found=f"one at {stop.at}"
+                )
         if self.twin and self.twin.kind in ("translate", "boost", "tilt"):
-            raise ValueError(f"deform: a box that grows about its middle is another one under twin.{self.twin.kind}")
+            raise BrokenRule(
+                f"deform: a box that grows about its middle is another one under twin.{self.twin.kind}", *DEFORM
+            )
 
     def _check_shear(self, deform: DeformSettings) -> None:
         if self.dimension == 2 and (deform.xz or deform.yz):
-            raise ValueError(f"deform.xz and deform.yz must be 0 in 2D, found {deform.xz!r} and {deform.yz!r}")
+            found = f"{deform.xz!r} and {deform.yz!r}"
+            raise BrokenRule("deform.xz and deform.yz must be 0 in 2D", *DEFORM, found=found)
         periodic = getattr(self.positions, "periodic", None) or (True,) * self.dimension
         for rate, axes in zip(deform.shears, TILTED, strict=True):
             if rate and not all(periodic[a] for a in axes):
-                raise ValueError(f"deform: xy, xz and yz must be 0 but between periodic axes, found {deform.shears}")
+                raise BrokenRule(
+                    "deform: xy, xz and yz must be 0 but between periodic axes", *DEFORM, found=deform.shears
+                )
         if deform.remap != "v":
             return
         assert self.evolve is not None
         if self.rheo.shift:
-            raise ValueError("deform: remap v goes without shift, which follows the speed of each image")
+            raise BrokenRule("deform: remap v goes without shift, which follows the speed of each image", *DEFORM)
         if "press" in self.compare:
-            raise ValueError("deform: press has a kinetic part, which with remap v depends on the image")
+            raise BrokenRule("deform: press has a kinetic part, which with remap v depends on the image", *DEFORM)
         if "v" in self.compare and "x" not in self.compare:
-            raise ValueError("deform: with remap v compare v needs compare x, which tells the image that v is of")
+            raise BrokenRule(
+                "deform: with remap v compare v needs compare x, which tells the image that v is of", *DEFORM
+            )
         if self.evolve.stops:
-            raise ValueError(f"deform: remap v goes without stops, found one at {self.evolve.halts[0]}")
+            raise BrokenRule("deform: remap v goes without stops", *DEFORM, found=f"one at {self.evolve.halts[0]}")
 
     def _check_compare(self) -> None:
         if len(set(self.compare)) < len(self.compare):
-            raise ValueError("compare must name each field once")
+            raise BrokenRule("compare must name each field once", "compare")
         volume = {"virial", "press"}.intersection(self.compare)
         closed = not isinstance(self.positions, FromFile) and all(self.positions.periodic or (True,))
         if volume and "s" in self.engine.boundary and not closed:
-            raise ValueError(f"{min(volume)} needs engine.boundary without s: a box that shrinks has its own volume")
+            raise BrokenRule(
+                f"{min(volume)} needs engine.boundary without s: a box that shrinks has its own volume", "compare"
+            )
         self._check_units(self.units)
         given = {
             "interface/reconstruct": ("rheo.interface_reconstruct", self.rheo.interface_reconstruct),
@@ -269,7 +305,7 @@ class Scene(SceneModel):
         for field in self.compare:
             keyword = keyword_of(field)
             if keyword and not given[keyword][1]:
-                raise ValueError(f"compare: {field} needs {given[keyword][0]}")
+                raise BrokenRule(f"compare: {field} needs {given[keyword][0]}", "compare")
 
     @property
     def rho0(self) -> tuple[float, ...] | None:

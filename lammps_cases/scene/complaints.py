@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,36 +15,36 @@ from pydantic_core import ErrorDetails
 from eos_ref import InputError
 from eos_ref.errors import nearest, similar, together
 from lammps_cases.records.wording import counted
-from lammps_cases.records.yaml_files import compose, flow, position
+from lammps_cases.records.yaml_files import FlowText, compose, flow, position
+from lammps_cases.scene.values import BrokenRule
 
 Keys = tuple[str | int, ...]  # from the top of the file
 MANY = 12  # values that a key can have, beyond which only the nearest is named
-# pydantic's types of errors in words of YAML.
+# pydantic's types of errors in words of YAML: a verb, which alternatives share, and the rest.
 RULES = {
-    "missing": "is required",
-    "extra_forbidden": "unknown key",
-    "invalid_key": "a key must be a plain word",
-    "bool_parsing": "must be true or false",
-    "bool_type": "must be true or false",
-    "dict_type": "must hold keys with values",
-    "float_parsing": "must be a number",
-    "float_type": "must be a number",
-    "greater_than": "must be greater than {gt}",
-    "greater_than_equal": "must be at least {ge}",
-    "int_from_float": "must be a whole number",
-    "int_parsing": "must be a whole number",
-    "int_type": "must be a whole number",
-    "less_than": "must be less than {lt}",
-    "less_than_equal": "must be at most {le}",
-    "list_type": "must be a list",
-    "literal_error": "must be {expected}",
-    "model_type": "must hold keys with values",
-    "string_too_short": "must have at least {min_length} characters",
-    "string_type": "must be text",
-    "too_long": "must have at most {members}",
-    "too_short": "must have at least {members}",
-    "tuple_type": "must be a list",
-    "value_error": "{error}",
+    "missing": ("", "is required"),
+    "extra_forbidden": ("", "unknown key"),
+    "invalid_key": ("", "a key must be a plain word"),
+    "bool_parsing": ("must be", "true or false"),
+    "bool_type": ("must be", "true or false"),
+    "dict_type": ("must hold", "keys with values"),
+    "float_parsing": ("must be", "a number"),
+    "float_type": ("must be", "a number"),
+    "greater_than": ("must be", "greater than {gt}"),
+    "greater_than_equal": ("must be", "at least {ge}"),
+    "int_from_float": ("must be", "a whole number"),
+    "int_parsing": ("must be", "a whole number"),
+    "int_type": ("must be", "a whole number"),
+    "less_than": ("must be", "less than {lt}"),
+    "less_than_equal": ("must be", "at most {le}"),
+    "list_type": ("must be", "a list"),
+    "literal_error": ("must be", "{expected}"),
+    "model_type": ("must hold", "keys with values"),
+    "string_too_short": ("must have", "at least {min_length} characters"),
+    "string_type": ("must be", "text"),
+    "too_long": ("must have", "at most {members}"),
+    "too_short": ("must have", "at least {members}"),
+    "tuple_type": ("must be", "a list"),
 }
 
 
@@ -55,18 +54,26 @@ class Complaint:
 
     Attributes
     ----------
-    below : keys in that part that the rule speaks of
+    rules : what is valid, by verb (or none); any of them will do
+    below : keys in that part that the rules speak of
     mark : line and column, from 0
     case : the case of a matrix that breaks it
     """
 
     keys: Keys
-    rule: str
+    rules: tuple[tuple[str, str], ...]
     found: Any = None
     kind: str = ""
     below: Keys = ()
     mark: tuple[int, int] = (0, 0)
     case: str = ""
+
+    @property
+    def rule(self) -> str:
+        """Return the rules as a sentence, in which a verb that is the first's is said once."""
+        (verb, _), *_ = self.rules
+        more = (text if each == verb else f"{each} {text}".strip() for each, text in self.rules)
+        return f"{verb} {' or '.join(more)}".strip()
 
     @property
     def what(self) -> str:
@@ -204,24 +211,31 @@ def _complaint(error: ErrorDetails, keys: Keys) -> Complaint:
     """Say what is wrong in words of YAML."""
     kind, value = error["type"], error.get("input")
     context = error.get("ctx", {})
-    members = counted(context.get("min_length", context.get("max_length", 0)), "member")
-    rule = RULES.get(kind, error["msg"]).format(**context, members=members)
     if kind == "missing" and isinstance(keys[-1], int):
-        return Complaint(keys[:-1], f"must have {counted(keys[-1] + 1, 'member')}", value)
+        return Complaint(keys[:-1], (("must have", counted(keys[-1] + 1, "member")),), value)
+    if kind == "value_error":
+        return _of_validator(context["error"], keys, value)
     if kind == "literal_error":
-        rule = rule.replace("True", "true")
-    elif kind == "value_error":
-        named = re.match(r"[\w.]+", rule)  # a part below that the rule speaks of
-        below = _inside(named[0], value) if named else ()
-        if below or isinstance(value, dict) or "found" in rule:
-            return Complaint(keys, rule, kind=kind, below=below)
-    return Complaint(keys, rule, None if kind in ("missing", "extra_forbidden") else flow(value), kind)
+        context = {"expected": context["expected"].replace("True", "true")}
+    members = counted(context.get("min_length", context.get("max_length", 0)), "member")
+    verb, rest = RULES.get(kind, ("", error["msg"]))
+    found = None if kind in ("missing", "extra_forbidden") else flow(value)
+    return Complaint(keys, ((verb, rest.format(**context, members=members)),), found, kind)
 
 
-def _inside(name: str, content: Any) -> Keys:
-    """Return the keys of a dotted name, as far as they are in a content."""
+def _of_validator(error: ValueError, keys: Keys, value: Any) -> Complaint:
+    """Say what a validator refuses: a rule of a scene, or of what the reference reads of it."""
+    if not isinstance(error, BrokenRule):  # says itself what is there
+        return Complaint(keys, (("", str(error)),))
+    found = flow(value) if error.found is None and not isinstance(value, dict) else error.found
+    shown = found if error.found is None else FlowText(found)
+    return Complaint(keys, (("", error.rule),), shown, below=_inside(error.at, value))
+
+
+def _inside(path: Keys, content: Any) -> Keys:
+    """Return some keys, as far as they are in a content."""
     keys: Keys = ()
-    for part in name.split("."):
+    for part in path:
         if not isinstance(content, Mapping) or part not in content:
             break
         keys, content = (*keys, part), content[part]
@@ -233,9 +247,7 @@ def _one_each(every: Sequence[Complaint]) -> list[Complaint]:
     by_keys: dict[Keys, Complaint] = {}
     for each in every:
         before = by_keys.setdefault(each.keys, each)
-        if each.rule not in before.rule:
-            more = each.rule.removeprefix(" ".join(before.rule.split()[:2]))  # must be, must have
-            by_keys[each.keys] = replace(before, rule=f"{before.rule} or {more.strip()}")
+        by_keys[each.keys] = replace(before, rules=tuple(dict.fromkeys((*before.rules, *each.rules))))
     return list(by_keys.values())
 
 
@@ -243,7 +255,7 @@ def _with_hint(complaint: Complaint, words: Sequence[str]) -> Complaint:
     """Return a complaint about a value that is none of some words, with the one that was probably meant."""
     hint = nearest(str(complaint.found), words)
     rule = "must be a known name" if hint and len(words) > MANY else complaint.rule
-    return replace(complaint, rule=rule + hint)
+    return replace(complaint, rules=(("", rule + hint),))
 
 
 # --- unknown keys
@@ -317,7 +329,7 @@ def explained(every: Sequence[Complaint], allowed: Format) -> list[Complaint]:
     for each in every:
         if each.kind == "extra_forbidden":
             hint, key = _meant(each.keys, missing, allowed)
-            first.append(replace(each, rule=each.rule + hint))
+            first.append(replace(each, rules=(("", each.rule + hint),)))
             meant.add(key)
     others = [
         _with_hint(each, allowed.words(each.keys)) if each.kind == "literal_error" else each

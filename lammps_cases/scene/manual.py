@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lammps_cases.scene.values import SceneModel
+from lammps_cases.scene.values import BrokenRule, SceneModel
 
 Page = Literal["rheo", "pressure"]
 EXAMPLES: dict[Page, tuple[str, ...]] = {
@@ -36,7 +36,7 @@ class ExampleSettings(SceneModel):
     @model_validator(mode="after")
     def _exactly_one(self) -> ExampleSettings:
         if (self.rheo is None) == (self.pressure is None):
-            raise ValueError("needs exactly one of rheo, pressure: all lines of the manual have the same fix ID")
+            raise BrokenRule("needs exactly one of rheo, pressure: all lines of the manual have the same fix ID")
         return self
 
     def line(self, page: Page) -> str | None:

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from eos_ref import EOS
 from eos_ref.eos.registry import LAWS, PARAMETER, Style
 from eos_ref.syntax.fixes import PressureEntry
-from lammps_cases.scene.values import Finite, NonNegative, Positive, SceneModel, TypeRange, Vector
+from lammps_cases.scene.values import BrokenRule, Finite, NonNegative, Positive, SceneModel, TypeRange, Vector
 
 
 class PowerLaw(SceneModel):
@@ -45,7 +45,7 @@ class AtomType(SceneModel):
     @model_validator(mode="after")
     def _freezes(self) -> AtomType:
         if self.latent_heat is not None and self.T_freeze is None:
-            raise ValueError("latent_heat needs T_freeze")
+            raise BrokenRule("latent_heat needs T_freeze", "latent_heat")
         return self
 
     @property
@@ -76,7 +76,7 @@ class LawSettings(SceneModel):
         for name in dict.fromkeys(PARAMETER.values()):
             given = getattr(self, name) is not None
             if given != (name == wanted):
-                raise ValueError(f"{self.style} {'needs' if name == wanted else 'does not take'} {name}")
+                raise BrokenRule(f"{self.style} {'needs' if name == wanted else 'does not take'} {name}", name)
         return self
 
     @property

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from eos_ref.model.box import TILTED
-from lammps_cases.scene.values import Finite, LocalFile, NonNegative, Positive, SceneModel, Vector
+from lammps_cases.scene.values import BrokenRule, Finite, LocalFile, NonNegative, Positive, SceneModel, Vector
 
 LatticeStyle = Literal["sq", "hex", "sc", "bcc", "fcc"]
 PLANAR = ("sq", "hex")
@@ -20,15 +20,21 @@ Tilt = Annotated[
 ]
 
 
-def check_tilt(tilt: tuple[float, ...] | None, periodic: tuple[bool, ...] | None, dimension: int) -> None:
-    """Check that edges lean between periodic axes alone, and that there are as many numbers as edges can lean."""
+def check_tilt(tilt: tuple[float, ...] | None, periodic: tuple[bool, ...] | None, dimension: int, *above: str) -> None:
+    """Check that edges lean between periodic axes alone, and that there are as many numbers as edges can lean.
+
+    Parameters
+    ----------
+    above : keys of what holds the tilt
+    """
     if tilt is None:
         return
-    if len(tilt) != dimension * (dimension - 1) // 2:
-        raise ValueError(f"tilt needs {dimension * (dimension - 1) // 2} numbers in {dimension}D, found {len(tilt)}")
+    wanted = dimension * (dimension - 1) // 2
+    if len(tilt) != wanted:
+        raise BrokenRule(f"tilt needs {wanted} numbers in {dimension}D", *above, "tilt", found=len(tilt))
     for lean, axes in zip(tilt, TILTED, strict=False):
         if lean and periodic and not all(periodic[axis] for axis in axes):
-            raise ValueError(f"tilt must be 0 but between periodic axes, found {list(tilt)}")
+            raise BrokenRule("tilt must be 0 but between periodic axes", *above, "tilt", found=list(tilt))
 
 
 class Region(SceneModel):
@@ -57,18 +63,19 @@ class Lattice(SceneModel):
     def _size(self) -> Lattice:
         wanted = 2 if self.lattice in PLANAR else 3
         if len(self.cells) != wanted:
-            raise ValueError(f"cells needs {wanted} numbers for {self.lattice}, found {len(self.cells)}")
+            raise BrokenRule(f"cells needs {wanted} numbers for {self.lattice}", "cells", found=len(self.cells))
         if min(self.cells) < 1:
-            raise ValueError(
-                f"cells must be at least 1 along each axis, else the scene is empty, found {list(self.cells)}"
+            raise BrokenRule(
+                "cells must be at least 1 along each axis, else the scene is empty", "cells", found=list(self.cells)
             )
         if self.periodic is not None and len(self.periodic) != wanted:
-            raise ValueError(f"periodic needs {wanted} flags for {self.lattice}, found {len(self.periodic)}")
+            raise BrokenRule(f"periodic needs {wanted} flags for {self.lattice}", "periodic", found=len(self.periodic))
         for region in self.regions:
             if not len(region.low) == len(region.high) == wanted:
-                raise ValueError(f"low and high of a region need {wanted} numbers for {self.lattice}")
+                raise BrokenRule(f"low and high of a region need {wanted} numbers for {self.lattice}", "regions")
             if not all(low < high for low, high in zip(region.low, region.high, strict=True)):
-                raise ValueError(f"a region needs low < high, found {list(region.low)} and {list(region.high)}")
+                found = f"{list(region.low)} and {list(region.high)}"
+                raise BrokenRule("a region needs low < high", "regions", found=found)
         check_tilt(self.tilt, self.periodic, wanted)
         return self
 
@@ -148,13 +155,13 @@ class Listed(SceneModel):
     def _size(self) -> Listed:
         d = len(self.low)
         if any(len(x) != d for x in (self.high, *self.x)):
-            raise ValueError(f"x, low and high need the same number of components, {d} as low has")
+            raise BrokenRule(f"x, low and high need the same number of components, {d} as low has", "x")
         if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
-            raise ValueError(f"the box needs low < high, found {list(self.low)} and {list(self.high)}")
+            raise BrokenRule("the box needs low < high", "low", found=f"{list(self.low)} and {list(self.high)}")
         if self.types is not None and len(self.types) != len(self.x):
-            raise ValueError(f"types needs one value per particle ({len(self.x)}), found {len(self.types)}")
+            raise BrokenRule(f"types needs one value per particle ({len(self.x)})", "types", found=len(self.types))
         if self.periodic is not None and len(self.periodic) != d:
-            raise ValueError(f"periodic needs {d} flags, found {len(self.periodic)}")
+            raise BrokenRule(f"periodic needs {d} flags", "periodic", found=len(self.periodic))
         check_tilt(self.tilt, self.periodic, d)
         return self
 
@@ -190,7 +197,7 @@ class Offset(SceneModel):
     @model_validator(mode="after")
     def _ordered(self) -> Offset:
         if self.low > self.high:
-            raise ValueError(f"low must not exceed high, found {self.low!r} > {self.high!r}")
+            raise BrokenRule("low must not exceed high", "low", found=f"{self.low!r} > {self.high!r}")
         return self
 
 
@@ -220,10 +227,10 @@ class Values(SceneModel):
         keys = ("constant", "per_type", "range", "ratio", "offset", "values", "table")
         given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
-            raise ValueError(f"needs exactly one of {', '.join(keys)}, found {', '.join(given) or 'none'}")
+            raise BrokenRule(f"needs exactly one of {', '.join(keys)}", found=", ".join(given) or "none")
         ends = self.range or self.ratio
         if ends and self.spacing == "log" and ends[0] * ends[1] <= 0:
-            raise ValueError(f"log spacing needs two ends of one sign, not 0, found {list(ends)}")
+            raise BrokenRule("log spacing needs two ends of one sign, not 0", "spacing", found=list(ends))
         return self
 
 
@@ -237,5 +244,5 @@ class Velocity(SceneModel):
     @model_validator(mode="after")
     def _one_way(self) -> Velocity:
         if self.values is not None and (self.random or self.uniform):
-            raise ValueError("values goes with neither random nor uniform")
+            raise BrokenRule("values goes with neither random nor uniform", "values")
         return self

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from eos_ref.model.units import UnitStyle
-from lammps_cases.scene.values import Finite, Positive, SceneModel, Vector
+from lammps_cases.scene.values import BrokenRule, Finite, Positive, SceneModel, Vector
 
 Boundary = Literal["f", "s", "m", "fs", "sf", "fm", "mf", "sm", "ms"]
 
@@ -23,7 +23,7 @@ class Rebuild(SceneModel):
     @model_validator(mode="after")
     def _multiple(self) -> Rebuild:
         if self.delay % self.every:
-            raise ValueError(f"delay must be 0 or a multiple of every, found {self.delay} and {self.every}")
+            raise BrokenRule("delay must be 0 or a multiple of every", "delay", found=f"{self.delay} and {self.every}")
         return self
 
 
@@ -51,9 +51,11 @@ class EngineSettings(Rebuild):
     @model_validator(mode="after")
     def _shared(self) -> EngineSettings:
         if self.processors is not None and math.prod(self.processors) != self.ranks:
-            raise ValueError(f"processors must be as many as ranks ({self.ranks}), found {list(self.processors)}")
+            raise BrokenRule(
+                f"processors must be as many as ranks ({self.ranks})", "processors", found=list(self.processors)
+            )
         if self.balance is not None and self.communication != "tiled":  # the style shift rounds positions
-            raise ValueError(f"balance (style rcb) needs communication tiled, found {self.communication}")
+            raise BrokenRule("balance (style rcb) needs communication tiled", "balance", found=self.communication)
         return self
 
     @property
@@ -86,13 +88,13 @@ class TwinSettings(SceneModel):
     def _exactly_one(self) -> TwinSettings:
         given = [key for key in type(self).model_fields if getattr(self, key) is not None]
         if len(given) != 1:
-            raise ValueError(f"needs exactly one of {', '.join(type(self).model_fields)}, found {' '.join(given) or 0}")
+            raise BrokenRule(f"needs exactly one of {', '.join(type(self).model_fields)}", found=" ".join(given) or 0)
         if self.rescale is not None and not 2.0**-20 <= self.rescale <= 2.0**20:
-            raise ValueError(f"rescale must lie within 2^-20 to 2^20, found {self.rescale!r}")
+            raise BrokenRule("rescale must lie within 2^-20 to 2^20", "rescale", found=self.rescale)
         if self.rescale is not None and (math.frexp(self.rescale)[0] != 0.5 or self.rescale == 1):
-            raise ValueError(f"rescale must be a power of two other than 1, found {self.rescale!r}")
+            raise BrokenRule("rescale must be a power of two other than 1", "rescale", found=self.rescale)
         if self.tilt is not None and not any(self.tilt):
-            raise ValueError(f"tilt must be other than 0 for some edge, found {list(self.tilt)}")
+            raise BrokenRule("tilt must be other than 0 for some edge", "tilt", found=list(self.tilt))
         return self
 
     @property
@@ -109,5 +111,5 @@ class Expect(SceneModel):
     @model_validator(mode="after")
     def _specific(self) -> Expect:
         if len(self.refused.replace("ERROR", "").strip(" :")) < 8:
-            raise ValueError(f"refused must hold words that only this refusal has, found {self.refused!r}")
+            raise BrokenRule("refused must hold words that only this refusal has", "refused", found=repr(self.refused))
         return self

@@ -11,7 +11,7 @@ from eos_ref.kernels.styles import KernelStyle
 from eos_ref.model.box import Remap
 from eos_ref.syntax.fixes import SurfaceStyle
 from lammps_cases.scene.stops import Stop, counted
-from lammps_cases.scene.values import RANGE_SCHEMA, Finite, NonNegative, Positive, SceneModel, TypeRange
+from lammps_cases.scene.values import RANGE_SCHEMA, BrokenRule, Finite, NonNegative, Positive, SceneModel, TypeRange
 
 SNAPSHOTS = (0, 1, 10, 100)  # steps compared by default: the set-up, the first step, and the growth of rounding
 
@@ -26,7 +26,7 @@ class SurfaceDetectionSettings(SceneModel):
     @model_validator(mode="after")
     def _whole(self) -> SurfaceDetectionSettings:
         if self.style == "coordination" and not self.limit.is_integer():
-            raise ValueError(f"limit of coordination counts neighbours: a whole number, found {self.limit!r}")
+            raise BrokenRule("limit of coordination counts neighbours: a whole number", "limit", found=self.limit)
         return self
 
 
@@ -67,7 +67,7 @@ class RheoSettings(SceneModel):
     @model_validator(mode="after")
     def _arguments(self) -> RheoSettings:
         if self.self_mass and not self.rho_sum:
-            raise ValueError("self_mass is an argument of rho_sum, which is off")
+            raise BrokenRule("self_mass is an argument of rho_sum, which is off", "self_mass")
         return self
 
     @property
@@ -96,7 +96,7 @@ class ForceSettings(SceneModel):
     @model_validator(mode="after")
     def _complete(self) -> ForceSettings:
         if self.style != "setforce" and None in self.vector:
-            raise ValueError(f"{self.style} needs a number for every component")
+            raise BrokenRule(f"{self.style} needs a number for every component", "vector")
         return self
 
 
@@ -145,22 +145,26 @@ class Evolve(SceneModel):
         if self.compare_at is not None and not (
             list(self.compare_at) == sorted(set(self.compare_at)) and self.compare_at[-1] == self.steps
         ):
-            raise ValueError(
-                f"compare_at must increase and end with steps ({self.steps}), found {list(self.compare_at)}"
+            raise BrokenRule(
+                f"compare_at must increase and end with steps ({self.steps})", "compare_at", found=list(self.compare_at)
             )
         at = [stop.at for stop in self.stops]
         if at != sorted(set(at)) or (at and at[-1] > self.steps):
-            raise ValueError(f"stops must increase and lie within 0 to steps ({self.steps}), found {at}")
+            raise BrokenRule(f"stops must increase and lie within 0 to steps ({self.steps})", "stops", found=at)
         if self.deform and self.every:
-            raise ValueError(f"deform goes without every, whose runs all begin in a box of their own: {self.every}")
+            raise BrokenRule(
+                f"deform goes without every, whose runs all begin in a box of their own: {self.every}", "deform"
+            )
         ends = (0, *at, self.steps)
         longest = self.timestep * max(end - begin for begin, end in itertools.pairwise(ends))
         if self.deform and not 1 + min(self.deform.rates) * longest > 0:
             shrunk = 1 + min(self.deform.rates) * longest
-            raise ValueError(f"deform must leave every run a box: 1 + rate steps timestep is {shrunk:.3g} of an edge")
+            raise BrokenRule(
+                f"deform must leave every run a box: 1 + rate steps timestep is {shrunk:.3g} of an edge", "deform"
+            )
         if self.every is not None and self.snapshots != (self.steps,):
-            raise ValueError(
-                f"every: such runs are read at the last step alone ({self.steps}), found {list(self.snapshots)}"
+            raise BrokenRule(
+                f"every: such runs are read at the last step alone ({self.steps})", "every", found=list(self.snapshots)
             )
         return self
 

@@ -11,16 +11,31 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 
+class BrokenRule(ValueError):
+    """A rule that a part of a scene breaks, as a validator raises it.
+
+    Parameters
+    ----------
+    rule : what is valid
+    at : keys of the part that the rule speaks of, from the model on that checks it
+    found : what is there, if the rule does not speak for itself
+    """
+
+    def __init__(self, rule: str, *at: str, found: object = None) -> None:
+        self.rule, self.at, self.found = rule, at, found
+        super().__init__(rule if found is None else f"{rule}, found {found}")
+
+
 def _finite(value: float) -> float:
     if not math.isfinite(value):
-        raise ValueError(f"must be a finite number, found {value!r}")
+        raise BrokenRule("must be a finite number", found=value)
     return value
 
 
 def _inside(path: str) -> str:
     parts = PurePosixPath(path)
     if parts.is_absolute() or ".." in parts.parts or "\\" in path:
-        raise ValueError(f"must be a file in the scene's own folder or below, found {path!r}")
+        raise BrokenRule("must be a file in the scene's own folder or below", found=repr(path))
     return path
 
 
@@ -28,7 +43,7 @@ def _range(types: object) -> object:
     text = str(types) if type(types) is int else types
     # Nothing that LAMMPS could take for another word or command.
     if not (isinstance(text, str) and re.fullmatch("[0-9*-]{1,24}", text)):
-        raise ValueError("must be a range of types: *, n, *n, n* or m*n")
+        raise BrokenRule("must be a range of types: *, n, *n, n* or m*n")
     return text
 
 

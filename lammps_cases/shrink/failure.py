@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import traceback
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -84,8 +85,16 @@ def rule_broken(scene: Scene) -> tuple[str, ...]:
     try:
         reference_side.with_cut(scene, scene.rheo.cut or 1.0)
     except InputError as error:
-        return error.what, _NUMBER.sub("#", error.rule)
+        return error.what, _raised_in(error)
     return ()
+
+
+def _raised_in(error: BaseException) -> str:
+    """Return the line of the reference that refuses: the same rule has other numbers in another scene."""
+    while isinstance(error.__context__, InputError):  # before places were put in front
+        error = error.__context__
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{last.filename}:{last.lineno}"
 
 
 def _kind(record: CaseRecord) -> str:

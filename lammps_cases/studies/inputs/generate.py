@@ -77,7 +77,7 @@ class Generated:
             return self.form.command.manual
         if self.kind == "integer" and of.allows(value):  # a whole number, written as none
             return self.form.command.manual
-        return of.why.partition("manual: ")[2]
+        return of.manual
 
     @functools.cached_property
     def refusal(self) -> str:

@@ -30,7 +30,8 @@ class Argument(BaseModel):
     range : the numbers allowed: ``any``, ``not 0``, ``> 0``, ``>= 0``, ``0 to 1``, or just one
     of : the words allowed of a choice
     only : of types, those of the legal forms that are allowed, if not all are
-    why : by what the range is limited; it begins with ``manual:`` where a page of the manual says it
+    why : by what the range is limited
+    manual : the same, where a page of the manual says it
     names : further words by which a clear error may call it
     word : the attribute of a name
     """
@@ -42,6 +43,7 @@ class Argument(BaseModel):
     of: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     why: str = ""
+    manual: str = ""
     names: tuple[str, ...] = ()
     word: str = ""
 

@@ -137,7 +137,7 @@ class ReferenceRun(ObservedRun):
             self._run(steps)
         except InputError as error:
             # Positions that are not finite, or far from the box: an observation shows the former.
-            lost = bool(np.isfinite(self.simulation.state.x_nc).all()) and "near the box" in str(error)
+            lost = bool(np.isfinite(self.simulation.state.x_nc).all()) and error.what == "position"
             raise Stopped("lost particles" if lost else "non-finite", str(error)) from None
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise Stopped("error", f"{type(error).__name__}: {error}") from None

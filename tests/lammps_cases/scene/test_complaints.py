@@ -104,6 +104,33 @@ def test_a_mistake_in_a_patch_is_placed_in_the_patch_and_said_once(tmp_path: Pat
     assert "velocity.uniform needs 2 components, found 3 (line 10, column 29, case matrix.a.u)" in said_of_vector
 
 
+WHOLE = """name: whole
+about: rules of a scene as a whole
+scene:
+  dimension: 2
+  types: [{mass: 1, rho0: 1}, {mass: 1}]
+  positions: {lattice: sq, spacing: 0.8, cells: [5, 4]}
+  pressure: [{types: "*", style: linear}]
+  rho: {constant: 1}
+  compare: [f]
+"""
+STOPPING = "  evolve: {steps: 4, timestep: 0.1, stops: [{at: 1, stretch: {z: 2}}]}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (WHOLE, "rho0 must be given for every type or for none (fix rheo takes N values) (line 5, column 10)"),
+        (WHOLE.replace("[5, 4]", "[5, 4, 3]"), "cells needs 2 numbers for sq, found 3 (line 6, column 49)"),
+        (WHOLE.replace("sq", "sc").replace("[5, 4]", "[5, 4, 3]"), "does not fit dimension 2 (line 6, column 24)"),
+        (WHOLE.replace(", rho0: 1", "") + STOPPING, "stretch.z must be 1 in 2D, found 2.0 (line 10, column 44)"),
+    ],
+)
+def test_a_rule_of_several_keys_is_placed_at_the_key_that_it_speaks_of(tmp_path: Path, text: str, said: str) -> None:
+    (line,) = _refused(tmp_path / "whole.yaml", text)
+    assert line.endswith(said)
+
+
 LISTED: dict[str, Any] = {"x": [[0.2, 0.2], [0.6, 0.6]], "low": [0, 0], "high": [1, 1]}
 OUTSIDE = LISTED | {"x": [[0.2, 0.2], [2, 2]], "periodic": [False, False]}
 

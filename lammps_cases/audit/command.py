@@ -15,7 +15,8 @@ from lammps_cases.engine import installations
 from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_arrays
-from lammps_cases.records.run_record import FailOn, RunRecord
+from lammps_cases.records.levels import FailOn
+from lammps_cases.records.run_record import RunRecord
 from lammps_cases.run import provenance, report_files
 from lammps_cases.run.output_folder import output_folder
 from lammps_cases.run.results import Result, report_folder

@@ -20,7 +20,8 @@ from lammps_cases.claims.model import Claim, claims
 from lammps_cases.findings import severities
 from lammps_cases.probes import PREFIX
 from lammps_cases.records.headline import HERE, Headline, headline
-from lammps_cases.records.run_record import CaseRecord, FailOn, FieldRecord, RunRecord
+from lammps_cases.records.levels import FailOn
+from lammps_cases.records.run_record import CaseRecord, FieldRecord, RunRecord
 from lammps_cases.records.wording import INSIDE, counted, number, own_words
 
 ClaimVerdict = Literal["holds", "does not hold", "not run", "cannot be tested", "not claimed"]

@@ -9,8 +9,9 @@ import click
 
 from eos_ref.errors import InputError
 from lammps_cases.cli import shared
+from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import CaseRecord, FailOn
+from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.records.wording import effects, listed
 
 

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from lammps_cases.claims.model import Claim
     from lammps_cases.claims.page import Column
     from lammps_cases.claims.trace import Trace
-    from lammps_cases.records.run_record import CaseRecord, FailOn, RunRecord
+    from lammps_cases.records.levels import FailOn
+    from lammps_cases.records.run_record import CaseRecord, RunRecord
     from lammps_cases.scene.casefile import Case
 
 MOST_TEXT = 160  # characters of evidence

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from lammps_cases.cli import completion, shared
+from lammps_cases.records.levels import FAIL_ON, FailOn
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import FAIL_ON, FailOn
 
 if TYPE_CHECKING:
     from lammps_cases.regression.pairs import SideComparison

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lammps_cases.cli import completion, shared
-from lammps_cases.records.run_record import SEVERITIES
+from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import by_file, counted
 
 if TYPE_CHECKING:

@@ -87,9 +87,9 @@ class LazyGroup(click.Group):
 
     def resolve_command(self, context: click.Context, args: list[str]) -> Any:
         """Suggest the nearest command for an unknown one."""
-        from eos_ref.errors import nearest
-
         if args and args[0] not in COMMANDS:
+            from eos_ref.errors import nearest  # here: importing the reference loads numpy
+
             raise click.UsageError(f"no such command: {args[0]!r}{nearest(args[0], COMMANDS)}")
         return super().resolve_command(context, args)
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from lammps_cases.cli import shared
+from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import FailOn
 
 if TYPE_CHECKING:
     from lammps_cases.studies.mutation.record import Power

@@ -12,9 +12,10 @@ import click
 
 from lammps_cases.cli import completion, shared
 from lammps_cases.records.progress import Bar
-from lammps_cases.records.run_record import FailOn, RunRecord
 
 if TYPE_CHECKING:
+    from lammps_cases.records.levels import FailOn
+    from lammps_cases.records.run_record import RunRecord
     from lammps_cases.scene.casefile import Case
 
 
@@ -66,14 +67,13 @@ def run_command(
     Example:  eos-ref run --tag quick
               eos-ref run 'near-rho0.*.2d' --jobs 2 --out reports/near
     """
-    from eos_ref import InputError
-
     if costs and not shard:
+        from eos_ref import InputError
+
         raise InputError("--costs", "needs --shard, which it divides")
     shared.start_fork_server()
     from lammps_cases.comparison import prediction_keys
     from lammps_cases.engine import installations
-    from lammps_cases.regression import baseline as accepted
     from lammps_cases.run import campaign, provenance, shards
     from lammps_cases.scene import casefile
 
@@ -83,6 +83,8 @@ def run_command(
     if shard:
         chosen = shards.part_of(chosen, shard, shards.DOCUMENT.read(costs) if costs else None)
     if baseline is not None:
+        from lammps_cases.regression import baseline as accepted
+
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     resolved = installations.resolve(engine)
     with shared.run_folder(out, (case.name for case in chosen), engine, resume) as folder:

@@ -12,13 +12,16 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from lammps_cases.cli import completion
-from lammps_cases.records.headline import Headline
-from lammps_cases.records.run_record import FAIL_ON, RunRecord
+from lammps_cases.records.levels import FAIL_ON
+
+if TYPE_CHECKING:
+    from lammps_cases.records.headline import Headline
+    from lammps_cases.records.run_record import RunRecord
 
 Command = TypeVar("Command", bound=Callable[..., object])
 PATH = click.Path(path_type=Path)

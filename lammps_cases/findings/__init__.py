@@ -36,7 +36,8 @@ from lammps_cases.findings import (
 )
 from lammps_cases.findings.engines import KNOWN, NEWEST, SEEN_ON
 from lammps_cases.findings.entry import Finding
-from lammps_cases.records.run_record import SEVERITIES, CaseRecord, Severity
+from lammps_cases.records.levels import SEVERITIES, Severity
+from lammps_cases.records.run_record import CaseRecord
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene

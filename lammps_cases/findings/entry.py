@@ -12,7 +12,8 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import EosState
 from lammps_cases.findings.engines import nearest, since
 from lammps_cases.findings.variants import Variant
-from lammps_cases.records.run_record import CaseRecord, Ended, Severity, Verdict
+from lammps_cases.records.levels import Severity
+from lammps_cases.records.run_record import CaseRecord, Ended, Verdict
 
 if TYPE_CHECKING:
     from lammps_cases.scene import Scene

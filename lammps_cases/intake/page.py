@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lammps_cases.intake.record import Adoption
 from lammps_cases.pages import frame
-from lammps_cases.records.run_record import SEVERITIES
+from lammps_cases.records.levels import SEVERITIES
 
 ASSETS = Path(__file__).with_name("assets")
 ORDER = ("there", "gone in some cases", "gone", "not asked")

@@ -21,6 +21,7 @@ from eos_ref.syntax.manual import Manual, manual_of
 from lammps_cases.records import schema1
 from lammps_cases.records.audit_record import BudgetRecord, ClosedRecord, EffectRecord, OutlookRecord, SeriesRecord
 from lammps_cases.records.documents import SCHEMAS, Document, Record
+from lammps_cases.records.levels import SEVERITIES, FailOn, Severity
 
 Verdict = Literal["exact", "pass", "explained", "differs", "refused", "crashed", "timeout", "error", "skipped"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -28,10 +29,6 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 # other atoms or steps than asked for.
 Ended = Literal["answered", "accepted", "refused", "crashed", "timeout", "error", "skipped", "unusable"]
 Failed = Literal["refused", "crashed", "timeout", "error", "skipped"]  # a verdict and an end in one: without an answer
-Severity = Literal["high", "medium", "low"]  # of findings
-SEVERITIES: tuple[Severity, ...] = get_args(Severity)
-FailOn = Literal["high", "medium", "low", "new"]  # the least severity of known findings that fails; new: none does
-FAIL_ON: tuple[FailOn, ...] = get_args(FailOn)
 HASH = 8  # digits shown of a library's hash
 # From best to worst. A refusal that the scene expects counts as good as a pass; see `CaseRecord.as_expected`.
 BY_SEVERITY = ("skipped", "exact", "pass", "explained", "refused", "differs", "timeout", "crashed", "error")

@@ -13,8 +13,8 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.records.checked import checked
 from lammps_cases.records.files import write_atomically
 from lammps_cases.records.headline import Headline
+from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import SILENT
-from lammps_cases.records.run_record import FailOn
 from lammps_cases.regression import page, pairs, sources
 from lammps_cases.regression.change import Policy
 from lammps_cases.regression.pairs import SideComparison

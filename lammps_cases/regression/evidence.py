@@ -17,7 +17,7 @@ from packaging.version import Version
 
 from lammps_cases.findings import KNOWN, LEDGER, SHOWN_BY, Finding, engines
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.run_record import SEVERITIES
+from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import by_file
 from lammps_cases.regression import baseline
 

@@ -10,7 +10,7 @@ from typing import Any
 from lammps_cases.findings import severities
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.headline import Headline, headline
-from lammps_cases.records.run_record import FailOn, Severity
+from lammps_cases.records.levels import FailOn, Severity
 from lammps_cases.records.wording import counted, plain
 from lammps_cases.regression.change import Policy, SideChange
 from lammps_cases.regression.changes import Changes, compare

@@ -19,8 +19,9 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import EngineMissing
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.records import folders, wording
+from lammps_cases.records.levels import FailOn
 from lammps_cases.records.progress import SILENT, Progress
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, FailOn, RunRecord, Triage
+from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord, Triage
 from lammps_cases.records.stages import stage
 from lammps_cases.run.case_journal import CaseJournal, start
 from lammps_cases.run.case_judgement import JUDGING, answers, judge_into, unjudged

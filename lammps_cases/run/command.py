@@ -13,7 +13,7 @@ from pydantic import Field
 from lammps_cases.comparison import prediction_keys
 from lammps_cases.engine import forkserver, installations
 from lammps_cases.records.checked import checked
-from lammps_cases.records.run_record import FailOn
+from lammps_cases.records.levels import FailOn
 from lammps_cases.run import campaign
 from lammps_cases.run.results import Result, report_folder
 from lammps_cases.scene import casefile

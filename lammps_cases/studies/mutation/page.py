@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from lammps_cases.pages import frame
 from lammps_cases.pages.figures import DIFFERS, FAINT, INK, OF, PAPER, THEMED, plain_text, themed
 from lammps_cases.records.files import write_atomically
-from lammps_cases.records.run_record import FailOn
+from lammps_cases.records.levels import FailOn
 from lammps_cases.studies.mutation import source
 from lammps_cases.studies.mutation.coverage import coverage
 from lammps_cases.studies.mutation.fault import ABOUT, FAMILIES, KINDS

@@ -14,7 +14,7 @@ from lammps_cases.findings import severities
 from lammps_cases.records.documents import SCHEMAS, Document
 from lammps_cases.records.headline import Headline, headline
 from lammps_cases.records.journal import Journal
-from lammps_cases.records.run_record import FailOn
+from lammps_cases.records.levels import FailOn
 from lammps_cases.records.wording import counted
 from lammps_cases.records.yaml_files import read_yaml
 from lammps_cases.studies.mutation.alarms import AlarmRun

@@ -13,7 +13,7 @@ from lammps_cases.cli import ledger, shared
 from lammps_cases.findings import KNOWN, LEDGER
 from lammps_cases.history import store
 from lammps_cases.history.store import History
-from lammps_cases.records.run_record import SEVERITIES
+from lammps_cases.records.levels import SEVERITIES
 from lammps_cases.records.wording import MEANINGS
 from lammps_cases.scene.fields import FIELDS
 from tests.conftest import ROOT

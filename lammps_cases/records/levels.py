@@ -1,0 +1,10 @@
+"""Severities of findings and the levels of ``--fail-on``: plain words, for which nothing else is loaded."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+Severity = Literal["high", "medium", "low"]  # of findings
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+FailOn = Literal["high", "medium", "low", "new"]  # the least severity of known findings that fails; new: none does
+FAIL_ON: tuple[FailOn, ...] = get_args(FailOn)

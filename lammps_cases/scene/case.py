@@ -381,8 +381,8 @@ class Scene(SceneModel):
 NAME = re.compile(r"[a-z0-9]+(?:[-+][a-z0-9]+)*")
 
 
-def check_name(name: str, where: str) -> str:
-    """Check a part of a case's name, lower-case words joined by hyphens, and return it.
+def check_name(name: str) -> None:
+    """Check a part of a case's name: lower-case words joined by hyphens.
 
     Raises
     ------
@@ -390,5 +390,4 @@ def check_name(name: str, where: str) -> str:
         Another character, or more than 60.
     """
     if not NAME.fullmatch(name) or len(name) > 60:
-        raise InputError("name", "must be at most 60 lower-case letters, digits, hyphens and +", name, where)
-    return name
+        raise InputError("name", "must be at most 60 lower-case letters, digits, hyphens and +", name)

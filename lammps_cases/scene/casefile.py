@@ -25,7 +25,7 @@ from eos_ref.syntax.manual import Manual
 from lammps_cases.records.yaml_files import flow, read_yaml
 from lammps_cases.rules import RULES
 from lammps_cases.scene import FromFile, Scene, check_name
-from lammps_cases.scene.complaints import Combination, Complaint, Format, Source, complaints, explained, refused
+from lammps_cases.scene.complaints import Combination, Complaint, Format, Keys, Source, complaints, explained, refused
 
 MAX_CASES = 10_000  # of one file
 SCENES = ("scene", "matrix")  # the keys that make scenes
@@ -129,7 +129,7 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
         raise refused(
             explained([*complaints(error, data, source), *_of_scenes(data, source)], _format()), source
         ) from None
-    check_name(file.name, source.place(("name",)))
+    _check_name(file.name, source, ("name",))
     cases, wrong = [], []
     for each in _combined(file, source):
         try:
@@ -140,6 +140,13 @@ def load_file(path: Path, shipped: bool = False) -> list[Case]:
         raise refused(explained(wrong, _format()), source)
     _check_exercises(file, [case.name for case in cases], source)
     return sorted(cases, key=lambda case: case.name)
+
+
+def _check_name(name: str, source: Source, keys: Keys, at_key: bool = False) -> None:
+    try:
+        check_name(name)
+    except InputError as error:
+        raise error.at(source.place(keys, at_key=at_key)) from None
 
 
 def _of_scenes(data: Mapping[str, Any], source: Source) -> list[Complaint]:
@@ -170,7 +177,7 @@ def _combined(file: CaseFile, source: Source) -> Iterator[Combination]:
         raise InputError("matrix", f"must make 1 to {MAX_CASES} cases", count, source.place(("matrix",)))
     for axis, patches in file.matrix.items():
         for label in patches:
-            check_name(label, source.place(("matrix", axis, label), at_key=True))
+            _check_name(label, source, ("matrix", axis, label), at_key=True)
     for combination in itertools.product(*(axis.items() for axis in file.matrix.values())):
         labels = tuple(label for label, _ in combination)
         content: Any = file.scene
@@ -214,16 +221,20 @@ def _check_exercises(file: CaseFile, names: Sequence[str], source: Source) -> No
 
 
 def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> Case:
+    def where(*keys: str) -> str:  # of a mistake alone: to find a place takes as long as to read the file
+        return source.place(keys, made.labels) + (f", case {made.case}" if made.labels else "")
+
     scene = Scene.model_validate(made.content)
     if scene.expect is None:
-        case = f", case {made.case}" if made.labels else ""
-        eos = scene.eos(source.place(("scene", "pressure"), made.labels) + case)
+        try:
+            eos = scene.eos()
+        except InputError:
+            eos = scene.eos(where("scene", "pressure"))
         given = not isinstance(scene.positions, FromFile)
-        where = source.place(("scene",), made.labels) + case
         if eos.needs_energy and scene.energy is None and given:
-            raise InputError("energy", "ideal/gas needs the energy of every particle", where=where)
+            raise InputError("energy", "ideal/gas needs the energy of every particle", where=where("scene"))
         if scene.rho is None and not scene.rho_sum and given:
-            raise InputError("rho", "must be given unless rho_sum is on or a file holds it", where=where)
+            raise InputError("rho", "must be given unless rho_sum is on or a file holds it", where=where("scene"))
     about, tags = " ".join(file.about.split()), tuple(sorted(set(made.tags)))
     return Case(made.case, about, tags, scene, source.path, shipped, _exercises(file, made.case))
 

@@ -66,9 +66,9 @@ def test_a_type_without_a_law_is_said_with_the_place() -> None:
 
 @pytest.mark.parametrize("name", ["", "A", "a.b", "a--b", "-a", "a b", "a" * 61])
 def test_names_are_words_joined_by_hyphens(name: str) -> None:
-    assert check_name("near-rho0+2d", "") == "near-rho0+2d"
-    with pytest.raises(InputError, match=r"name: .*\(here\)"):
-        check_name(name, "here")
+    check_name("near-rho0+2d")
+    with pytest.raises(InputError, match="name: "):
+        check_name(name)
 
 
 def test_shipped_cases_are_read_once_and_handed_out_as_a_list_of_ones_own() -> None:

@@ -14,6 +14,7 @@ from eos_ref.errors import InputError
 from lammps_cases.claims import verdicts
 from lammps_cases.history.reported import Past
 from lammps_cases.pages import frame
+from lammps_cases.pages.packed import packed_once
 from lammps_cases.records import wording
 from lammps_cases.records.run_record import CaseRecord, CheckRecord, FieldRecord, RunRecord, StepRecord
 from lammps_cases.report import agreement, plots
@@ -74,7 +75,7 @@ def render(
         styles=[HISTORY_CSS] if history else [],
         scripts=[frame.PACKED, ASSETS / "plots.js"],
         unpacked=[plotly],
-        plotly=plotly,
+        plotly=packed_once(plotly),
         whole=len(run.cases) <= WHOLE,
         run=run,
         of_run=of_run,

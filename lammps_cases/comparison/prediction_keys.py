@@ -51,29 +51,35 @@ def fingerprint(*parts: object) -> str:
 
 
 def _feed(digest: Digest, part: Any) -> None:
-    if isinstance(part, np.ndarray) and not part.dtype.hasobject:
-        digest.update(f"array {part.dtype.str} {part.shape};".encode())
-        digest.update(np.ascontiguousarray(part).tobytes())
+    if part is None or isinstance(part, bool | int | str):
+        digest.update(f"{type(part).__name__} {part!r};".encode())
     elif isinstance(part, float):
         digest.update(f"float {float(part).hex()};".encode())  # numpy's float64 is one
-    elif isinstance(part, np.generic):
-        _feed(digest, part.item())
-    elif part is None or isinstance(part, bool | int | str):
-        digest.update(f"{type(part).__name__} {part!r};".encode())
     elif isinstance(part, tuple | list):
         digest.update(f"sequence {len(part)};".encode())
         for each in part:
             _feed(digest, each)
+    elif isinstance(part, np.ndarray) and not part.dtype.hasobject:
+        digest.update(f"array {part.dtype.str} {part.shape};".encode())
+        digest.update(np.ascontiguousarray(part).tobytes())
+    elif isinstance(part, np.generic):
+        _feed(digest, part.item())
     elif isinstance(part, type):
         for base in part.__mro__:
             if base not in (object, ABC):
                 _feed(digest, _named(base))
     elif is_dataclass(part):
-        _feed(digest, type(part).__qualname__)
-        for each in fields(part):
-            _feed(digest, (each.name, getattr(part, each.name)))
+        names = _field_names(part.__class__)
+        _feed(digest, (type(part).__qualname__, *names))
+        for name in names:
+            _feed(digest, getattr(part, name))
     else:
         raise Unnamed(f"no key can hold a {type(part).__name__}")
+
+
+@functools.cache
+def _field_names(of: Any) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(of))
 
 
 def _named(cls: type) -> tuple[object, ...]:

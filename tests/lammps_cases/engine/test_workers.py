@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import resource
 import signal
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 import pebble.pool.process
 import pytest
+from pebble.pool.channel import WorkerChannel
 
 from eos_ref import InputError
 from lammps_cases.engine import workers as engine
@@ -189,10 +191,33 @@ def test_what_is_queued_when_all_workers_are_gone_is_done_by_others() -> None:
     with Workers(None, 1) as pool:
         first = pool.call(length, Poison(), time_limit=LIMIT)
         others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
-        expected = Failure("crashed", "LAMMPS' processes broke down: All workers expired")
-        assert pool.outcome(first) == expected
+        broken = "LAMMPS' processes broke down: one ended while it took a task or gave an answer"
+        assert pool.outcome(first) == Failure("crashed", broken)
         assert not wait(others, LIMIT / 4).not_done
         assert [pool.outcome(each) for each in others] == 20 * [100_000]
+
+
+def killed_with_the_pipe(site: str | None, mark: str, end: str) -> str:
+    """Die once in the midst of a message."""
+    if not Path(mark).exists():
+        Path(mark).touch()
+        (channel,) = (each for each in gc.get_objects() if type(each) is WorkerChannel)
+        with getattr(channel.mutex, end):
+            if end == "writer":
+                os.write(channel.writer.fileno(), b"\0\0\1")  # of the length of a message
+            os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+@pytest.mark.parametrize("end", ["reader", "writer"])
+def test_who_kills_a_worker_that_takes_a_task_or_answers_costs_no_task(end: str, tmp_path: Path) -> None:
+    """The others waited a minute for the lock of the dead one, and ended; half an answer was waited for for ever."""
+    with Workers(None, 2) as pool:
+        task = pool.call(killed_with_the_pipe, str(tmp_path / "mark"), end, time_limit=LIMIT)
+        others = [pool.call(length, bytes(100_000), time_limit=LIMIT) for _ in range(20)]
+        assert pool.outcome(task) == "done"
+        assert [pool.outcome(each) for each in others] == 20 * [100_000]
+        assert [pool.outcome(pool.call(length, b"", time_limit=LIMIT)) for _ in range(4)] == 4 * [0]
 
 
 def start_child(site: str | None) -> int:

@@ -60,7 +60,7 @@ check: $(READY) ## lint, format, types, direction of imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-kills: $(READY) ## kill runs 300 times at random moments and resume them (an hour)
+kills: $(READY) ## kill runs at random moments and resume them, 300 times here, 100 on a Dask cluster (over an hour)
 	$(BIN)/python -m pytest -s -m kills tests/lammps_cases/run
 
 large: $(READY) ## a million particles, every one judged, on one rank and on two, in 4 GB (some minutes); LARGE=large.four-million

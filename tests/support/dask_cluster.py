@@ -14,6 +14,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import psutil
+
 PATIENCE = 60.0  # seconds that a scheduler may take to start
 PAUSE = 0.05
 
@@ -39,11 +41,13 @@ class DaskCluster:
         ]
         self.workers.append(_started(self.folder / f"worker-{len(self.workers)}", "worker", self.address, *options))
 
-    def kill_worker(self) -> None:
-        """Kill the worker that was started first."""
+    def kill_worker(self) -> list[psutil.Process]:
+        """Kill the worker that was started first; return the processes that it had started."""
         worker = self.workers.pop(0)
+        started: list[psutil.Process] = psutil.Process(worker.pid).children(recursive=True)
         worker.send_signal(signal.SIGKILL)
         worker.wait()
+        return started
 
 
 @contextmanager

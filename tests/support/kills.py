@@ -13,16 +13,20 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
+
+import psutil
 
 from lammps_cases.comparison import store
 from lammps_cases.engine import mpi
 from lammps_cases.history import store as history
 from lammps_cases.records import folders
+from tests.support import dask_cluster
 from tests.support.resumed import report
 
 NAMES = ("near-rho0", "ranges", "units.si", "refused.range-two-stars")
-COMMAND = [sys.executable, "-m", "lammps_cases.cli.main", "run", *NAMES, "--jobs", "2", "--json"]
+COMMAND = [sys.executable, "-m", "lammps_cases.cli.main", "run", *NAMES, "--json"]
 PATIENCE = 120.0  # seconds that a run may take on a busy machine
 GONE = 20.0  # seconds after which no process of a killed run may be there
 
@@ -65,15 +69,26 @@ class Kills:
         return count
 
     def _started(self, resume: bool) -> subprocess.Popen[bytes]:
-        words = [*COMMAND, "--out", str(self.out), *(["--resume"] if resume else [])]
+        words = [*COMMAND, "--out", str(self.out), *self._options(), *(["--resume"] if resume else [])]
         with (self.folder / "printed").open("wb") as printed:
             return subprocess.Popen(
                 words, env=self.environment, stdin=subprocess.DEVNULL, stdout=printed, stderr=printed
             )
 
+    def _options(self) -> list[str]:
+        """Return how many LAMMPS there are at a time, and where."""
+        return ["--jobs", "2"]
+
     def _killed(self, process: subprocess.Popen[bytes]) -> bool:
-        """Kill the main process or a worker at a random moment; False if it had ended before."""
+        """Kill at a random moment; False if the run had ended before."""
         self._wait_for_the_moment(process)
+        if not self._kill(process):
+            return False
+        self.counts["cases kept over a kill"] += len(list(self.making.glob("journal/cases/*.json")))
+        return True
+
+    def _kill(self, process: subprocess.Popen[bytes]) -> bool:
+        """Kill the main process or a worker; False if the run has ended."""
         workers = [pid for pid in self._alive() if _is_worker(pid)]
         victim = self.random.choice([process.pid, *workers[:1]])
         if process.poll() is not None:
@@ -87,7 +102,6 @@ class Kills:
         self.counts["kills of the main process"] += 1
         process.wait()
         self._await_end()
-        self.counts["cases kept over a kill"] += len(list(self.making.glob("journal/cases/*.json")))
         return True
 
     def _wait_for_the_moment(self, process: subprocess.Popen[bytes]) -> None:
@@ -163,10 +177,47 @@ def _is_worker(pid: int) -> bool:
     return False
 
 
-def campaign(kills: int, seed: int, folder: Path) -> Counter[str]:
+class DaskKills(Kills):
+    """Runs on a Dask cluster, of which a worker or the scheduler is killed as well as the run itself."""
+
+    def __init__(self, folder: Path, seed: int, stack: ExitStack) -> None:
+        self._stack = stack.enter_context(ExitStack())
+        self._begin_cluster()
+        super().__init__(folder, seed)
+
+    def _begin_cluster(self) -> None:
+        self._stack.close()
+        self._cluster = self._stack.enter_context(dask_cluster.running())
+
+    def _options(self) -> list[str]:
+        return ["--cluster", self._cluster.address]
+
+    def _kill(self, process: subprocess.Popen[bytes]) -> bool:
+        victim = self.random.choice(["the main process", "a Dask worker", "the Dask scheduler"])
+        if process.poll() is not None:
+            return False
+        self.counts[f"kills of {victim}"] += 1
+        if victim == "the main process":
+            process.kill()
+            process.wait()
+            self._await_end()
+        elif victim == "a Dask worker":
+            started = self._cluster.kill_worker()
+            self._cluster.add_worker()
+            self._finish(process)
+            assert not psutil.wait_procs(started, GONE)[1], "processes of a worker are left behind"
+        else:
+            self._cluster.scheduler.kill()
+            code = process.wait(PATIENCE)
+            assert code in (0, 3), (code, _wrong(self.folder / "printed"))
+            self._await_end()
+            self._begin_cluster()
+        return True
+
+
+def campaign(kills: int, runs: Kills) -> Counter[str]:
     """Kill runs so often; return what came of it."""
-    runs = Kills(folder, seed)
-    while (done := runs.counts["kills of a worker"] + runs.counts["kills of the main process"]) < kills:
+    while (done := sum(count for what, count in runs.counts.items() if what.startswith("kills of "))) < kills:
         runs.round(min(runs.random.randint(1, 6), kills - done))
         print(dict(runs.counts), file=sys.stderr, flush=True)
     return runs.counts

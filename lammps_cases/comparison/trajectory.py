@@ -74,6 +74,12 @@ class Problem:
     fields: tuple[str, ...]
     steps: tuple[int, ...]
     stops: tuple[ProblemStop, ...] = ()
+    ranks: int = 1  # that LAMMPS has: of no use to the reference
+
+    @property
+    def has_images(self) -> bool:
+        """Return whether particles may meet periodic images, or what a process has of the particles of another one."""
+        return any(self.box.periodic) or self.ranks > 1
 
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""

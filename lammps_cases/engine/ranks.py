@@ -222,8 +222,8 @@ def _joined_list(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
     first_s = np.cumsum([0, *(len(part["id_s"]) for part in parts[:-1])])
     pairs = [part["pair_ps"] + first for part, first in zip(parts, first_s, strict=True)]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in ("id_s", "x_sc", "own_s")}
-    rank_p = np.repeat(np.arange(len(parts)), [len(part["pair_ps"]) for part in parts])
-    return {**joined, "pair_ps": np.concatenate(pairs), "rank_p": rank_p, "newton": parts[0]["newton"]}
+    rank_s = np.repeat(np.arange(len(parts)), [len(part["id_s"]) for part in parts])
+    return parts[0] | joined | {"pair_ps": np.concatenate(pairs), "rank_s": rank_s}
 
 
 def _atoms_of(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:

@@ -407,8 +407,8 @@ def read_list(lmp: Any) -> dict[str, Array]:
     -------
     dict
         ``id_s``, the id of each local or ghost atom; ``x_sc``, its position; ``own_s``, whether it is local;
-        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_p``, the process
-        whose list has it; ``newton``, the flags of pairs and bonds.
+        ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_s``, the process;
+        ``grid``, how many processes share each axis; ``newton``, the flags of pairs and bonds.
     """
     natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
     id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
@@ -420,6 +420,7 @@ def read_list(lmp: Any) -> dict[str, Array]:
         "own_s": np.arange(natoms) < lmp.extract_global("nlocal"),
         "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
         "pair_ps": pair_ps,
-        "rank_p": np.zeros(len(pair_ps), int),
+        "rank_s": np.zeros(natoms, int),
+        "grid": np.array(lmp.extract_global("procgrid")),
         "newton": np.array([lmp.extract_setting(f"newton_{of}") for of in ("pair", "bond")], bool),
     }

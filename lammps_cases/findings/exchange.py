@@ -74,11 +74,6 @@ class BoundaryPairsTwice(FollowingLists):
             return super().surface_sums(rho_n)
 
 
-def may_have_images(problem: Problem) -> bool:
-    """Return whether particles may have periodic images, and neighbours among them."""
-    return any(problem.box.periodic)
-
-
 class ImagesLeftBehind(FollowingLists):
     """The first half of a step in a box that grows meets images where the last forces had them.
 
@@ -186,7 +181,9 @@ BOUNDARY_PAIRS_TWICE = Finding(
     "in reach of a boundary are wrong, so that a large box hides it.",
     workaround="Set newton on or off for pairs and bonds alike; 'newton on off' is right too.",
     scene="two particles with a periodic boundary between them, rho/sum, newton off on",
-    model_variant=Variant(may_have_images, BoundaryPairsTwice, CountingSteps, lists_of_neighbours, lists=True),
+    model_variant=Variant(
+        lambda problem: problem.has_images, BoundaryPairsTwice, CountingSteps, lists_of_neighbours, lists=True
+    ),
 )
 
 IMAGES_LEFT_BEHIND = Finding(

@@ -37,7 +37,8 @@ class NeighbourList:
     x_sc : where the slot has it
     own_s : whether it is the particle itself, not an image or what another process has of it
     pair_ps : the two slots of every pair, that under which the pair is listed first
-    rank_p : the process whose list has the pair
+    rank_s : the process whose slot it is
+    grid : how many processes share each axis
     newton : the flags of pairs and of bonds
     """
 
@@ -45,7 +46,8 @@ class NeighbourList:
     x_sc: FloatArray
     own_s: BoolArray
     pair_ps: IntArray
-    rank_p: IntArray
+    rank_s: IntArray
+    grid: IntArray
     newton: BoolArray
 
     @classmethod
@@ -54,19 +56,52 @@ class NeighbourList:
         return cls(np.searchsorted(id_n, id_s), **arrays)
 
     def sources(self, box: Box) -> IntArray:
-        """Return the slot that each image was copied from, on one process; -1 for particles.
+        """Return the slot that each image was copied from; -1 for particles.
 
-        Images are made axis after axis, one period further each time, of all slots that there are by then.
+        Images are made axis after axis, one process further each time, of all slots that there are by then; at the end
+        of the box it is one period further, too.
         """
         d, own = len(box.edge_c), np.flatnonzero(self.own_s)
-        own_n = own[np.argsort(self.row_s[own])]
-        image_sc = box.periods(self.x_sc[:, :d] - self.x_sc[own_n[self.row_s], :d]).astype(np.int64)
-        nearer_sc = image_sc.copy()
-        last_s = d - 1 - np.argmax(image_sc[:, ::-1] != 0, axis=1)
-        slot_s = np.arange(len(last_s))
-        nearer_sc[slot_s, last_s] -= np.sign(image_sc[slot_s, last_s])
-        source_s = _places(np.column_stack([self.row_s, nearer_sc]), np.column_stack([self.row_s, image_sc]))
-        return np.where(image_sc.any(axis=1), source_s, -1)
+        home_s = own[np.argsort(self.row_s[own])][self.row_s]  # the slot of the particle itself
+        image_sc = box.periods(self.x_sc[:, :d] - self.x_sc[home_s, :d]).astype(np.int64)
+        grid_c = self.grid[:d]
+        place_sc = np.column_stack(np.unravel_index(self.rank_s, self.grid))[:, :d]
+        apart_sc = image_sc * grid_c + place_sc[home_s] - place_sc  # processes between the slot and its particle
+        slot_s, last_s = np.arange(len(home_s)), d - 1 - np.argmax(apart_sc[:, ::-1] != 0, axis=1)
+        towards_s = np.sign(apart_sc[slot_s, last_s])
+        place_sc[slot_s, last_s] += towards_s
+        nearer_sc = image_sc - place_sc // grid_c
+        here = np.column_stack([self.row_s, self.rank_s, image_sc])
+        ranks_s = np.ravel_multi_index((place_sc % grid_c).T, tuple(grid_c))
+        source_s = _places(np.column_stack([self.row_s, ranks_s, nearer_sc]), here)
+        return np.where(apart_sc.any(axis=1), source_s, -1)
+
+    def left_to(self, new: NeighbourList, held_sc: FloatArray, own_nc: FloatArray) -> FloatArray:
+        """Return what the slots of the list that follows hold, of what this one's held, and ``own_nc`` of particles.
+
+        These take their own along, to another process, too. Slots that a process did not have hold 0.
+        """
+        left_sc = np.zeros((len(new.row_s), held_sc.shape[1]))
+        for rank in np.unique(self.rank_s):
+            before, after = np.flatnonzero(self.rank_s == rank), np.flatnonzero(new.rank_s == rank)
+            own, stays = before[self.own_s[before]], new.row_s[after[new.own_s[after]]]
+            before[: len(own)] = own[after_deletion(np.arange(len(own)), ~np.isin(self.row_s[own], stays))]
+            kept = min(len(before), len(after))
+            left_sc[after[:kept]] = held_sc[before[:kept]]
+        left_sc[new.own_s] = own_nc[new.row_s[new.own_s]]
+        return left_sc
+
+
+def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
+    """Return what slots hold after a deletion: the last of those in use fills each that becomes free."""
+    held_s, used, slot = row_s.copy(), len(row_s), 0
+    while slot < used:
+        if gone_n[held_s[slot]]:
+            used -= 1
+            held_s[slot] = held_s[used]
+        else:
+            slot += 1
+    return held_s
 
 
 class FollowingLists(ArrayEvaluator):
@@ -165,14 +200,13 @@ class CountingSteps(Simulation):
         return np.zeros((0, 0))
 
     def keep_forces(self) -> None:
-        """Keep accelerations in the slots of the list in use; those of particles are sorted with them into the next."""
+        """Keep accelerations in the slots of the list in use, and what they leave to those of the next."""
         super().keep_forces()
         if not self.evaluator.lists:
             return
         old, new = self.evaluator.lists[self.at - 1 : self.at + 1]
         self.evaluator.kept_sc = self.other_nc[old.row_s]
-        self.kept_sc = self.evaluator.kept_sc.copy()
-        self.kept_sc[old.own_s] = self.other_nc[new.row_s[new.own_s]]
+        self.kept_sc = old.left_to(new, self.evaluator.kept_sc, self.other_nc)
 
 
 def lists_of_neighbours(problem: Problem, stages: type[ArrayEvaluator], snapshot: Snapshot) -> dict[str, Any] | None:

@@ -78,9 +78,9 @@ class NormalOfLastPair(ColorMassOfType):
 
     def _left(self) -> Axes:
         """Return for every pair the gradient that the last pair of its list has on the same side."""
-        ranks, first_p = self.lists[self.at].rank_p, self.forward_p >= 0
+        listed, first_p = self.lists[self.at], self.forward_p >= 0
         met_p = ~(self.solid_n[self.i] & self.solid_n[self.j])  # the loop skips pairs of solids
-        rank_p = ranks[np.where(first_p, self.forward_p, self.backward_p)]
+        rank_p = listed.rank_s[listed.pair_ps[np.where(first_p, self.forward_p, self.backward_p), 0]]
         left_p = np.full(len(self.i), -1)
         for rank in np.unique(rank_p):
             last = int(np.argmax(np.where(first_p & met_p & (rank_p == rank), self.forward_p, -1)))

@@ -11,7 +11,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import BoolArray
-from eos_ref.model.parameters import IntArray, Model
+from eos_ref.model.parameters import Model
 from eos_ref.model.state import PairTerms
 from eos_ref.numbers.columns import axes, dot
 from eos_ref.numbers.elementary import where
@@ -19,7 +19,7 @@ from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import AlarmDifference, Finding, Gap
-from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, after_deletion, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
 
 
@@ -135,8 +135,8 @@ class AccelerationsOfOldImages(FollowingLists):
 
 
 def has_kept_images(problem: Problem) -> bool:
-    """Return whether accelerations are kept for walls that may have periodic images."""
-    return any(problem.box.periodic) and keeps_forces(problem)
+    """Return whether accelerations are kept for walls that may have images."""
+    return problem.has_images and keeps_forces(problem)
 
 
 class PartsInSlots(AccelerationsOfOldImages):
@@ -188,8 +188,9 @@ class BeginningWithParts(PressureForceKept, CountingSteps):
         slots_sc = self.evaluator.parts()
         if read_back or new_n.all() or not old.newton[0]:
             slots_sc[:] = 0.0
-        slots_sc[old.own_s] = np.asarray(value(self.kept_at_stop(new_n)), float)[new.row_s[new.own_s]]
-        return slots_sc
+        own_nc = np.asarray(value(self.kept_at_stop(new_n)), float)
+        slots_sc[old.own_s] = own_nc[old.row_s[old.own_s]]
+        return old.left_to(new, slots_sc, own_nc)
 
 
 class LeftInMemory(PressureForceKept, CountingSteps):
@@ -207,18 +208,6 @@ class LeftInMemory(PressureForceKept, CountingSteps):
         return left_nc
 
 
-def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:
-    """Return what slots hold after a deletion: the last of those in use fills each that becomes free."""
-    held_s, used, slot = row_s.copy(), len(row_s), 0
-    while slot < used:
-        if gone_n[held_s[slot]]:
-            used -= 1
-            held_s[slot] = held_s[used]
-        else:
-            slot += 1
-    return held_s
-
-
 def creates_beside_walls(problem: Problem) -> bool:
     """Return whether some particles are created anew before a run that is not the first of its fixes."""
     some = any(stop.new_n.any() and not stop.new_n.all() for stop in problem.stops if stop.step <= problem.steps[-1])
@@ -226,8 +215,8 @@ def creates_beside_walls(problem: Problem) -> bool:
 
 
 def begins_again_with_images(problem: Problem) -> bool:
-    """Return whether a run with reconstructed walls ends and another begins, among periodic images."""
-    return any(problem.box.periodic) and begins_again_with_walls(problem)
+    """Return whether a run with reconstructed walls ends and another begins, among images."""
+    return problem.has_images and begins_again_with_walls(problem)
 
 
 class GradientOfSecond(FollowingLists):

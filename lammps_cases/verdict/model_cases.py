@@ -44,6 +44,7 @@ def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -
         scene.compare,
         steps,
         _stops(scene, atoms),
+        scene.engine.ranks,
     )
 
 

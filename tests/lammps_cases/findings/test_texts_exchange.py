@@ -34,6 +34,17 @@ def test_boundary_pairs_twice(lammps: Engine) -> None:
         assert all(map(within.is_rounded, scene.predicted().fields[0]["rho"]))
 
 
+def test_pairs_between_processes_count_twice(lammps: Engine) -> None:
+    """Without any periodic boundary, too."""
+    inside = {"lattice": "sq", "spacing": 1.0, "cells": [1, 1], "periodic": [False, False]}
+    scene = two(3.5, engine=APART | {"ranks": 2}, positions=inside, rheo={"rho_sum": True}, compare=["rho"], rho=None)
+    (snapshot,) = lammps.fields(scene, every_step=True)
+    variant = ENTRIES[TWICE].model_variant
+    assert variant and variant.applies(scene.problem)
+    assert agree(snapshot["rho"], scene.predicted(TWICE, snapshot=snapshot), "rho")
+    assert not agree(snapshot["rho"], scene.predicted(), "rho")
+
+
 @pytest.mark.parametrize("newton", [(True, True), (True, False), (False, False)])
 def test_the_other_settings_are_right(lammps: Engine, newton: tuple[bool, bool]) -> None:
     """Those that the workaround names, for sums and for gradients."""

@@ -134,7 +134,7 @@ def test_directions_that_differ(lammps: Engine) -> None:
             assert agree(shown["shift/v"], scene.predicted(NORMAL, snapshot=shown), "shift/v"), change
             assert not agree(shown["shift/v"], scene.predicted(), "shift/v")
             (last,) = shown["lists"]
-            other = replace(last, pair_ps=last.pair_ps[::-1], rank_p=last.rank_p[::-1])
+            other = replace(last, pair_ps=last.pair_ps[::-1])
             wrong = scene.predicted(NORMAL, snapshot=shown | {"lists": (other,)})
             assert not agree(shown["shift/v"], wrong, "shift/v"), "the order of the list decides"
 

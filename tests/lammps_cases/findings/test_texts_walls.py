@@ -13,7 +13,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.engine.interlude import Interlude
 from lammps_cases.engine.session import RunCommand
-from lammps_cases.findings.walls import after_deletion
+from lammps_cases.findings.neighbour_lists import after_deletion
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told

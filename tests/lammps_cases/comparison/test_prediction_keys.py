@@ -1,0 +1,97 @@
+"""Keys of predictions: what differs in a bit has another key, what a key cannot name is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref import EOS
+from eos_ref.evaluation.evaluator import Evaluator
+from eos_ref.model.box import Box
+from lammps_cases.comparison import prediction_keys
+from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+
+NEXT = float(np.nextafter(1.0, 2.0))
+BOX = Box((0.0, 0.0), (1.0, 1.0), (True, True))
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (1.0, NEXT),
+        (0.0, -0.0),
+        (1, 1.0),
+        (True, 1),
+        ("1", 1),
+        (None, ""),
+        ((1, 2), (2, 1)),
+        (((1,), 2), (1, (2,))),
+        (np.array([1.0]), np.array([NEXT])),
+        (np.array([1.0]), np.array([1.0], np.float32)),
+        (np.zeros((2, 3)), np.zeros((3, 2))),
+        (np.array([1.0]), (1.0,)),
+        (BOX, replace(BOX, tilt=(0.0,))),
+        (EOS("linear", 1.0, 1.0), EOS("tait/water", 1.0, 1.0)),
+        (Evaluator, Box),
+    ],
+)
+def test_what_differs_has_another_key(one: Any, other: Any) -> None:
+    assert fingerprint(one) != fingerprint(other)
+    assert fingerprint(one) == fingerprint(one)
+
+
+def test_what_is_the_same_has_the_same_key() -> None:
+    assert fingerprint(np.float64(1.5)) == fingerprint(1.5) and fingerprint(np.int64(2)) == fingerprint(2)
+    assert fingerprint([1, 2]) == fingerprint((1, 2))
+    array_nc = np.arange(6.0).reshape(2, 3)
+    assert fingerprint(array_nc.T) == fingerprint(np.ascontiguousarray(array_nc.T)), "in whatever order it lies"
+    assert fingerprint(float("nan")) == fingerprint(-float("nan")), "one NaN is as good as another"
+    assert fingerprint(1, 2) != fingerprint((1, 2)) != fingerprint(12)
+
+
+@dataclass
+class OfThisTest:
+    value: float = 1.0
+
+
+@pytest.mark.parametrize("part", [object(), {1: 2}, {1}, lambda: 1, np.array([None]), OfThisTest, b"1"])
+def test_what_a_key_cannot_name(part: Any) -> None:
+    with pytest.raises(Unnamed):
+        fingerprint(part)
+
+
+def test_a_class_inside_a_function_has_no_source_of_its_own() -> None:
+    class Inner(Evaluator):
+        __module__ = "eos_ref.evaluation.evaluator"
+
+    with pytest.raises(Unnamed, match="Inner is not part of the reference"):
+        fingerprint(Inner)
+
+
+def test_the_context_follows_sources_and_switches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "eos_ref").mkdir()
+    source = tmp_path / "eos_ref" / "one.py"
+    source.write_text("a = 1\n")
+    (tmp_path / "eos_ref" / "data.yaml").write_text("")
+    assert prediction_keys.hashed(tmp_path) == [source]
+    first = prediction_keys.context(tmp_path)
+    assert prediction_keys.context(tmp_path) == first
+    source.write_text("a = 2\n")
+    second = prediction_keys.context(tmp_path)
+    monkeypatch.setenv("NPY_DISABLE_CPU_FEATURES", "AVX2")
+    third = prediction_keys.context(tmp_path)
+    source.rename(source.with_name("two.py"))
+    assert len({first, second, third, prediction_keys.context(tmp_path)}) == 4
+
+
+def test_the_processor_by_what_decides_on_its_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
+    facts = {"model name": "Made up", "flags": "fpu fma sse avx avx2x"}
+    monkeypatch.setattr(prediction_keys, "cpuinfo", lambda: facts)
+    assert prediction_keys.processor().split(", ")[:2] == ["Made up", "avx fma"]
+    monkeypatch.setattr(prediction_keys, "cpuinfo", dict)
+    monkeypatch.setattr("platform.machine", lambda: "vax")
+    assert prediction_keys.processor() == "vax", "another system says nothing more"

@@ -331,6 +331,25 @@ class EOSTable:
         """
         from eos_ref.eos import compiled
 
+        rho, types, e = self._checked(rho_n, type_n, e_n)
+        if len(self) == 1:
+            return self.laws[0].pressure(rho, e if e.size else None, method, tolerance)
+        p = np.empty(rho.shape)
+        if method is not None or tolerance is not None:
+            for t, law in enumerate(self.laws, 1):
+                of_type = types == t
+                p[of_type] = law.pressure(rho[of_type], e[of_type] if e.size else None, method, tolerance)
+            return p
+        if compiled.pressure(rho, e, types, *self._columns, p):
+            for t, law in enumerate(self.laws, 1):
+                if law.law.uses_powm1:
+                    p[types == t] = law._patched(p[types == t], rho[types == t])
+        return p
+
+    def _checked(
+        self, rho_n: npt.ArrayLike, type_n: npt.ArrayLike, e_n: npt.ArrayLike | None
+    ) -> tuple[FloatArray, npt.NDArray[Any], FloatArray]:
+        """Return densities, types and energies (none: an empty array) as compiled loops take them."""
         rho = np.ascontiguousarray(rho_n, float)
         types = np.ascontiguousarray(type_n)
         e = np.empty(0) if e_n is None else np.ascontiguousarray(e_n, float)
@@ -347,16 +366,4 @@ class EOSTable:
         if self.needs_energy and not e.size and rho.size:
             law = next(law for law in self.laws if law.needs_energy)
             raise InputError("energy", f"{law.style} needs the internal energy per unit mass of every particle")
-        if len(self) == 1:
-            return self.laws[0].pressure(rho, e if e.size else None, method, tolerance)
-        p = np.empty(rho.shape)
-        if method is not None or tolerance is not None:
-            for t, law in enumerate(self.laws, 1):
-                of_type = types == t
-                p[of_type] = law.pressure(rho[of_type], e[of_type] if e.size else None, method, tolerance)
-            return p
-        if compiled.pressure(rho, e, types, *self._columns, p):
-            for t, law in enumerate(self.laws, 1):
-                if law.law.uses_powm1:
-                    p[types == t] = law._patched(p[types == t], rho[types == t])
-        return p
+        return rho, types, e

@@ -25,18 +25,17 @@ from lammps_cases.diagnosis.changes import (
     density,
     gradient_sum,
     kernel_times,
-    kicked,
     met,
     pair_sum,
     plain_gradient,
     scaled,
     stale,
     stale_input,
-    step_part,
     sum_of,
     with_model,
 )
-from lammps_cases.diagnosis.law_changes import law_changes
+from lammps_cases.diagnosis.parameter_changes import KEYWORDS, type_changes
+from lammps_cases.diagnosis.step_changes import step_changes
 from lammps_cases.findings import LEDGER
 from lammps_cases.verdict import model_mistakes
 
@@ -270,166 +269,6 @@ def _of_kernels() -> Iterator[Change]:
             yield Change(f"{name} {words}", name, kernel_times(factor, values, slopes))
 
 
-# --- parameters
-
-
-def _of_types(types: int) -> Iterator[Change]:
-    for words, law in law_changes(types):
-        yield Change(
-            words,
-            "the laws",
-            with_model(lambda model, law=law: replace(model, eos=law(model.eos))),  # type: ignore[misc]
-        )
-    sources: list[tuple[str, Callable[[Any, int], Any]]] = []
-    if types > 1:
-        sources += [
-            (f"that of type {k + 1} for every type", lambda values, t, k=k: values[k])  # type: ignore[misc]
-            for k in range(types)
-        ]
-        sources.append(("that of the next type", lambda values, t: values[(t + 1) % len(values)]))
-        sources.append(("that of the previous type", lambda values, t: values[t - 1]))
-    for words, take in sources:
-        for name, change in _PARAMETERS.items():
-            yield Change(
-                f"{name} were {words}",
-                f"{name} by type",
-                with_model(lambda model, change=change, take=take: change(model, take)),  # type: ignore[misc]
-            )
-
-
-Take = Callable[[Any, int], Any]
-
-
-def _taken(values: Any, take: Take) -> tuple[Any, ...]:
-    return tuple(take(tuple(values), t) for t in range(len(values)))
-
-
-def _thermal(name: str) -> Callable[[Model, Take], Model]:
-    def change(model: Model, take: Take) -> Model:
-        if model.thermal is None:
-            return model
-        taken = _taken([getattr(p, name) for p in model.thermal], take)
-        return replace(model, thermal=tuple(replace(p, **{name: v}) for p, v in zip(model.thermal, taken, strict=True)))
-
-    return change
-
-
-_PARAMETERS: dict[str, Callable[[Model, Take], Model]] = {
-    "the mass in all sums": lambda model, take: replace(model, mass_t=_taken(model.mass_t, take)),
-    "the viscosity": lambda model, take: replace(model, viscosity=_taken(model.viscosity, take)),
-    "the equilibrium density of fix rheo": lambda model, take: replace(
-        model, fix=replace(model.fix, rho0=_taken(model.rho0, take))
-    ),
-    "the speed of sound of fix rheo": lambda model, take: replace(
-        model, fix=replace(model.fix, cs=_taken(model.cs, take))
-    ),
-    "the conductivity": _thermal("conductivity"),
-    "the specific heat": _thermal("specific_heat"),
-    "the latent heat": _thermal("latent_heat"),
-    "the freezing temperature": _thermal("T_freeze"),
-}
-
-
-def _pair(**change: Any) -> Callable[[Model], Model]:
-    return lambda model: replace(model, pair=replace(model.pair, **change))
-
-
-def _fix(**change: Any) -> Callable[[Model], Model]:
-    return lambda model: replace(model, fix=replace(model.fix, **change))
-
-
-def _shift(**change: Any) -> Callable[[Model], Model]:
-    def changed(model: Model) -> Model:
-        if model.fix.shift is None:
-            return model
-        return replace(model, fix=replace(model.fix, shift=replace(model.fix.shift, **change)))
-
-    return changed
-
-
-_KEYWORDS: dict[str, Callable[[Model], Model]] = {
-    "artificial/visc were ignored": _pair(artificial_viscosity=0.0),
-    "rho/damp were ignored": _pair(rho_damp=0.0),
-    "self/mass were ignored": _fix(self_mass=False),
-    "self/mass were given": _fix(self_mass=True),
-    "zmin were 0": _fix(zmin=0),
-    "interface/reconstruct were ignored in sums": _fix(interface_reconstruct=False),
-    "exclude/type were ignored": _shift(exclude_types=()),
-    "scale/cross/type were ignored": _shift(scale_cross_type=None),
-    "the kernel were quintic": _fix(kernel="quintic"),
-    "the kernel were RK1": _fix(kernel="RK1"),
-    "the kernel were RK2": _fix(kernel="RK2"),
-}
-
-
-# --- time steps
-
-
-def _without_half(which: int) -> Callable[..., Any]:
-    """Return what leaves out every first (1) or second (0) call of a simulation's method."""
-
-    def call(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
-        sim.halves = getattr(sim, "halves", 0) + 1
-        return None if sim.halves % 2 == which else plain(*given)
-
-    return call
-
-
-def _of_steps() -> Iterator[Change]:
-    parts = (
-        ("the change of density in half a step", "_continuity"),
-        ("the shift of a step", "_shift"),
-    )
-    for target, method in parts:
-        for words, factor in (("were twice as large", 2.0), ("were half as large", 0.5), ("had the other sign", -1.0)):
-            yield Change(
-                f"{target} {words}",
-                target,
-                stepping=step_part(
-                    method,
-                    lambda plain, sim, given, factor=factor: plain(factor * given[0], *given[1:]),  # type: ignore[misc]
-                ),
-            )
-    for target, method in (
-        *parts,
-        ("the change of phases", "_change_phase"),
-        ("the accelerations kept for walls", "keep_forces"),
-    ):
-        yield Change(f"{target} were left out", target, stepping=step_part(method, lambda plain, sim, given: None))
-    for which, words in ((1, "first"), (0, "second")):
-        yield Change(
-            f"the {words} half of the change of density were left out",
-            "the change of density in half a step",
-            stepping=step_part("_continuity", _without_half(which)),
-        )
-    yield Change(
-        "the gradients of the first half step were those of the evaluation before",
-        "the half-step gradients",
-        stepping=step_part("_half_step_gradients", lambda plain, sim, given: sim.gradient),
-    )
-    for words, first, second in (
-        ("the first half of the kick were left out", -1.0, 0.0),
-        ("the second half of the kick were left out", 0.0, -1.0),
-        ("the first half of the kick were a whole one", 1.0, 0.0),
-        ("the second half of the kick were a whole one", 0.0, 1.0),
-    ):
-        yield Change(words, "the kicks", stepping=kicked(first, second))
-    yield Change("the forces of other fixes were left out", "other forces", stepping=step_part("_external", _left_out))
-    yield Change(
-        "the forces of other fixes did not contain the mass",
-        "other forces",
-        stepping=step_part("_external", _without_mass),
-    )
-
-
-def _left_out(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
-    return given[0]
-
-
-def _without_mass(plain: Any, sim: Any, given: tuple[Any, ...]) -> Any:
-    return given[0] + (plain(*given) - given[0]) / sim.mass_n[:, None]
-
-
 # --- all of them
 
 
@@ -462,19 +301,19 @@ def changes(types: int) -> tuple[Change, ...]:
         and not variant.lists
         and not variant.undefined
     ]
-    keywords = [Change(words, words, with_model(change)) for words, change in _KEYWORDS.items()]
+    keywords = [Change(words, words, with_model(change)) for words, change in KEYWORDS.items()]
     transposed = Change(
         "the gradient of velocities had its axes exchanged", "the gradient of velocities", VelocitiesTransposed
     )
     return (
-        *_of_types(types),
+        *type_changes(types),
         *_of_sums(),
         *_of_values(),
         *_of_meetings(),
         *_of_kernels(),
         *keywords,
         transposed,
-        *_of_steps(),
+        *step_changes(),
         *named,
         *variants,
     )

@@ -93,7 +93,7 @@ class _File(BaseModel):
 
 @functools.cache
 def claims() -> tuple[Claim, ...]:
-    """All claims, in the order of the pages.
+    """Return all claims, in the order of the pages.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def claims() -> tuple[Claim, ...]:
 
 @functools.cache
 def without_claim() -> dict[str, str]:
-    """Patterns of cases that no claim names, and why."""
+    """Return patterns of cases that no claim names, and why."""
     return dict(_read("unclaimed.yaml", dict[str, str]))
 
 
@@ -133,7 +133,7 @@ def _checked(data: Any, kind: Any, name: str) -> Any:
 
 
 def select(names: Sequence[str]) -> list[Claim]:
-    """Claims by id or wild-card pattern, by page, by kind, or by a case; all without names.
+    """Return claims by id or wild-card pattern, by page, by kind, or by a case; all without names.
 
     Raises
     ------

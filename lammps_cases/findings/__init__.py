@@ -73,7 +73,7 @@ LEDGER = ledger_of(subject.ENTRIES for subject in _SUBJECTS)
 
 
 def accepted_cases() -> dict[str, list[str]]:
-    """Cases of the accepted runs that show each finding, as `lammps_cases.regression.evidence` found them."""
+    """Return the cases of the accepted runs that show each finding, by `lammps_cases.regression.evidence`."""
     cases: dict[str, list[str]] = json.loads(SHOWN_BY.read_text(encoding="utf-8"))
     return cases
 

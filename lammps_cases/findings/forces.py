@@ -25,7 +25,7 @@ class ForcePerVolume(ArrayEvaluator):
     """Pair forces lack the volume of the particle that they act on."""
 
     def collecting_volume(self, rho_i: Array) -> Array:
-        """No volume."""
+        """Return no volume."""
         return 0 * rho_i + 1.0
 
 

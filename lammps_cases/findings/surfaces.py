@@ -30,7 +30,7 @@ class StatusOfLayers(CountingSteps):
     evaluator: LayerOfFirst
 
     def output(self, field: str) -> Any:
-        """Fields as they are, with fewer particles in the layer."""
+        """Return fields as they are, with fewer particles in the layer."""
         values = super().output(field)
         if field != "status" or "surface" not in self.fields:
             return values

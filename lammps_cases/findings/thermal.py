@@ -18,7 +18,7 @@ class HeatAsTemperatureRate(ArrayEvaluator):
     """The heat flow is that of the diffusivity kappa/(rho0 cv), without the volume of the particle heated."""
 
     def heated_volume(self, rho_i: Array, rho_j: Array) -> Array:
-        """No volume."""
+        """Return no volume."""
         return 0 * rho_i + 1.0
 
     def conduction(self) -> Any:

@@ -246,7 +246,7 @@ class CaseRecord(Record):
         return list(dict.fromkeys(entry for entries in named for entry in entries))
 
     def accepted(self, rejected: Collection[str] = ()) -> bool:
-        """Whether this case leaves a run green that rejects some findings."""
+        """Return whether this case leaves a run green that rejects some findings."""
         return self.as_expected and not (self.verdict == "explained" and set(self.findings) & set(rejected))
 
     @property

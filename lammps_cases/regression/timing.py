@@ -78,7 +78,7 @@ class Turns:
     seconds: Mapping[tuple[str, str], tuple[float, ...]]  # by scene and engine
 
     def against(self, one: str, other: str) -> list[Speed]:
-        """Time of the second engine over that of the first, on all scenes together and on each; none if one failed."""
+        """Return the time of the second engine over that of the first, on all and on each scene; none if one failed."""
         scenes = list(dict.fromkeys(scene for scene, _ in self.seconds))
         speeds = []
         for name in scenes:
@@ -131,5 +131,5 @@ def in_turns(engines: Mapping[str, Engine], rounds: int = ROUNDS, progress: Prog
 
 
 def spent(site: str | None, lammps_job: Job) -> float:
-    """Task: seconds that LAMMPS' run commands take."""
+    """Task: return the seconds that LAMMPS' run commands take."""
     return sum(solve(site, lammps_job).run_seconds)

@@ -19,7 +19,7 @@ from lammps_cases.scene.fields import FIELDS, in_step_order
 def compare_all(
     problem: Problem, id_n: Any, snapshots: Sequence[Snapshot], prediction: Prediction
 ) -> dict[str, list[Comparison]]:
-    """One comparison per field and step."""
+    """Return one comparison per field and step."""
     table: dict[str, list[Comparison]] = {field: [] for field in problem.fields}
     for at, step in enumerate(problem.steps):
         for field in problem.fields:
@@ -50,7 +50,7 @@ def derived(step: int) -> str:
 
 
 def nearest_image(box: Box, x_nc: FloatArray, reference_nc: FloatArray) -> FloatArray:
-    """Positions moved by whole periods to where the reference, which does not wrap, has them."""
+    """Return positions moved by whole periods to where the reference, which does not wrap, has them."""
     return np.asarray(x_nc + box.shift(box.periods(reference_nc - x_nc)))
 
 

@@ -130,7 +130,7 @@ def _estimate(case: RepeatedCase, number: SceneNumber) -> float:
 def smallest(
     site: str | None, judge: PerturbedJudge, ready: PreparedCase, places: Sequence[Sensitivity]
 ) -> list[tuple[str, VisibleChange]]:
-    """Task: the smallest change seen of some numbers of a case, up or down."""
+    """Task: return the smallest change seen of some numbers of a case, up or down."""
     case = RepeatedCase(site, judge, ready)
     by_place = {(n.parameter, n.place): n for n in numbers(ready)}
     pairs = []

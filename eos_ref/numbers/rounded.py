@@ -161,10 +161,15 @@ class Rounded:
         if (compiled := self._compiled("multiply", self, other)) is not None:
             return compiled
         a, b, da, db = self.value, value(other), self.error, error(other)
+        exact = not isinstance(other, Rounded)
         with np.errstate(invalid="ignore"):  # an unbounded error times 0 stays unbounded: NaN is never inside a bound
-            product = self._rounded(a * b, np.abs(a) * db + np.abs(b) * da + da * db)
-        none = (exact_zero(self) & np.isfinite(db)) | (exact_zero(other) & np.isfinite(da))
-        return Rounded(product.value, np.where(none, 0.0, product.error))
+            x = a * b
+            carried = np.abs(b) * da if exact else np.abs(a) * db + np.abs(b) * da + da * db
+            bound = carried + ROUNDING * np.abs(x) + TINY
+        if not (a.all() and b.all()):
+            none = (exact_zero(self) & np.isfinite(db)) | (exact_zero(other) & np.isfinite(da))
+            bound = np.where(none, 0.0, bound)
+        return Rounded(x, bound)
 
     __rmul__ = __mul__
 
@@ -248,5 +253,7 @@ def _quotient(a: Array, da: Array, b: Array, db: Array) -> Rounded:
         x = a / b
         room = np.abs(b) - db
         error = np.where(room > 0, (da + np.abs(x) * db) / room, np.inf)
-    none = (a == 0) & (da == 0) & (room > 0)
-    return Rounded(x, np.where(none, 0.0, error + ROUNDING * np.abs(x) + TINY))
+        error = error + ROUNDING * np.abs(x) + TINY
+    if not a.all():
+        error = np.where((a == 0) & (da == 0) & (room > 0), 0.0, error)
+    return Rounded(x, error)

@@ -16,7 +16,7 @@ from eos_ref.eos import rounded_eos
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.evaluator import Evaluator, PairInput
-from eos_ref.evaluation.pairs import ROWS, Candidates, directed_pairs
+from eos_ref.evaluation.pairs import ROWS, Candidates, candidates, directed_pairs
 from eos_ref.kernels.reproducing import basis
 from eos_ref.model import interactions
 from eos_ref.model.box import BoolArray
@@ -42,7 +42,7 @@ class ArrayEvaluator(Evaluator):
         if len(x_nc) > ROWS:  # what is kept for the next step takes memory
             return directed_pairs(x_nc, self.box, cut)
         if self.candidates is None or not self.candidates.hold(x_nc, self.box, cut):
-            self.candidates = Candidates(x_nc, self.box, cut)
+            self.candidates = candidates(x_nc, self.box, cut)
         return self.candidates.closer(x_nc, cut)
 
     def move(self, x_nc: Array) -> None:

@@ -7,7 +7,9 @@ periodic faces stand beyond the opposite faces, so that the tree needs to know n
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +24,7 @@ from eos_ref.model.parameters import IntArray
 ROWS = 4096  # particles whose pairs are found at a time: what these take stays in the cache
 ROOM = 1 + 1e-9  # of the reach: what rounding moves must not lose a pair
 SKIN = 0.1  # of the cutoff, by which candidates may lie farther
+SHARED = 8  # candidates that are kept for other evaluators
 
 
 class Search:
@@ -155,6 +158,28 @@ class Candidates:
         r = separations(x_nc, i, j, shift_pc)
         near = np.flatnonzero(r < cut)
         return i[near], j[near], shift_pc[near]
+
+
+_found: ContextVar[list[Candidates] | None] = ContextVar("found", default=None)
+
+
+@contextmanager
+def sharing(found: list[Candidates]) -> Iterator[None]:
+    """Have all evaluators within a block begin with the candidates of one another, which ``found`` keeps."""
+    before = _found.set(found)
+    try:
+        yield
+    finally:
+        _found.reset(before)
+
+
+def candidates(x_nc: FloatArray, box: Box, cut: float) -> Candidates:
+    """Return candidates for the pairs within a cutoff: found before, where they are shared, or anew."""
+    found = _found.get()
+    made = next((each for each in found or () if each.hold(x_nc, box, cut)), None) or Candidates(x_nc, box, cut)
+    if found is not None:
+        found[:] = [made, *(each for each in found if each is not made)][:SHARED]
+    return made
 
 
 def _order(i: IntArray, j: IntArray, image_pc: IntArray) -> IntArray:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.blocks import in_blocks
+from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
@@ -53,6 +54,7 @@ class Predictor:
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
     _named: list[tuple[Problem, str]] = field(default_factory=list, repr=False)
     _halts: dict[str, dict[int, Simulation]] = field(default_factory=dict, repr=False)
+    _found: list[Candidates] = field(default_factory=list, repr=False)
 
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
         """Return fields and bounds, of the reference or a variant; see `lammps_cases.comparison.trajectory.predict`."""
@@ -138,7 +140,8 @@ class Predictor:
             return self._known[key]
         arrays = self.store.read(key) if self.store else None
         if arrays is None:
-            arrays = compute()
+            with sharing(self._found):  # the runs of a case begin in one place
+                arrays = compute()
             self.computed += 1
             if self.store:
                 self.store.write(key, arrays)

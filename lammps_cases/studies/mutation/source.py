@@ -94,6 +94,8 @@ EXCLUDED: dict[str, tuple[str, ...]] = {
     "when neighbours are searched anew": (  # a search too many or, before particles have moved so far, too few
         "evaluation.pairs:Candidates.__init__",
         "evaluation.pairs:Candidates.hold",
+        "evaluation.pairs:candidates",
+        "evaluation.pairs:sharing",
     ),
     "order of summation": ("evaluation.pairs:_order", "evaluation.pairs:keys"),
     "changed as a whole by a named fault": ("evaluation.evaluator:Evaluator.sound_speed",),

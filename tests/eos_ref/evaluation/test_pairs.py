@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eos_ref.errors import InputError
-from eos_ref.evaluation.pairs import Candidates, Search, directed_pairs
+from eos_ref.evaluation.pairs import SHARED, Candidates, Search, candidates, directed_pairs, sharing
 from eos_ref.model.box import Box
 
 
@@ -160,22 +160,36 @@ def test_pairs_of_moving_particles_are_those_of_a_search(tilt: tuple[float, ...]
     box = Box((-1.0, 0.0, 0.5), (1.0, 3.0, 4.5), (True, True, False), tilt)
     random = np.random.default_rng(7)
     x_nc = random.uniform(box.low_c, box.high_c, (40, 3))
-    candidates, held = Candidates(x_nc, box, 1.5), 0
+    near, held = Candidates(x_nc, box, 1.5), 0
     for k in range(30):
         cut = 1.5 if k % 7 else 2.0
         searched = Search(x_nc, box, cut).rows(0, len(x_nc), cut)
         assert all(map(np.array_equal, directed_pairs(x_nc, box, cut), searched))
-        if candidates.hold(x_nc, box, cut):
+        if near.hold(x_nc, box, cut):
             held += 1
-            assert all(map(np.array_equal, candidates.closer(x_nc, cut), searched))
+            assert all(map(np.array_equal, near.closer(x_nc, cut), searched))
         else:
-            candidates = Candidates(x_nc, box, cut)
+            near = Candidates(x_nc, box, cut)
         x_nc = x_nc + random.normal(scale=0.01, size=x_nc.shape)
         if k % 5 == 4:
             x_nc = x_nc - box.shift(box.images(x_nc))
         if k == 20:
             box = Box((-1.0, 0.0, 0.5), (1.125, 3.0, 4.5), (True, True, False), tilt)
     assert 5 < held < 25
+
+
+def test_candidates_are_shared_within_a_block_and_nowhere_else() -> None:
+    box, x_nc = Box((0.0, 0.0), (4.0, 4.0), (True, True)), np.random.default_rng(8).uniform(0.0, 4.0, (40, 2))
+    with sharing([]):
+        first = candidates(x_nc, box, 1.0)
+        second = candidates(x_nc + 1.0, box, 1.0)
+        assert second is not first, "too far away"
+        assert candidates(x_nc + 1e-3, box, 1.0) is first
+        assert candidates(x_nc + 1.0, box, 1.0) is second
+        for k in range(SHARED):
+            candidates(x_nc, box, 1.0 + k)
+        assert candidates(x_nc + 1.0, box, 1.0) is not second, "another that was asked for later took its place"
+    assert candidates(x_nc, box, 1.0) is not first
 
 
 def test_particles_too_far_away_for_their_places_to_be_known_have_no_pairs() -> None:

@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref.evaluation import pairs
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.box import Box
 from lammps_cases.comparison import prediction_keys, store
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.comparison.trajectory import Prediction, Problem, predict
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity
@@ -214,6 +216,24 @@ def test_what_is_found_has_the_bits_of_what_was_computed(problem: Problem, tmp_p
     assert first.computed == alone.computed == 5
     assert _bits(first.predict(problem, seed=6)) != _bits(first.predict(problem, seed=5))
     assert Predictor(replace(kept, context="another")).store != kept
+
+
+@pytest.mark.parametrize("name", ["thermal.latent.2d", "walls.stored.damped"])
+def test_what_runs_find_for_one_another_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, searches, search = _scene(name), list[Box](), pairs.directed_pairs
+
+    def counted(x_nc: Any, box: Box, cut: float) -> Any:
+        searches.append(box)
+        return search(x_nc, box, cut)
+
+    monkeypatch.setattr(pairs, "directed_pairs", counted)
+    alone = [predict(problem, seed=5), predict(problem, ForcePerVolume, seed=5)]
+    count = len(searches)
+    searches.clear()
+    predictor = Predictor()
+    shared = [predictor.predict(problem, seed=5), predictor.predict(problem, (ForcePerVolume, Simulation), 5)]
+    assert [*map(_bits, shared)] == [*map(_bits, alone)]
+    assert len(searches) == 1 < count
 
 
 @pytest.mark.parametrize("spoil", ["truncated", "empty", "one bit", "another's"])

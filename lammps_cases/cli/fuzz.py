@@ -86,6 +86,8 @@ def _print(record: FuzzRecord) -> None:
         click.echo(f"  explained by findings: {named}")
     for name, count in record.gaps.items():
         click.echo(f"  {name}: {counted(count, 'scene')} that it changes and no variant reproduces")
+    if record.lost:
+        click.echo(f"  {counted(record.lost, 'scene')} whose particles LAMMPS and the reference lose alike")
     drawn = sum(map(bool, record.choices.values()))
     click.echo(
         f"  {record.twins} twins; {drawn} of {len(record.choices)} choices of the schema drawn, {record.pairs_drawn} "

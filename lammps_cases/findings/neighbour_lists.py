@@ -76,10 +76,13 @@ class NeighbourList:
         source_s = _places(np.column_stack([self.row_s, ranks_s, nearer_sc]), here)
         return np.where(apart_sc.any(axis=1), source_s, -1)
 
-    def left_to(self, new: NeighbourList, held_sc: FloatArray, own_nc: FloatArray) -> FloatArray:
+    def left_to(
+        self, new: NeighbourList, held_sc: FloatArray, own_nc: FloatArray, new_n: BoolArray | bool = False
+    ) -> FloatArray:
         """Return what the slots of the list that follows hold, of what this one's held, and ``own_nc`` of particles.
 
-        These take their own along, to another process, too. Slots that a process did not have hold 0.
+        These take their own along, to another process, too. Slots that a process did not have hold 0. Sorting puts
+        what it moves first aside, in the slot after the last particle's. Particles ``new_n`` are created anew.
         """
         left_sc = np.zeros((len(new.row_s), held_sc.shape[1]))
         for rank in np.unique(self.rank_s):
@@ -88,8 +91,34 @@ class NeighbourList:
             before[: len(own)] = own[after_deletion(np.arange(len(own)), ~np.isin(self.row_s[own], stays))]
             kept = min(len(before), len(after))
             left_sc[after[:kept]] = held_sc[before[:kept]]
+            first = first_of_last_cycle(recreated(self.row_s[own], new_n), stays)
+            if first is not None and len(stays) < kept:
+                left_sc[after[len(stays)]] = own_nc[first]
         left_sc[new.own_s] = own_nc[new.row_s[new.own_s]]
         return left_sc
+
+
+def recreated(row_s: IntArray, new_n: BoolArray | bool) -> IntArray:
+    """Return the order of particles after some are deleted and created anew, one by one."""
+    if not np.any(new_n) or np.all(new_n):
+        return row_s
+    new_s = np.sort(row_s[np.asarray(new_n)[row_s]])
+    return np.append(after_deletion(row_s, np.asarray(new_n))[: len(row_s) - len(new_s)], new_s)
+
+
+def first_of_last_cycle(old_s: IntArray, new_s: IntArray) -> int | None:
+    """Return the particle that the last cycle of a sort moves first; None if all stay, or are others."""
+    places = {row: slot for slot, row in enumerate(old_s.tolist())}
+    if sorted(places) != sorted(new_s.tolist()):
+        return None
+    first, seen = None, set[int]()
+    for slot, row in enumerate(new_s.tolist()):
+        if slot not in seen and places[row] != slot:
+            first = int(old_s[slot])
+        while slot not in seen:
+            seen.add(slot)
+            slot = places[int(new_s[slot])]
+    return first
 
 
 def after_deletion(row_s: IntArray, gone_n: BoolArray) -> IntArray:

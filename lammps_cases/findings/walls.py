@@ -190,7 +190,7 @@ class BeginningWithParts(PressureForceKept, CountingSteps):
             slots_sc[:] = 0.0
         own_nc = np.asarray(value(self.kept_at_stop(new_n)), float)
         slots_sc[old.own_s] = own_nc[old.row_s[old.own_s]]
-        return old.left_to(new, slots_sc, own_nc)
+        return old.left_to(new, slots_sc, own_nc, new_n)
 
 
 class LeftInMemory(PressureForceKept, CountingSteps):
@@ -397,7 +397,8 @@ WALLS_BEGIN_WITH_PARTS = Finding(
     observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
     "of the evaluation before in place of accelerations, their periodic images have others: with newton on the sum "
     "over the pairs that list the image, or an image made of it, as the second one, with newton off and after "
-    "read_restart 0. With 'newton off on', where the pair counts twice, it does so with the image of either particle.",
+    "read_restart 0. With 'newton off on', where the pair counts twice, it does so with the image of either particle. "
+    "If the set-up sorts particles, the first image has the force of one that was moved.",
     argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
     "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
     "where only its own force is seen, and the same after read_restart. With more particles newton on differs too, as "

@@ -17,6 +17,7 @@ from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER
 from lammps_cases.fuzz.coverage import ChoiceCounts
 from lammps_cases.fuzz.draw import DrawnScene, draws
+from lammps_cases.fuzz.lost import loses
 from lammps_cases.fuzz.record import DOCUMENT, FuzzRecord, Red
 from lammps_cases.fuzz.rules import NEVER
 from lammps_cases.records.files import write_atomically
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
-LOST = ("Lost atoms", "Non-numeric atom coords")  # how LAMMPS ends where numbers are none
+# How LAMMPS ends where numbers are none, or particles nowhere in the box.
+LOST = ("Lost atoms", "Non-numeric atom coords", "Domain too large for neighbor bins", "instead of '-nan'")
 SHRINKING = 60.0  # seconds for making one scene small
 
 
@@ -140,6 +142,8 @@ class Hunt:
             return
         if gap := known_gap(verdict, drawn.case.scene, record.engine.distribution):
             record.gaps[gap] = record.gaps.get(gap, 0) + 1
+        elif is_lost(verdict) and loses(drawn.ready, record.engine.distribution):
+            record.lost += 1
         else:
             self._keep(record, drawn, verdict)
 
@@ -188,10 +192,14 @@ def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, e
     return case_judgement.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
 
 
+def is_lost(record: CaseRecord) -> bool:
+    """Return whether LAMMPS ended as it does where particles are lost."""
+    return record.verdict == "refused" and any(text in record.engine_error for text in LOST)
+
+
 def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
     """Return the finding that the engine is known to have and of which no variant reproduces such a scene, or ""."""
-    lost = record.verdict == "refused" and any(text in record.engine_error for text in LOST)
-    if not (lost or (record.verdict == "differs" and record.ended == "answered")):
+    if not (is_lost(record) or (record.verdict == "differs" and record.ended == "answered")):
         return ""
     listed = (entry for entry in LEDGER if entry.gaps and (not entry.engines or entry.listed(engine)))
     return next((entry.id for entry in listed if any(gap.applies(scene) for gap in entry.gaps)), "")

@@ -61,7 +61,10 @@ def _law(scope: Scope, chance: Chance, types: str | int) -> Content:
         size = chance.number(0.01, 3.0) / max(scope.rho0) ** 2
         entry["A3"] = rounded(size) if chance.coin(0.7) else rounded(-0.1 * size)
     elif style == "tait/general":
-        entry["gamma"] = chance.choice([1.0, 2.0, 7.0, 0.5, -1.5, 1.4, chance.number(0.3, 12.0)])
+        solids = scope.solids or any("T_freeze" in each for each in scope.content["types"])
+        # With a negative exponent pressures have an upper limit, beyond which no density of a wall makes them.
+        bounded = [] if solids else [-1.5]
+        entry["gamma"] = chance.choice([1.0, 2.0, 7.0, 0.5, *bounded, 1.4, chance.number(0.3, 12.0)])
     elif style == "ideal/gas":
         entry["gamma"] = chance.choice([1.4, 1.67, chance.number(1.01, 3.0)])
     return entry

@@ -26,7 +26,7 @@ def evolve(scope: Scope, chance: Chance) -> Any:
         return LEFT_OUT
     steps = chance.weighted({1: 0.3, 2: 0.2, 3: 0.15, 6: 0.2, 12: 0.15})
     content: Content = {"steps": steps, "timestep": TO_BE_SET}
-    if scope.whole and "tilt" not in scope.content["positions"] and chance.at("grows").coin(0.12):
+    if scope.whole and chance.at("grows").coin(0.12):
         content["deform"] = _deform(scope, chance.at("deform"))
     if scope.stops:
         content["stops"] = _stops(scope, chance.at("stops"), steps, "deform" in content)
@@ -42,15 +42,17 @@ def evolve(scope: Scope, chance: Chance) -> Any:
 def _deform(scope: Scope, chance: Chance) -> Content:
     """Return by what share the edges of a box grow and lean in all steps, from which rates follow with the time step.
 
-    Where positions stay, faces that are not periodic move outwards alone.
+    Where positions stay, faces that are not periodic move outwards alone. So do periodic ones where velocities stay,
+    too: a particle that such a face has passed comes back by the edge of the step at which LAMMPS sees it.
     """
     periodic = scope.content["positions"].get("periodic") or [True] * scope.d
     shifts = scope.content["rheo"].get("shift", False) is not False
     remap = chance.choice(["x", "x", "none", *["v"] * (not shifts and not scope.stops)])
-    shares = [chance.between(-0.08 if remap == "x" or around else 0.0, 0.08) for around in periodic]
+    stays = [remap == "none" or (remap == "v" and not around) for around in periodic]
+    shares = [chance.between(0.0 if out else -0.08, 0.08) for out in stays]
     content: Content = {axis: share for axis, share in zip("xyz", shares, strict=False) if chance.coin(0.7)}
     for pair, can in zip(("xy", "xz", "yz"), leaning(periodic, scope.d), strict=False):
-        if can and chance.at(pair).coin(0.4):
+        if can and remap != "none" and chance.at(pair).coin(0.4):
             content[pair] = chance.at(pair).between(-0.4, 0.4)
     return content | ({"remap": remap} if remap != "x" or chance.coin() else {})
 

@@ -153,12 +153,13 @@ def _undefined(model: Iterable[str]) -> Iterable[InterludeAction]:
 def _set(scene: Scene) -> str:
     """Return the command that gives an atom every value that it has."""
     energy = " sph/e {esph}" if scene.thermal else ""
-    where = " ".join(f"{axis} {{{axis}}} v{axis} {{v{axis}}}" for axis in "xyz")
+    where = " ".join(f"{axis} {{{axis}}} v{axis} {{v{axis}}}" for axis in "xyz"[: scene.dimension])
     return f"set atom {{id}} type {{type}} {where} rheo/rho {{rho}} rheo/status {{phase}}{energy}"
 
 
 def _recreated(scene: Scene, natoms: int, last: int) -> Iterable[InterludeAction]:
     yield InterludeAction(f"group recreated id > {natoms - last}")
     yield InterludeAction("delete_atoms group recreated compress no")
-    yield InterludeAction("create_atoms {type} single {x} {y} {z} units box", "for each atom", last)
+    z = "{z}" if scene.dimension == 3 else "0.0"  # a box that is stretched rounds what must be 0
+    yield InterludeAction(f"create_atoms {{type}} single {{x}} {{y}} {z} units box", "for each atom", last)
     yield InterludeAction(_set(scene), "for each atom", last)

@@ -107,7 +107,8 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
     for (scene, atoms), answer, name in zip(runs, answers, (case.name, f"{case.name}/twin"), strict=True):
         snapshots = read_snapshots(scene, answer, twin.steps)
         if sides and twin.same_problem:
-            sides.append(replace(sides[0], snapshots=snapshots))
+            problem = replace(sides[0].problem, ranks=scene.engine.ranks)
+            sides.append(replace(sides[0], problem=problem, snapshots=snapshots))
             continue
         problem, random = problem_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
         prediction = predictor.predict(problem, seed=random)

@@ -13,7 +13,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.engine.interlude import Interlude
 from lammps_cases.engine.session import RunCommand
-from lammps_cases.findings.neighbour_lists import after_deletion
+from lammps_cases.findings.neighbour_lists import after_deletion, first_of_last_cycle, recreated
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
@@ -327,6 +327,52 @@ def test_what_slots_hold_after_a_deletion(order: list[int], gone: list[int], hel
     assert after_deletion(np.array(order), gone_n).tolist() == held
 
 
+@pytest.mark.parametrize(
+    ("order", "sorted_", "first"),
+    [
+        ([0, 1, 2], [0, 1, 2], None),
+        ([5, 7, 6, 8], [7, 5, 8, 6], 6),
+        ([5, 7, 6, 8], [7, 5, 8, 6][::-1], 7),
+        ([3, 4, 1, 2], [4, 3, 2, 1], 1),
+        ([3, 4, 1, 2], [4, 3, 2, 9], None),
+    ],
+)
+def test_what_sorting_moves_first_in_its_last_cycle(order: list[int], sorted_: list[int], first: int | None) -> None:
+    assert first_of_last_cycle(np.array(order), np.array(sorted_)) == first
+
+
+def test_order_of_particles_created_anew() -> None:
+    new_n = np.array([False, True, False, True])
+    assert recreated(np.array([3, 0, 1, 2]), new_n).tolist() == [2, 0, 1, 3]
+    assert recreated(np.array([3, 0, 1, 2]), False).tolist() == [3, 0, 1, 2]
+
+
+def test_sorting_puts_a_force_into_the_slot_of_the_first_image(lammps: Engine) -> None:
+    """Atoms created anew are sorted at the next set-up."""
+    assert ENTRIES[PARTS].observed.endswith("the first image has the force of one that was moved.")
+    x = [[0.6, 0.3], [2.0, 0.2], [1.97, 12.5], [3.5, 0.4]]
+    scene = told(
+        x,
+        (4.62, 13.86),
+        rho=[0.703, 1.861, 0.595, 1.869],
+        kind=[3, 2, 1, 2],
+        types=[
+            {"mass": 1.26, "rho0": 0.595, "cs": 3.38},
+            {"mass": 7.05, "rho0": 1.87, "cs": 4.38, "phase": "solid"},
+            {"mass": 2.07, "rho0": 0.704, "cs": 3.12},
+        ],
+        rheo={"cut": 4.71, "interface_reconstruct": True},
+        engine={"newton": True},
+        forces=[{"style": "setforce", "vector": [0.0, 0.0]}],
+        evolve={"steps": 1, "timestep": 1e-4, "stops": [{"at": 0, "by": "recreated"}]},
+        compare=["rho"],
+    )
+    first, *_ = lammps.fields(scene, every_step=True)
+    before, after = (listed.row_s[listed.own_s].tolist() for listed in first["lists"][:2])
+    assert before == after == [0, 1, 3, 2]  # between the two it was 0, 1, 2, 3: the last is deleted, and made anew
+    assert agree(first["rho"], scene.predicted(FORCES, PARTS, CREATED, snapshot=first), "rho")
+
+
 def test_walls_begin_with_parts(lammps: Engine) -> None:
     x = [[8.5, 4.0], [0.5, 4.0]]
     across = {"x": x, "low": [0, 0], "high": [9, 9]}
@@ -346,7 +392,7 @@ def test_walls_begin_with_parts(lammps: Engine) -> None:
 
 def test_a_pair_that_counts_twice_begins_with_the_image_of_either_particle(lammps: Engine) -> None:
     """So that the sum of both forces counts once; a pair within the box has it twice in half the weight."""
-    assert ENTRIES[PARTS].observed.endswith("it does so with the image of either particle.")
+    assert "where the pair counts twice, it does so with the image of either particle. " in ENTRIES[PARTS].observed
     assert quoted(PARTS, "observed") == ["newton off on"]
     x = [[8.5, 4.0], [0.5, 4.0], [7.6, 4.6]]
     across = {"x": x, "low": [0, 0], "high": [9, 9]}

@@ -15,8 +15,10 @@ from lammps_cases.findings import LEDGER
 from lammps_cases.fuzz import hunt
 from lammps_cases.fuzz.draw import draw
 from lammps_cases.fuzz.hunt import Hunt, known_gap
+from lammps_cases.fuzz.lost import loses
 from lammps_cases.fuzz.record import DOCUMENT
 from lammps_cases.records.run_record import Blame, CaseRecord
+from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 
@@ -72,6 +74,36 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
     assert known_gap(record, scene, "2026.7.4") == ""
     plain = scene.model_copy(update={"rheo": scene.rheo.model_copy(update={"zmin": 0})})
     assert known_gap(record, plain, "2025.7.22.4.0") == ""
+
+
+@pytest.mark.parametrize(
+    ("periodic", "boundary", "speed", "lost"),
+    [
+        (False, "f", 3.0, True),
+        (False, "f", 0.5, False),
+        (True, "f", 3.0, False),  # the next image, to which LAMMPS moves it
+        (True, "f", 11.0, True),
+        (False, "m", 9.0, False),
+        (False, "m", 1e10, True),
+        (True, "f", 1e309, True),
+    ],
+)
+def test_what_loses_its_particles(periodic: bool, boundary: str, speed: float, lost: bool, tmp_path: Path) -> None:
+    """Two particles in the middle of a box of 5, parting for two steps of 0.5."""
+    scene = {
+        "dimension": 2,
+        "types": [{"mass": 1.0}],
+        "positions": {"x": [[2.5, 2.0], [2.5, 3.0]], "low": [0, 0], "high": [5, 5], "periodic": [periodic] * 2},
+        "pressure": [{"types": "*", "style": "linear"}],
+        "rho": {"constant": 1.0},
+        "velocity": {"values": [[min(speed, 1e308), 0.0], [-min(speed, 1e308), 0.0]]},
+        "evolve": {"steps": 2, "timestep": 0.5 if speed < 1e308 else 1e308},
+        "engine": {"boundary": boundary},
+        "compare": ["x"],
+    }
+    file = tmp_path / "case.yaml"
+    file.write_text(json.dumps({"name": "moving", "about": "x", "tags": ["model"], "scene": scene}))
+    assert loses(prepared_case.prepare(casefile.load_file(file)[0]), "2025.7.22.4.0") == lost
 
 
 @pytest.mark.parametrize("arguments", [("--seconds", 0), ("--draw", -1), ("--seed", "one")])

@@ -119,9 +119,15 @@ def test_atoms_that_are_created_anew_are_put_into_the_groups_of_forces() -> None
     assert groups and between[-len(groups) :] == groups
 
 
+def test_in_two_dimensions_atoms_are_created_at_0_along_the_third() -> None:
+    """A box that is stretched rounds it, and LAMMPS refuses such a place."""
+    _, between = lines("recreated")
+    assert "create_atoms {type} single {x} {y} 0.0 units box" in between
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("by", FOR_EACH_ATOM)
 def test_commands_for_each_atom_name_every_attribute(by: Route) -> None:
     _, between = lines(by)
-    for word in ("type {type}", "x {x}", "vy {vy}", "z {z}", "rheo/rho {rho}", "rheo/status {phase}"):
+    for word in ("type {type}", "x {x}", "vy {vy}", "rheo/rho {rho}", "rheo/status {phase}"):
         assert word in next(line for line in reversed(between) if line.startswith("set atom"))

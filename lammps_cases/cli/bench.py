@@ -125,6 +125,7 @@ def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterat
     else:
         for jobs in (1, 2):
             yield bench.run_against_lammps(repeats, jobs)
+        yield bench.worker_against_python(repeats)
         yield bench.help_against_python(repeats)
         yield from bench.completion_against_python(repeats)
 

@@ -16,6 +16,8 @@ from multiprocessing.popen_forkserver import Popen
 from multiprocessing.process import BaseProcess
 from types import ModuleType
 
+OF_WORKERS = "lammps_cases.engine.workers"
+OF_JUDGING = ("lammps_cases.verdict.judgement", "lammps_cases.report.drawn", "scipy.spatial")
 _starting = threading.RLock()
 
 
@@ -81,11 +83,11 @@ def context(*modules: str) -> ForkServerContext:
 
     Workers begin with the modules named, which the server imports once for all of them.
     """
-    forkserver.set_forkserver_preload(["lammps_cases.engine.workers", *modules])
+    forkserver.set_forkserver_preload([OF_WORKERS, *modules])
     forkserver.ensure_running()
     return _Context()
 
 
 def start_for_judging() -> None:
     """Start the process that workers which judge cases are forked from, while this one imports the rest."""
-    context("lammps_cases.verdict.judgement", "lammps_cases.report.drawn", "scipy.spatial")
+    context(*OF_JUDGING)

@@ -147,6 +147,15 @@ def run_against_lammps(repeats: int, jobs: int) -> Ratio:
         return _processes(f"eos-ref run --tag eos --jobs {jobs}", "LAMMPS alone", ours, code, repeats)
 
 
+def worker_against_python(repeats: int) -> Ratio:
+    """Time what every run begins with, a worker that has imported what it judges by and opened LAMMPS."""
+    from lammps_cases.engine import forkserver
+
+    code = f"import {', '.join((forkserver.OF_WORKERS, *forkserver.OF_JUDGING))}"
+    ours = [sys.executable, "-c", f"{code}; from lammps_cases.engine import session; session.open_lammps()"]
+    return _processes("imports of a worker, LAMMPS opened", "empty Python program", ours, "pass", repeats)
+
+
 def help_against_python(repeats: int) -> Ratio:
     """Time ``eos-ref --help`` against an empty Python program."""
     return _processes("eos-ref --help", "empty Python program", [*EOS_REF, "--help"], "pass", repeats)

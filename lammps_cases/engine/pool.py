@@ -6,6 +6,7 @@ import fcntl
 import os
 import tempfile
 import threading
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import reduction
 from typing import Any
@@ -25,17 +26,29 @@ class OrderedPool(ProcessPool):  # type: ignore[misc]
 
     All workers share two pipes. One that is killed while it reads or writes leaves a message in two and, with Pebble's
     semaphores, the pipe locked for the others, which end after a minute: here the pool breaks down at once.
+
+    Parameters
+    ----------
+    broken : what is called in a thread of its own when the pool breaks down, which may leave queued tasks open for ever
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, broken: Callable[[], None] | None = None, **options: Any) -> None:
         super().__init__(**options)
         self._pool_manager = _OrderedManager(self._context, options["context"])
+        self._pool_manager.broken = broken
 
 
 class _OrderedManager(PoolManager):  # type: ignore[misc]
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._reading = threading.Lock()
+        self.broken: Callable[[], None] | None = None
+
+    def handle_broken_pool(self, error: BrokenProcessPool) -> None:
+        """End the tasks that were handed out, and tell."""
+        super().handle_broken_pool(error)
+        if self.broken:
+            threading.Thread(target=self.broken, daemon=True).start()
 
     def start(self) -> None:
         """Start the workers, whose pipes are locked by what tells in whose hands they were."""

@@ -179,10 +179,12 @@ class Workers:
         self._site = site
         self._count = count
         self._tasks = weakref.WeakKeyDictionary[Future[Any], Task]()
+        self._changing, self._left = threading.RLock(), False  # of the pool, which a thread of its own mends
         self._pool: Any = self._cluster or self._new_pool()
 
     def _new_pool(self) -> OrderedPool:
         return OrderedPool(
+            self._mend,
             max_workers=self._count,
             max_tasks=RECYCLED,
             initializer=_prepare,
@@ -213,19 +215,29 @@ class Workers:
         return self._scheduled(Task(task, arguments, time_limit))
 
     def _scheduled(self, task: Task) -> Future[Any]:
-        if self._is_broken():
-            self._renew()
+        with self._changing:
+            self._mend()
+            try:
+                return self._schedule(task)
+            except RuntimeError:  # it has given up meanwhile
+                self._mend()
+                return self._schedule(task)
+
+    def _schedule(self, task: Task) -> Future[Any]:
         future: Future[Any] = self._pool.schedule(task.function, (self._site, *task.arguments), timeout=task.time_limit)
         self._tasks[future] = task
         return future
 
-    def _renew(self) -> None:
-        """Begin anew where the pool has given up: it ends what it had handed out, and leaves what was queued open."""
-        self._pool.stop()
-        self._pool.join()
-        self._pool = self._new_pool()
-        for future in [future for future in self._tasks if not future.done()]:
-            future.set_exception(BrokenProcessPool("all of them ended"))
+    def _mend(self) -> None:
+        """Begin anew if the pool has given up: it ends what it had handed out, and leaves what was queued open."""
+        with self._changing:
+            if self._left or not self._is_broken():
+                return
+            self._pool.stop()
+            self._pool.join()
+            self._pool = self._new_pool()
+            for future in [future for future in self._tasks if not future.done()]:
+                future.set_exception(BrokenProcessPool("all of them ended"))
 
     def _is_broken(self) -> bool:
         """Return whether the pool has given up, which it does when a worker is killed that has no task."""
@@ -280,7 +292,8 @@ class Workers:
 
     def stop(self) -> None:
         """End all processes at once; what was queued is lost."""
-        self._pool.stop()
+        with self._changing:
+            self._pool.stop()
 
     def __enter__(self) -> Self:
         return self
@@ -288,11 +301,13 @@ class Workers:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None and not self._is_broken():
-            self._pool.close()
-        else:
-            self._pool.stop()
-        self._pool.join()
+        with self._changing:
+            if kind is None and not self._is_broken():
+                self._pool.close()
+            else:
+                self._pool.stop()
+            self._pool.join()
+            self._left = True
         for future in self._tasks:  # a pool that is stopped while a task ends may leave it open for ever
             future.cancel()
         for file in Path(self._folder.name).iterdir():

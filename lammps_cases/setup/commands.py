@@ -116,7 +116,7 @@ def _ends(evolve: Evolve | None, step: int | None) -> str:
 
 
 def _interlude(stop: Stop, scene: Scene, atoms: Atoms, plan: Plan) -> Interlude:
-    model = tuple(_model(scene, atoms, plan))
+    model = (*_tiles(scene), *_model(scene, atoms, plan))
     neighbours = (*_neighbours(scene, atoms, plan), *_masses(scene))
     lines = Lines(tuple(_style(scene, atoms)), neighbours, model)
     return interlude(stop, scene, lines, atoms)
@@ -128,9 +128,14 @@ def _setup(scene: Scene, atoms: Atoms, plan: Plan) -> Iterable[str]:
     edges = " ".join(_numbers(pair) for pair in zip(atoms.low_c, atoms.high_c, strict=True))
     yield f"region box prism {edges} {_numbers(atoms.tilt)}" if _leans(scene, atoms) else f"region box block {edges}"
     yield f"create_box {len(scene.types)} box"
+    yield from _tiles(scene)
+    yield from _masses(scene)
+
+
+def _tiles(scene: Scene) -> Iterable[str]:
+    """Yield the style of communication, which needs a box."""
     if scene.engine.communication == "tiled":
         yield "comm_style tiled"
-    yield from _masses(scene)
 
 
 def _leans(scene: Scene, atoms: Atoms) -> bool:

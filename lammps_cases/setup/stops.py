@@ -55,7 +55,7 @@ class Lines:
     ----------
     style : units, atom style, newton, boundary: kept in a restart file
     neighbours : communication and neighbour lists, which are set anew after a file is read
-    model : pair style, time step, fixes and compute
+    model : style of communication, pair style, time step, fixes and compute
     """
 
     style: tuple[str, ...]
@@ -71,8 +71,10 @@ def interlude(stop: Stop, scene: Scene, lines: Lines, atoms: Atoms) -> Interlude
 
 def _settings(stop: Stop, scene: Scene, atoms: Atoms) -> Iterable[InterludeAction]:
     """Yield what a stop changes beside its route."""
-    if stop.timestep is not None:
-        yield InterludeAction(f"timestep {stop.timestep!r}")
+    assert scene.evolve is not None
+    timesteps = [one.timestep for one in scene.evolve.stops if one.at <= stop.at and one.timestep is not None]
+    if timesteps:  # that of an earlier stop, too: a route may have given the model's
+        yield InterludeAction(f"timestep {timesteps[-1]!r}")
     if stop.count is not None:
         yield InterludeAction(f"reset_timestep {stop.count}")
     if stop.stretch:

@@ -119,6 +119,20 @@ def test_atoms_that_are_created_anew_are_put_into_the_groups_of_forces() -> None
     assert groups and between[-len(groups) :] == groups
 
 
+def test_what_a_stop_has_set_and_how_processes_talk_outlive_a_file() -> None:
+    (case,) = casefile.select(casefile.load(), ["runs.fluid.settings"])
+    assert case.scene.evolve
+    stops = (Stop(at=0, timestep=0.25), Stop(at=1, by="data"))
+    evolve = case.scene.evolve.model_copy(update={"stops": stops})
+    engine = case.scene.engine.model_copy(update={"communication": "tiled"})
+    scene = case.scene.model_copy(update={"evolve": evolve, "engine": engine})
+    ready = prepared_case.prepare(case)
+    between = [s for s in job(scene, ready.atoms, plan(scene)).runs if isinstance(s, Interlude)][1]
+    texts = [action.text for action in between.actions]
+    read = next(k for k, text in enumerate(texts) if text.startswith("read_data"))
+    assert "comm_style tiled" in texts[read + 1 :] and texts[-1] == "timestep 0.25"
+
+
 def test_in_two_dimensions_atoms_are_created_at_0_along_the_third() -> None:
     """A box that is stretched rounds it, and LAMMPS refuses such a place."""
     _, between = lines("recreated")

@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
-import json
 import re
 from typing import Any
 
+from pydantic import BaseModel
+from pydantic_core import from_json, to_json
+
 SCHEMA = "eos-ref/run/1"
 _Case = dict[str, Any]
+
+
+class _Explained(BaseModel):
+    explained_by: str | None = None
+
+
+class _Judged(_Explained):
+    verdict: str
+    message: str = ""
+    fields: list[_Explained] = []
+
+
+class _Document(BaseModel):
+    """What is read of a document here; the rest is checked when it is of schema 2."""
+
+    cases: list[_Judged] = []
+
 
 _PREDICTED = re.compile(r"(?P<verdict>\w+), as ledger entry \S+ predicts: ")
 _ONLY_TWIN = re.compile(r"LAMMPS answers, and its twin \(\S+\) does not: ")
@@ -40,12 +59,17 @@ def finding_ids(text: str | None) -> list[str]:
 
 
 def upgraded(content: bytes) -> bytes:
-    """Make a run.json of schema 2 from one of schema 1."""
-    document = json.loads(content)
-    document["schema"] = "eos-ref/run/2"
+    """Make a run.json of schema 2 from one of schema 1.
+
+    Raises
+    ------
+    pydantic.ValidationError
+    """
+    _Document.model_validate_json(content)
+    document = from_json(content) | {"schema": "eos-ref/run/2"}
     for case in document.get("cases", []):
         _upgrade(case)
-    return json.dumps(document).encode()
+    return to_json(document)
 
 
 def _upgrade(case: _Case) -> None:
@@ -89,7 +113,7 @@ def _unusable(text: str) -> _Case | None:
         return _numbers(lost)
     steps = _STEPS.fullmatch(text)
     return (
-        {side: [int(n) for n in steps[side].split(",") if n.strip()] for side in ("counted", "asked")}
+        {side: [n.strip() for n in steps[side].split(",") if n.strip()] for side in ("counted", "asked")}
         if steps
         else None
     )

@@ -189,7 +189,9 @@ def readers() -> dict[str, Reader]:
         "fix rheo/pressure": Reader(_pressure, "line", (PRESSURE,)),
         "shard": Reader(_shard, "shard", (b"1/2",)),
         "deck": Reader(guard.check_script, "in.deck", (DECK,)),
-        "run.json": Reader(lambda path: read_run(path.parent), "run.json", (run,)),
+        "run.json": Reader(
+            lambda path: read_run(path.parent), "run.json", (run, run.replace(b"eos-ref/run/2", b"eos-ref/run/1", 1))
+        ),
         "npz": Reader(read_arrays, "a.npz", (_arrays(False), _arrays(True))),
         "baseline": Reader(baseline._cases, "verdicts.tsv", (LINES,)),
         "history": Reader(_history, "h.sqlite", (_database(),)),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any, get_args
 
+from eos_ref.model.box import TILTED
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS
 from lammps_cases.fuzz.chance import Chance, rounded
@@ -51,9 +52,12 @@ def _deform(scope: Scope, chance: Chance) -> Content:
     stays = [remap == "none" or (remap == "v" and not around) for around in periodic]
     shares = [chance.between(0.0 if out else -0.08, 0.08) for out in stays]
     content: Content = {axis: share for axis, share in zip("xyz", shares, strict=False) if chance.coin(0.7)}
-    for pair, can in zip(("xy", "xz", "yz"), leaning(periodic, scope.d), strict=False):
-        if can and remap != "none" and chance.at(pair).coin(0.4):
-            content[pair] = chance.at(pair).between(-0.4, 0.4)
+    places = scope.content["positions"]
+    edges = places.get("cells") or [high - low for low, high in zip(places["low"], places["high"], strict=True)]
+    for (one, other), can in zip(TILTED, leaning(periodic, scope.d), strict=False):
+        pair = "xyz"[one] + "xyz"[other]
+        if can and remap != "none" and chance.at(pair).coin(0.4):  # by less than half an edge: LAMMPS leans it back
+            content[pair] = chance.at(pair).between(-0.25, 0.25) * min(1.0, edges[one] / edges[other])
     return content | ({"remap": remap} if remap != "x" or chance.coin() else {})
 
 

@@ -6,7 +6,6 @@ import contextlib
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import tempfile
 import time
@@ -22,6 +21,7 @@ from lammps_cases.audit.options import AuditOptions, AuditResult, AuditTask, Dec
 from lammps_cases.audit.scratch import copy_folder
 from lammps_cases.audit.verdict import Findings, leave_unchecked
 from lammps_cases.engine import containment
+from lammps_cases.engine.session import death, how_it_died
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records import wording
 from lammps_cases.records.progress import SILENT
@@ -221,7 +221,9 @@ def _listen(
         return Failure("refused", findings.ended.refused) if findings.ended.refused else None
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(5.0)
-    return Failure("crashed", f"LAMMPS {_death(process.returncode)}, {_at(findings)}{_tail(output)}")
+    if (code := process.returncode) is None:
+        return Failure("crashed", f"LAMMPS' process says nothing any more, {_at(findings)}{_tail(output)}")
+    return Failure("crashed", f"LAMMPS' process {how_it_died(code)}, {_at(findings)}{_tail(output)}", death(code))
 
 
 def _at(findings: Findings) -> str:
@@ -229,12 +231,6 @@ def _at(findings: Findings) -> str:
     if not place.where:
         return "before the first command"
     return f"after step {findings.done} of the audit, in: {' '.join(place.command.split())} ({place.where})"
-
-
-def _death(code: int | None) -> str:
-    if code is not None and code < 0:
-        return f"died of {signal.Signals(-code).name}"
-    return f"ended the process with exit status {code}"
 
 
 def _tail(output: Path) -> str:

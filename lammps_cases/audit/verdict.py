@@ -116,6 +116,7 @@ class Findings:
             verdict=worst([of_fields, failure.verdict]) if failure else of_fields,
             ended=failure.verdict if failure else "answered",
             engine_error=failure.message if failure else "",
+            died=failure.died if failure else "",
             blame=self.blame,
             natoms=sum(self._natoms().values()) or facts.natoms,
             steps=self.done,

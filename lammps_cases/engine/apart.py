@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from lammps_cases.engine import ranks
-from lammps_cases.engine.session import EngineCrashed
+from lammps_cases.engine.session import EngineCrashed, death, how_it_died
 
 T = TypeVar("T")
 PAUSE = 0.001  # seconds between two looks at the fork
@@ -38,14 +38,13 @@ def call(task: Callable[..., T], *arguments: Any, time_limit: float) -> T:
         child = os.fork()
         if child == 0:
             _work(task, arguments, output.fileno(), answer.fileno(), parent)
-        status = _wait(child, time_limit)
+        code = os.waitstatus_to_exitcode(_wait(child, time_limit))
         answer.seek(0)
         content = answer.read()
         if not content:
             output.seek(0)
-            raise EngineCrashed(
-                f"LAMMPS' process {_how(status)}{ranks.last_lines(output.read().decode(errors='replace'))}"
-            )
+            printed = ranks.last_lines(output.read().decode(errors="replace"))
+            raise EngineCrashed(f"LAMMPS' process {how_it_died(code)}{printed}", death(code))
     succeeded, result = pickle.loads(content)
     if not succeeded:
         raise result
@@ -80,9 +79,3 @@ def _wait(child: int, time_limit: float) -> int:
             os.waitpid(child, 0)
             raise TimedOut(f"LAMMPS did not finish within the time limit of {time_limit:g} s")
         time.sleep(PAUSE)
-
-
-def _how(status: int) -> str:
-    if os.WIFSIGNALED(status):
-        return f"was killed by {signal.Signals(os.WTERMSIG(status)).name}"
-    return f"exited with code {os.WEXITSTATUS(status)}"

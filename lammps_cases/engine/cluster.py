@@ -73,7 +73,7 @@ def relay(
         return Answered(future.result())
     except ProcessExpired:  # the process, and what it printed, are known here alone
         outcome = workers.outcome(future)
-        return EngineCrashed(outcome.message) if isinstance(outcome, Failure) else Answered(outcome)
+        return EngineCrashed(outcome.message, outcome.died) if isinstance(outcome, Failure) else Answered(outcome)
     except BaseException as error:
         return error
 

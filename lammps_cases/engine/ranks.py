@@ -35,6 +35,8 @@ from lammps_cases.engine.session import (
     EngineLacks,
     EngineMissing,
     Job,
+    death,
+    how_it_died,
     package_directory,
     run,
 )
@@ -102,7 +104,7 @@ class Ranks:
                 self._process.wait()
                 raise outcome
         if len(answers) != self.count:
-            raise EngineCrashed(_crash_message(self._path / "output", self._process.wait()))
+            raise _crash(self._path / "output", self._process.wait())
         return _joined(answers)
 
     def end(self) -> None:
@@ -193,15 +195,15 @@ def last_lines(text: str) -> str:
     return f": {' / '.join(lines[-3:])[:300]}" if lines else ""
 
 
-def _crash_message(file: Path, code: int) -> str:
-    """Return how mpiexec reports the end, and the last lines that the ranks printed before its banner."""
+def _crash(file: Path, code: int) -> EngineCrashed:
+    """Return how mpiexec reports the end, with the last lines that the ranks printed before its banner."""
     text = file.read_text(errors="replace")
     end = re.search(r"EXIT STRING: (.*?)(?:\(signal (\d+)\))?$", text, re.MULTILINE)  # MPICH
     end = end or re.search(r"(exited) on signal (\d+)", text)  # Open MPI
-    how = f"ended with {end[1].strip() if end else f'code {code}'}"
+    how, died = f"ended with {end[1].strip() if end else f'code {code}'}", death(code)
     if end and end[2]:  # by the name that it has for a single process, by which the ledger knows a crash
-        how = f"was killed by {signal.Signals(int(end[2])).name}"
-    return f"LAMMPS on several ranks {how}{last_lines(text.split(20 * '=')[0])}"
+        how, died = how_it_died(-int(end[2])), death(-int(end[2]))
+    return EngineCrashed(f"LAMMPS on several ranks {how}{last_lines(text.split(20 * '=')[0])}", died)
 
 
 def _joined(answers: list[Answer]) -> Answer:

@@ -11,6 +11,7 @@ import importlib.metadata
 import importlib.util
 import math
 import re
+import signal
 import sys
 import tempfile
 import time
@@ -51,7 +52,21 @@ class EngineBroken(EngineRefused):
 
 
 class EngineCrashed(RuntimeError):
-    """LAMMPS' processes died; the text is what they left."""
+    """LAMMPS' processes died; the text is what they left, ``died`` what of: a signal's name or an exit code."""
+
+    def __init__(self, text: str, died: str = "") -> None:
+        super().__init__(text)
+        self.died = died
+
+
+def death(code: int) -> str:
+    """Return what a process died of, by its exit code as `subprocess` has it: a signal's name, or that code."""
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+
+
+def how_it_died(code: int) -> str:
+    """Return the same in words for a message, where a process ended without an answer."""
+    return f"was killed by {death(code)}" if code < 0 else f"exited with code {code}"
 
 
 @dataclass(frozen=True)

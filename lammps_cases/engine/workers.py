@@ -33,7 +33,9 @@ from lammps_cases.engine.session import (
     EngineMissing,
     EngineRefused,
     Job,
+    death,
     describe,
+    how_it_died,
     run,
 )
 from lammps_cases.engine.stepping import instance
@@ -54,10 +56,11 @@ FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)  # that nothing raises in its ow
 
 @dataclass(frozen=True)
 class Failure:
-    """A task without an answer: the verdict and one line with the reason."""
+    """A task without an answer: the verdict, one line with the reason, and what a process died of."""
 
     verdict: Failed
     message: str
+    died: str = ""
 
     def __post_init__(self) -> None:
         # An engine's text may hold what no file of UTF-8 can.
@@ -265,16 +268,18 @@ class Workers:
             limit = f" of {time_limit:g} s" if time_limit else ""
             return Failure("timeout", f"LAMMPS did not finish within the time limit{limit}")
         except EngineCrashed as error:
-            return Failure("crashed", str(error))
+            return Failure("crashed", str(error), error.died)
         except MemoryError:
-            return Failure("crashed", "out of memory")
+            return Failure("crashed", "out of memory", "out of memory")
         except (ProcessExpired, BrokenProcessPool) as error:
             from_outside = not isinstance(error, ProcessExpired) or -(error.exitcode or 0) in FROM_OUTSIDE
             if from_outside and (task := self._tasks.get(future)) and task.attempt == 1:
                 return self.outcome(self._scheduled(replace(task, attempt=2)), time_limit)
-            return Failure("crashed", self._crash_message(error))
+            return self._crash(error)
         except SystemExit as error:
-            return Failure("crashed", f"LAMMPS' Python package ended with exit code {error.code}")
+            return Failure(
+                "crashed", f"LAMMPS' Python package ended with exit code {error.code}", f"exit code {error.code}"
+            )
         except Exception as error:
             return Failure("error", f"{type(error).__name__}: {error}")
         except BaseException as error:
@@ -282,13 +287,12 @@ class Workers:
                 raise  # of this process: Ctrl-C
             return Failure("error", f"{type(error).__name__}: {error}")
 
-    def _crash_message(self, error: ProcessExpired | BrokenProcessPool) -> str:
+    def _crash(self, error: ProcessExpired | BrokenProcessPool) -> Failure:
         if isinstance(error, BrokenProcessPool):
-            return f"LAMMPS' processes broke down: {error}"
+            return Failure("crashed", f"LAMMPS' processes broke down: {error}")
         code = error.exitcode or 0
-        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
-        file = Path(self._folder.name) / str(error.pid)
-        return f"LAMMPS' process {how}{ranks.last_lines(_tail(file))}"
+        printed = ranks.last_lines(_tail(Path(self._folder.name) / str(error.pid)))
+        return Failure("crashed", f"LAMMPS' process {how_it_died(code)}{printed}", death(code))
 
     def stop(self) -> None:
         """End all processes at once; what was queued is lost."""

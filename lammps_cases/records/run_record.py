@@ -203,6 +203,7 @@ class CaseRecord(Record):
     fields: list[FieldRecord] = Field([])
     ended: Ended = Field("answered", description="how LAMMPS ended it, whatever was expected and whatever explains it")
     engine_error: str = Field("", description="LAMMPS' own error, or how its process ended")
+    died: str = Field("", description="what its process died of: a signal's name, an exit code, out of memory")
     blame: Blame | None = None
     beyond: Beyond | None = None
     unusable: LostAtoms | OtherSteps | None = Field(None, description="why the answer cannot be compared")

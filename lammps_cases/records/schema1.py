@@ -50,6 +50,7 @@ _AUDIT = re.compile(
     r"(?:type (?P<type>\d+), )?atom (?P<atom>\d+): (?P<outside>\d+) of (?P<of>\d+) atoms outside, "
     r"\|LAMMPS - reference\| up to (?P<max_abs>\S+) = (?P<max_over_bound>\S+) x bound \(atom (?P<worst_id>\d+)\)(?:; )?"
 )
+_DIED = re.compile(r"SIG[A-Z]+|exit code \d+|exited with code \d+|out of memory")
 _BEYOND = re.compile(r"; beyond (?P<findings>[^:]+): ")
 
 
@@ -89,6 +90,8 @@ def _upgrade(case: _Case) -> None:
                 case |= fact
                 text = text[match.end() :]
         case["engine_error"] = text
+        if case["ended"] == "crashed" and (died := _DIED.search(text)):
+            case["died"] = died[0].replace("exited with", "exit")
 
 
 def _ended(case: _Case, text: str) -> str:

@@ -14,7 +14,6 @@ from lammps_cases.records.run_record import CaseRecord
 from lammps_cases.scene import Scene
 from lammps_cases.setup import reference_side
 
-_ENDING = re.compile(r"SIG[A-Z]+|exit\w* (?:with )?code \d+|out of memory|time limit")
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 
@@ -100,6 +99,5 @@ def _raised_in(error: BaseException) -> str:
 def _kind(record: CaseRecord) -> str:
     """Return what is the same of two errors that differ in numbers alone; of a process that died, how it did."""
     if record.ended in ("crashed", "timeout"):
-        match = _ENDING.search(record.engine_error)
-        return match[0] if match else ""
+        return record.died
     return _NUMBER.sub("#", record.engine_error)

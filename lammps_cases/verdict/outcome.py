@@ -74,7 +74,7 @@ def finish(record: CaseRecord, lammps: float, begin: float, predictor: Predictor
 def judge_failure(record: CaseRecord, failure: Failure, scene: Scene | None = None) -> None:
     """Judge a run that LAMMPS refused or did not finish, by what the case expects and by the findings."""
     record.verdict, record.engine_error = failure.verdict, wording.one_line(failure.message)
-    record.ended = failure.verdict
+    record.ended, record.died = failure.verdict, failure.died
     if failure.verdict == "refused" and record.expects and record.expects not in record.engine_error:
         record.verdict = "differs"
     if failure.verdict != "skipped" and (record.verdict != "refused" or not record.expects):

@@ -116,7 +116,7 @@ def outcome(site: str | None, job: Job) -> Answer | Failure:
     except EngineRefused as error:
         return Failure("refused", str(error))
     except EngineCrashed as error:
-        return Failure("crashed", str(error))
+        return Failure("crashed", str(error), error.died)
 
 
 def first_difference(site: str | None, judge: PerturbedJudge, case: PerturbedCase) -> Reason | None:

@@ -276,7 +276,7 @@ def test_crash_keeps_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_quit_inside_a_run_ends_only_the_child() -> None:
     case = case_of(audit_deck(DECKS / "in.quit"))
-    assert case.verdict == "crashed" and "exit status 4" in case.message
+    assert case.verdict == "crashed" and "exited with code 4" in case.message and case.died == "exit code 4"
     assert max(check.step for check in case.checks) >= 60
 
 

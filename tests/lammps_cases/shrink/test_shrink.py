@@ -286,12 +286,12 @@ def test_same_way_is_field_and_verdict_not_atom_and_step() -> None:
     ]
     one, other, another = map(failure_mode, refused)
     assert one == other != another
-    died = "LAMMPS' process was killed by {}: some text"
     crashed = [
-        CaseRecord(case="x", verdict="crashed", ended="crashed", engine_error=died.format(signal))
-        for signal in ("SIGSEGV", "SIGABRT")
+        CaseRecord(case="x", verdict="crashed", ended="crashed", engine_error=text, died=signal)
+        for text, signal in (("one text", "SIGSEGV"), ("another", "SIGSEGV"), ("one text", "SIGABRT"))
     ]
-    assert failure_mode(crashed[0]) != failure_mode(crashed[1])
+    one, other, another = map(failure_mode, crashed)
+    assert one == other != another
 
 
 def test_several_findings_ask_for_one() -> None:

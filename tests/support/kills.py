@@ -209,7 +209,9 @@ class DaskKills(Kills):
         else:
             self._cluster.scheduler.kill()
             code = process.wait(PATIENCE)
-            assert code in (0, 3), (code, _wrong(self.folder / "printed"))
+            # Done before, nothing to connect with yet, or gone meanwhile.
+            assert code in (0, 2, 3), (code, _wrong(self.folder / "printed"))
+            assert code != 2 or "scheduler" in (self.folder / "printed").read_text()
             self._await_end()
             self._begin_cluster()
         return True

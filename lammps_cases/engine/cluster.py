@@ -97,6 +97,11 @@ def _workers(site: str | None, memory: str) -> Any:
 # --- in the parent
 
 
+def _is_gone(answer: object) -> bool:
+    """Return whether a worker had no connection any more, as opposed to no file or no right to see one."""
+    return isinstance(answer, OSError) and (answer.errno is None or isinstance(answer, ConnectionError))
+
+
 class ClusterPool:
     """The workers of a cluster, by the part of `pebble.ProcessPool` that `Workers` uses.
 
@@ -109,6 +114,7 @@ class ClusterPool:
     def __init__(self, scheduler: str) -> None:
         from eos_ref.errors import InputError
 
+        self._scheduler = scheduler
         try:
             from distributed import Client
             from distributed.comm import get_address_host_port
@@ -128,7 +134,9 @@ class ClusterPool:
         except TimeoutError:
             self._client.close()
             raise InputError("--cluster", f"has no worker after {PATIENCE} s", scheduler) from None
-        self._scheduler = scheduler
+        except OSError:
+            self._client.close()
+            raise self._gone() from None
         self._under_way: dict[Future[Any], Any] = {}
 
     @property
@@ -141,10 +149,14 @@ class ClusterPool:
         return max(1, sum(threads.values()))
 
     def check_shared(self, folder: Path) -> None:
-        """Raise `InputError` if a worker does not see a folder that tasks write into."""
+        """Raise `InputError` if a worker that is there does not see a folder that tasks write into."""
         from eos_ref.errors import InputError
 
-        blind = [worker for worker, sees in self._client.run(Path.is_dir, folder).items() if not sees]
+        try:
+            sights = self._client.run(Path.is_dir, folder, on_error="return")
+        except OSError:
+            raise self._gone() from None
+        blind = [worker for worker, sees in sights.items() if sees is not True and not _is_gone(sees)]
         if blind:
             raise InputError("--cluster", f"its workers must see {folder}; there is none for", blind[0])
 

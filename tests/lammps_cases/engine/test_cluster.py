@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import resource
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed.comm import CommClosedError
 
 from eos_ref import InputError
 from lammps_cases.engine import cluster, installations
@@ -95,6 +97,31 @@ def test_scheduler_killed_and_the_run_gone_on_with_here(dask: DaskCluster, local
     assert not (tmp_path / "report").exists()
     _done("run", *CASES, "--resume", "--out", tmp_path / "report")
     assert_same(local, tmp_path / "report")
+
+
+class Hidden(type(Path())):
+    """A folder that a worker has no right to see."""
+
+    def stat(self, **options: Any) -> Any:
+        raise PermissionError(errno.EACCES, "no right")
+
+
+class Unanswered(type(Path())):
+    """A folder of which a worker says nothing, as it goes meanwhile."""
+
+    def stat(self, **options: Any) -> Any:
+        raise CommClosedError("in <TCP (closed)>")
+
+
+def test_a_worker_that_goes_is_not_asked_for_a_folder_and_one_that_may_not_see_it_is_named(
+    steady: DaskCluster, tmp_path: Path
+) -> None:
+    with cluster.used(steady.address), Workers(None, 1) as workers:
+        workers.check_shared(tmp_path)
+        workers.check_shared(Unanswered(tmp_path))
+        for folder in (Hidden(tmp_path), tmp_path / "none"):
+            with pytest.raises(InputError, match=r"workers must see .*; there is none for, found 'tcp://"):
+                workers.check_shared(folder)
 
 
 def test_other_commands_give_the_same(steady: DaskCluster, tmp_path: Path) -> None:

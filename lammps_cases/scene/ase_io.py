@@ -133,7 +133,10 @@ def _read_with_ase(content: bytes, path: Path) -> dict[str, Any]:
     import ase.io
 
     try:
-        atoms: Any = ase.io.read(io.StringIO(content.decode("utf-8")), index=0, format="extxyz")
+        text = content.decode("utf-8")
+        if int(text.partition("\n")[0]) > text.count("\n"):  # ASE would ask for so many lines
+            raise ValueError("it ends before the particles that its first line counts")
+        atoms: Any = ase.io.read(io.StringIO(text), index=0, format="extxyz")
         arrays = {"positions": np.array(atoms.positions, float), "cell": atoms.cell.array, "pbc": np.asarray(atoms.pbc)}
         for name, kind in (("type", int), ("rho", float), ("e", float)):
             if name in atoms.arrays:

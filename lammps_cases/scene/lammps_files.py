@@ -64,7 +64,7 @@ class FileSnapshot:
             raise InputError("column", f"must be one of {', '.join(self.columns)}{nearest(name, self.columns)}", name)
         try:
             return self.columns[name].astype(kind)
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             raise InputError(f"column {name}", f"must hold numbers ({error})") from None
 
 

@@ -155,6 +155,23 @@ def test_no_scene_makes_a_command_of_its_own(tmp_path: Path) -> None:
     assert taken  # the texts that are for people are taken as they are
 
 
+# --- numbers that no file can hold
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "said"),
+    [
+        ("dump", b"\n1 2 ", b"\n" + 30 * b"9" + b" 2 ", "column id: must hold numbers"),
+        ("extxyz", b"2\n", 50 * b"6" + b"\n", "it ends before the particles that its first line counts"),
+    ],
+)
+def test_numbers_beyond_all_are_refused(name: str, before: bytes, after: bytes, said: str, tmp_path: Path) -> None:
+    """Of an id that fits no integer numpy says OverflowError; ASE reads line after line behind a file's end."""
+    seed = READERS[name].seeds[0]
+    assert seed.count(before) == 1
+    assert said in outcome(READERS[name], seed.replace(before, after), tmp_path)
+
+
 # --- files that are none, or too large
 
 

@@ -187,9 +187,10 @@ def test_candidates_are_shared_within_a_block_and_nowhere_else() -> None:
         assert candidates(x_nc + 1e-3, box, 1.0) is first
         assert candidates(x_nc + 1.0, box, 1.0) is second
         for k in range(SHARED):
-            candidates(x_nc, box, 1.0 + k)
+            last = candidates(x_nc + 2.0 + k, box, 1.0)
+        assert candidates(x_nc + 1.0 + SHARED, box, 1.0) is last
         assert candidates(x_nc + 1.0, box, 1.0) is not second, "another that was asked for later took its place"
-    assert candidates(x_nc, box, 1.0) is not first
+    assert candidates(x_nc + 1.0 + SHARED, box, 1.0) is not last
 
 
 def test_particles_too_far_away_for_their_places_to_be_known_have_no_pairs() -> None:

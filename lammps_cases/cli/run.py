@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from lammps_cases.records.run_record import RunRecord
     from lammps_cases.scene.casefile import Case
 
+WITHOUT_PAIRS = ("eos",)  # tags of cases of which few find neighbours: known before they are read
+
 
 @click.command("run")
 @click.argument("names", nargs=-1, metavar="[CASE]...", shell_complete=completion.cases)
@@ -71,13 +73,14 @@ def run_command(
         from eos_ref import InputError
 
         raise InputError("--costs", "needs --shard, which it divides")
-    shared.start_fork_server()
-    from lammps_cases.comparison import prediction_keys
-    from lammps_cases.engine import installations
-    from lammps_cases.run import campaign, provenance, shards
-    from lammps_cases.scene import casefile
+    shared.start_fork_server(pairs=fresh or tag not in WITHOUT_PAIRS)
+    with shared.uncollected():
+        from lammps_cases.comparison import prediction_keys
+        from lammps_cases.engine import installations
+        from lammps_cases.run import campaign, provenance, shards
+        from lammps_cases.scene import casefile
 
-    every = casefile.load(paths)
+        every = casefile.load(paths)
     chosen = casefile.select(every, names, tag)
     part = (shard or "", shards.divided(case.name for case in chosen) if shard else "")
     if shard:

@@ -17,7 +17,8 @@ from multiprocessing.process import BaseProcess
 from types import ModuleType
 
 OF_WORKERS = "lammps_cases.engine.workers"
-OF_JUDGING = ("lammps_cases.verdict.judgement", "lammps_cases.report.drawn", "scipy.spatial")
+OF_JUDGING = ("lammps_cases.verdict.judgement", "lammps_cases.report.drawn")
+OF_PAIRS = "scipy.spatial"  # as long to import as a third of all the rest
 _starting = threading.RLock()
 
 
@@ -88,6 +89,9 @@ def context(*modules: str) -> ForkServerContext:
     return _Context()
 
 
-def start_for_judging() -> None:
-    """Start the process that workers which judge cases are forked from, while this one imports the rest."""
-    context(*OF_JUDGING)
+def start_for_judging(pairs: bool = True) -> None:
+    """Start the process that workers which judge cases are forked from, while this one imports the rest.
+
+    Without ``pairs`` a worker imports what finds neighbours itself, when a case asks for them.
+    """
+    context(*OF_JUDGING, *([OF_PAIRS] if pairs else []))

@@ -151,7 +151,7 @@ def worker_against_python(repeats: int) -> Ratio:
     """Time what every run begins with, a worker that has imported what it judges by and opened LAMMPS."""
     from lammps_cases.engine import forkserver
 
-    code = f"import {', '.join((forkserver.OF_WORKERS, *forkserver.OF_JUDGING))}"
+    code = f"import {', '.join((forkserver.OF_WORKERS, *forkserver.OF_JUDGING, forkserver.OF_PAIRS))}"
     ours = [sys.executable, "-c", f"{code}; from lammps_cases.engine import session; session.open_lammps()"]
     return _processes("imports of a worker, LAMMPS opened", "empty Python program", ours, "pass", repeats)
 

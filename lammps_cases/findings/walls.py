@@ -47,10 +47,13 @@ def has_moving_walls(problem: Problem) -> bool:
 
 
 def _held(model: Model, type_n: Any) -> Any:
+    """Return which particles are left without any force, (n,); what is added after it was set to 0 moves them."""
     held_n = np.zeros(len(type_n), bool)
     for force in model.forces:
         if force.style == "setforce" and all(component == 0 for component in force.vector):
             held_n |= force.acts_on(type_n)
+        elif any(force.vector):
+            held_n &= ~force.acts_on(type_n)
     return held_n
 
 

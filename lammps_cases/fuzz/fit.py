@@ -114,8 +114,9 @@ def _lacking(scene: Scene, atoms: Atoms) -> float:
     """Return the product of the factors that findings may lack, each 1 where the lack makes nothing larger.
 
     Findings may lack factors of the volume or the heat capacity of a particle, or of its units, in a force or a flow of
-    heat, divide that by the density, or take temperatures for those of a unit of mass: time steps are short enough for
-    them too, and in the numbers of a twin as well.
+    heat, divide that by the density, or take temperatures for those of a unit of mass; background pressures that are
+    not converted accelerate as forces of their number do: time steps are short enough for them too, and in the numbers
+    of a twin as well.
     """
     model, state = _problem(scene, atoms)
     mass_n, rho_n = atoms.mass_n, state.rho_n
@@ -124,7 +125,9 @@ def _lacking(scene: Scene, atoms: Atoms) -> float:
     if heats := [each.specific_heat for each in model.thermal or ()]:
         factors += [mass_n * np.array(heats)[state.type_n - 1], rho_n, 1 / mass_n, rho_n / mass_n]
     flow = min(float(factor_n.min()) for factor_n in factors)
-    return min(1.0, volume) * min(1.0, flow) / max(1.0, UNITS[scene.units].energy)
+    units = UNITS[scene.units]
+    pressed = units.of("pressure") / units.of("f") if any(law.P_b for law in scene.pressure) else 1.0
+    return min(1.0, volume) * min(1.0, flow) * min(1.0, pressed) / max(1.0, units.energy)
 
 
 def _with_room(content: Content, travel: float) -> Content:

@@ -81,6 +81,34 @@ def test_wall_velocity_lost(lammps: Engine) -> None:
         assert np.all(np.abs(at_rest - in_motion)[:, 0] > 0.1 * np.abs(at_rest[:, 0]))
 
 
+PUSH = {"style": "gravity", "types": 2, "vector": [1.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ("forces", "moving"),
+    [
+        (HELD, False),
+        ([*HELD, PUSH], True),
+        ([PUSH, *HELD], False),
+        ([*HELD, PUSH | {"types": 1}], False),
+        ([*HELD, PUSH | {"vector": [0.0, 0.0]}], False),
+    ],
+)
+def test_walls_move_that_are_pushed_after_they_were_held(forces: list[Any], moving: bool, lammps: Engine) -> None:
+    scene = told(
+        [[2.5, 4.0], [2.5, 5.0]],
+        (COLUMNS, 9),
+        kind=[2, 1],
+        types=[{"mass": 1.0}, {"mass": 1.0, "phase": "solid"}],
+        rheo={"cut": 1.4, "interface_reconstruct": True},
+        forces=forces,
+        evolve={"steps": 1, "timestep": 0.01},
+        compare=["v"],
+    )
+    assert bool(lammps.fields(scene)[-1]["v"][0].any()) == moving
+    assert ENTRIES[LOST].model_variant.applies(scene.problem) == moving
+
+
 def test_wall_at_rest_and_fluid_driven(lammps: Engine) -> None:
     """The other workaround: addforce on the fluid, with volumes of 1."""
     scene = over_rows(1, 0.1, 0.0)

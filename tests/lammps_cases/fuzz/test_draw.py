@@ -7,8 +7,11 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
+from lammps_cases.comparison.trajectory import visit, wanted
+from lammps_cases.findings.units import UnitsUnconverted
 from lammps_cases.fuzz import rules, schema
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.coverage import ChoiceCounts, argued
@@ -17,6 +20,7 @@ from lammps_cases.fuzz.fit import fitted
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
 from lammps_cases.scene.casefile import Case
+from lammps_cases.verdict.model_cases import problem_of
 
 SCENES = 600  # as many as `every choice` needs: the rarest comes once in a hundred
 REJECTED = 0.02  # share of attempts that may be no scene
@@ -162,3 +166,14 @@ def _numbers(part: Any) -> Iterator[float]:
 
 
 NUMBERS = [0.21412187934220184, 6.01, -0.105, 4]
+
+
+def test_time_steps_are_short_enough_for_backgrounds_that_are_not_converted() -> None:
+    """Of 3e9 atm: particles would leave the skin of the neighbour lists in the first step (units-unconverted)."""
+    ready = draw(203, 302).ready
+    problem = problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots)
+    sim = UnitsUnconverted(problem.model, problem.box, problem.state, wanted(problem))
+    moved = 0.0
+    for _ in visit(sim, problem.steps, problem.timestep):
+        moved += problem.timestep * float(np.abs(sim.state.v_nc).max())
+    assert 0 < moved < ready.case.scene.engine.skin * ready.atoms.spacing / 2

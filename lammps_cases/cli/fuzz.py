@@ -88,6 +88,8 @@ def _print(record: FuzzRecord) -> None:
         click.echo(f"  {name}: {counted(count, 'scene')} that it changes and no variant reproduces")
     if record.lost:
         click.echo(f"  {counted(record.lost, 'scene')} whose particles LAMMPS and the reference lose alike")
+    if record.unbounded:
+        click.echo(f"  {counted(record.unbounded, 'scene')} that known findings leave no bound to be judged by")
     drawn = sum(map(bool, record.choices.values()))
     click.echo(
         f"  {record.twins} twins; {drawn} of {len(record.choices)} choices of the schema drawn, {record.pairs_drawn} "

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.consistent import consistent_model, consistent_state
 from eos_ref.model.parameters import Model
@@ -41,7 +42,7 @@ def fitted(content: Content, chance: Chance, prepare: Prepare) -> tuple[Content,
     if ready.case.scene.interacts and not _has_gradients(ready):
         content = content | {"rheo": content["rheo"] | {"kernel": chance.at("kernel").choice(["quintic", "RK0"])}}
         ready = prepare(content)
-    content = _with_enough_neighbours(content, ready, chance.at("zmin"))
+    content = _with_enough_neighbours(_without_lost_walls(content, ready), ready, chance.at("zmin"))
     if "evolve" not in content:
         return content, prepare(content)
     limit, speed, sound = _limits(ready)
@@ -120,7 +121,7 @@ def _lacking(scene: Scene, atoms: Atoms) -> float:
     """
     model, state = _problem(scene, atoms)
     mass_n, rho_n = atoms.mass_n, state.rho_n
-    volume = float((mass_n / rho_n).min())
+    volume = _smallest_volume(scene, atoms)
     factors = [1 / rho_n]
     if heats := [each.specific_heat for each in model.thermal or ()]:
         factors += [mass_n * np.array(heats)[state.type_n - 1], rho_n, 1 / mass_n, rho_n / mass_n]
@@ -128,6 +129,22 @@ def _lacking(scene: Scene, atoms: Atoms) -> float:
     units = UNITS[scene.units]
     pressed = units.of("pressure") / units.of("f") if any(law.P_b for law in scene.pressure) else 1.0
     return min(1.0, volume) * min(1.0, flow) * min(1.0, pressed) / max(1.0, units.energy)
+
+
+def _smallest_volume(scene: Scene, atoms: Atoms) -> float:
+    return float((atoms.mass_n / _problem(scene, atoms)[1].rho_n).min())
+
+
+def _without_lost_walls(content: Content, ready: PreparedCase) -> Content:
+    """Return a content without a twin in whose units forces that lack a volume leave walls no digit.
+
+    Walls take accelerations as they are, whatever the time step: those of volumes below the rounding of 1 exceed what
+    is right by more than all digits of a density.
+    """
+    units = content.get("twin", {}).get("units") and ready.case.scene.rheo.interface_reconstruct
+    if not units or min(_smallest_volume(*side) for side in ready.sides) > EPS:
+        return content
+    return {key: value for key, value in content.items() if key != "twin"}
 
 
 def _with_room(content: Content, travel: float) -> Content:

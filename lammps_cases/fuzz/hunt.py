@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -144,6 +145,8 @@ class Hunt:
             record.gaps[gap] = record.gaps.get(gap, 0) + 1
         elif is_lost(verdict) and loses(drawn.ready, record.engine.distribution):
             record.lost += 1
+        elif is_unbounded(verdict, record.engine.distribution):
+            record.unbounded += 1
         else:
             self._keep(record, drawn, verdict)
 
@@ -203,6 +206,18 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
         return ""
     listed = (entry for entry in LEDGER if entry.gaps and (not entry.engines or entry.listed(engine)))
     return next((entry.id for entry in listed if any(gap.applies(scene) for gap in entry.gaps)), "")
+
+
+def is_unbounded(record: CaseRecord, engine: str) -> bool:
+    """Return whether findings that the engine is known to have reproduce all values up to those that they leave open.
+
+    A value without a bound is followed by others without: nothing is left that could be compared.
+    """
+    left = record.beyond
+    if record.verdict != "differs" or left is None or left.blame.bound != math.inf:
+        return False
+    known = {entry.id for entry in LEDGER if entry.listed(engine)}
+    return left.blame.outside == left.blame.of and known.issuperset(left.findings)
 
 
 class _UntilLate:

@@ -38,6 +38,7 @@ class FuzzRecord(Record):
     findings: dict[str, int] = Field({}, description="scenes that each finding explains")
     gaps: dict[str, int] = Field({}, description="scenes that a finding changes and its variant does not reproduce")
     lost: int = Field(0, description="scenes whose particles LAMMPS and the reference lose alike")
+    unbounded: int = Field(0, description="scenes that findings known on the engine leave no bound to be judged by")
     red: list[Red] = Field([])
     choices: dict[str, int] = Field({}, description="choices of the schema, and how many scenes take each")
     never: dict[str, str] = Field({}, description="keys that are never drawn, and why")

@@ -121,6 +121,9 @@ class Trial:
             own_n = np.broadcast_to(self.reference.bounds[at][name], bound_n.shape)
             if undefined and _defined_part_inside(lammps_n, variant_n, bound_n, own_n):
                 continue
+            open_n = ~np.isfinite(bound_n)
+            if np.any(ratio_n[~open_n] > 1):  # what has a bound is blamed, not what has none
+                lammps_n, variant_n, bound_n = (np.where(open_n, 0.0, a_n) for a_n in (lammps_n, variant_n, bound_n))
             comparison = compare_field(name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n)
             return blame_of(comparison, self.id_n, step)
         return None

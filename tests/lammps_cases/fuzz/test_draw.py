@@ -15,7 +15,7 @@ from lammps_cases.findings.units import UnitsUnconverted
 from lammps_cases.fuzz import rules, schema
 from lammps_cases.fuzz.chance import Chance, rounded
 from lammps_cases.fuzz.coverage import ChoiceCounts, argued
-from lammps_cases.fuzz.draw import SOURCE, DrawnScene, draw
+from lammps_cases.fuzz.draw import SOURCE, DrawnScene, content_of, draw
 from lammps_cases.fuzz.fit import fitted
 from lammps_cases.run.prepared_case import PreparedCase, prepare
 from lammps_cases.scene import Scene
@@ -141,8 +141,6 @@ def test_a_new_key_is_drawn_without_a_rule(monkeypatch: pytest.MonkeyPatch) -> N
     made["$defs"]["AtomType"]["properties"]["size"] = {"type": "number", "exclusiveMinimum": 0}
     monkeypatch.setattr(schema, "root", lambda: made)
     assert set(schema.choices()) >= {"flavour=sweet", "flavour=sour", "engine.cores", "types.size"}
-    from lammps_cases.fuzz.draw import content_of
-
     found: set[str] = set()
     for k in range(40):
         found |= schema.taken(content_of(Chance(f"new/{k}")))
@@ -177,3 +175,10 @@ def test_time_steps_are_short_enough_for_backgrounds_that_are_not_converted() ->
     for _ in visit(sim, problem.steps, problem.timestep):
         moved += problem.timestep * float(np.abs(sim.state.v_nc).max())
     assert 0 < moved < ready.case.scene.engine.skin * ready.atoms.spacing / 2
+
+
+def test_no_twin_has_units_in_which_walls_keep_no_digit() -> None:
+    """Volumes of 4e-22 in units lj: densities of walls have a bound of 4e5 after a step, by force-per-volume."""
+    chance = Chance("203/301")
+    assert "units" in content_of(chance)["twin"]
+    assert "twin" not in draw(203, 301).content

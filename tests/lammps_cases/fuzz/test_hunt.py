@@ -8,16 +8,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import LEDGER
 from lammps_cases.fuzz import hunt
 from lammps_cases.fuzz.draw import draw
-from lammps_cases.fuzz.hunt import Hunt, known_gap
+from lammps_cases.fuzz.hunt import Hunt, is_unbounded, known_gap
 from lammps_cases.fuzz.lost import loses
 from lammps_cases.fuzz.record import DOCUMENT
-from lammps_cases.records.run_record import Blame, CaseRecord
+from lammps_cases.records.run_record import Beyond, Blame, CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
@@ -74,6 +75,32 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
     assert known_gap(record, scene, "2026.7.4") == ""
     plain = scene.model_copy(update={"rheo": scene.rheo.model_copy(update={"zmin": 0})})
     assert known_gap(record, plain, "2025.7.22.4.0") == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "engine", "unbounded"),
+    [
+        ({}, "2025.7.22.2.0", True),
+        ({}, "2026.7.4", False),  # which is not known to have it
+        ({"bound": 1e-9}, "2025.7.22.2.0", False),
+        ({"outside": 7}, "2025.7.22.2.0", False),
+    ],
+)
+def test_only_known_findings_leave_scenes_without_bounds(change: Any, engine: str, unbounded: bool) -> None:
+    left = {
+        "field": "x",
+        "stage": "integration",
+        "step": 1,
+        "atom": 1,
+        "lammps": 1.0,
+        "reference": 1.0,
+        "bound": np.inf,
+    }
+    blame = Blame(**(left | {"outside": 8, "of": 8} | change))
+    beyond = Beyond(findings=["cross-type-normal"], blame=blame)
+    record = CaseRecord(case="drawn", verdict="differs", ended="answered", beyond=beyond)
+    assert is_unbounded(record, engine) == unbounded
+    assert not is_unbounded(record.model_copy(update={"beyond": None}), engine)
 
 
 @pytest.mark.parametrize(

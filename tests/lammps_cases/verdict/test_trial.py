@@ -297,6 +297,19 @@ def test_a_variant_may_leave_values_without_a_bound(
     assert explained(verdict) == explanation
 
 
+@pytest.mark.parametrize(
+    ("of_variant", "blamed"), [((INF, 1.0, 1.0), (8, 1.0, 1)), ((INF,) * 3, (3, INF, 3)), ((1.0,) * 3, (8, 1.0, 1))]
+)
+def test_what_has_a_bound_is_blamed_before_what_has_none(
+    judge: Any, of_variant: Bounds, blamed: tuple[int, float, int]
+) -> None:
+    settings, bounds = {"A": {"undefined": True}}, {"A": of_variant}
+    of = replace(PROBLEM, fields=("f",))
+    verdict, _ = judge("A", {"A": FORCE}, (2, "f", 1.5, 2), settings=settings, bounds=bounds, of=of)
+    blame = verdict.beyond.blame
+    assert (blame.atom, blame.bound, blame.outside) == blamed
+
+
 @pytest.mark.parametrize(("lists", "explanation"), [(True, ["A"]), (False, [])])
 @pytest.mark.parametrize("of", [PROBLEM, replace(PROBLEM, steps=(2,))])
 def test_findings_that_follow_neighbour_lists_need_them(

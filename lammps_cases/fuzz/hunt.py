@@ -209,12 +209,12 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
 
 
 def is_unbounded(record: CaseRecord, engine: str) -> bool:
-    """Return whether findings that the engine is known to have reproduce all values up to those that they leave open.
+    """Return whether findings that the engine is known to have reproduce all up to positions that they leave open.
 
-    A value without a bound is followed by others without: nothing is left that could be compared.
+    Nothing that is evaluated at positions without a bound has one: nothing is left that could be compared.
     """
     left = record.beyond
-    if record.verdict != "differs" or left is None or left.blame.bound != math.inf:
+    if record.verdict != "differs" or left is None or (left.blame.field, left.blame.bound) != ("x", math.inf):
         return False
     known = {entry.id for entry in LEDGER if entry.listed(engine)}
     return left.blame.outside == left.blame.of and known.issuperset(left.findings)

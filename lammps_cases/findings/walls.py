@@ -61,10 +61,11 @@ class WallsSummedAfterSetup(Simulation):
     """After the set-up of a run solids show their summed density, not the one reconstructed and used for the forces."""
 
     def setup(self) -> None:
-        """Sum once more at the end."""
+        """Sum once more at the end, if densities are asked for."""
         super().setup()
         s = self.state
-        s.rho_n = where(s.solid_n, self.evaluator.density_sum(), s.rho_n)
+        if "rho" in self.plan:
+            s.rho_n = where(s.solid_n, self.evaluator.density_sum(), s.rho_n)
 
 
 def sums_walls(problem: Problem) -> bool:

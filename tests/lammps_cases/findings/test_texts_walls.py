@@ -14,6 +14,7 @@ from eos_ref.numbers.number import Array
 from lammps_cases.engine.interlude import Interlude
 from lammps_cases.engine.session import RunCommand
 from lammps_cases.findings.neighbour_lists import after_deletion, first_of_last_cycle, recreated
+from lammps_cases.findings.walls import WallsSummedAfterSetup
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
@@ -79,6 +80,16 @@ def test_wall_velocity_lost(lammps: Engine) -> None:
         assert np.all(np.abs(at_rest - moving.predicted().fields[0]["f"][-COLUMNS:]) < 4 * rounding)
         in_motion = lammps.fields(moving)[0]["f"][-COLUMNS:]
         assert np.all(np.abs(at_rest - in_motion)[:, 0] > 0.1 * np.abs(at_rest[:, 0]))
+
+
+def test_walls_are_not_summed_where_no_density_is_asked_for() -> None:
+    """As at the first step alone, of a scene that compares positions: nothing has looked for pairs yet."""
+    rheo = {"cut": 1.4, "interface_reconstruct": True, "rho_sum": True}
+    types = [{"mass": 1.0}, {"mass": 1.0, "phase": "solid"}]
+    problem = told([[2.5, 4.0], [2.5, 5.0]], (COLUMNS, 9), kind=[2, 1], types=types, rheo=rheo).problem
+    sim = WallsSummedAfterSetup(problem.model, problem.box, problem.state, ("x",))
+    sim.setup()
+    assert np.array_equal(sim.state.rho_n, problem.state.rho_n)
 
 
 PUSH = {"style": "gravity", "types": 2, "vector": [1.0, 0.0]}

@@ -116,6 +116,7 @@ class ClusterPool:
 
         self._scheduler = scheduler
         try:
+            import dask
             from distributed import Client
             from distributed.comm import get_address_host_port
         except ImportError:
@@ -125,7 +126,8 @@ class ClusterPool:
         try:
             if not scheduler.startswith("inproc:"):  # an address that says no host leaves threads of a client behind
                 get_address_host_port(scheduler if "://" in scheduler else f"tcp://{scheduler}", strict=True)
-            self._client: Client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
+            with dask.config.set({"distributed.admin.low-level-log-length": 0}):  # of 1000 messages, all that they hold
+                self._client: Client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = str(error).partition("\n")[0]
             raise InputError("--cluster", f"must be the address of a scheduler: {reason}", scheduler) from None

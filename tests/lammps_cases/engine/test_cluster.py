@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import json
 import os
 import resource
@@ -16,6 +17,7 @@ from typing import Any
 
 import pytest
 from distributed.comm import CommClosedError
+from distributed.protocol import Serialized
 
 from eos_ref import InputError
 from lammps_cases.engine import cluster, installations
@@ -178,6 +180,18 @@ def test_faults_are_planted_in_the_same_cases(steady: DaskCluster) -> None:
         with cluster.used(address), MutationPool(engine, 2, None) as pool:
             controls.append(pool.prepare(cases, SILENT))
     assert controls[0] == controls[1] and [control.answered for control in controls[0]] == [True, True]
+
+
+def length(site: str | None, content: bytes) -> int:
+    return len(content)
+
+
+def test_what_was_sent_is_not_kept(steady: DaskCluster) -> None:
+    with cluster.used(steady.address), Workers(None, 1) as workers:
+        for _ in range(30):
+            assert workers.outcome(workers.call(length, bytes(1000), time_limit=60.0)) == 1000
+        gc.collect()
+        assert sum(isinstance(each, Serialized) for each in gc.get_objects()) < 5
 
 
 def test_failures_are_told_as_those_of_this_machine(steady: DaskCluster) -> None:

@@ -94,6 +94,7 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
         "harmonic.one": {"heat divided by the density"},
         "power-walls.background": {floor},
         "runs-images.narrow": {floor},
+        "runs-images.ranks-narrow": {floor},
         "runs-walls.heat.ranks": {floor},
         "tilted.small.walls": {floor},
         "virials.rest.newton": at_rest,

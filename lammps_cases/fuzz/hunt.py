@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
 # How LAMMPS ends where numbers are none, or particles nowhere in the box.
-LOST = ("Lost atoms", "Non-numeric atom coords", "Domain too large for neighbor bins", "instead of '-nan'")
+LOST = re.compile("Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'")
 SHRINKING = 60.0  # seconds for making one scene small
 
 
@@ -197,7 +198,7 @@ def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, e
 
 def is_lost(record: CaseRecord) -> bool:
     """Return whether LAMMPS ended as it does where particles are lost."""
-    return record.verdict == "refused" and any(text in record.engine_error for text in LOST)
+    return record.verdict == "refused" and LOST.search(record.engine_error) is not None
 
 
 def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:

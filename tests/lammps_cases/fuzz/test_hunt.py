@@ -15,7 +15,7 @@ from lammps_cases.engine.installations import Engine
 from lammps_cases.findings import LEDGER
 from lammps_cases.fuzz import hunt
 from lammps_cases.fuzz.draw import draw
-from lammps_cases.fuzz.hunt import Hunt, is_unbounded, known_gap
+from lammps_cases.fuzz.hunt import Hunt, is_lost, is_unbounded, known_gap
 from lammps_cases.fuzz.lost import loses
 from lammps_cases.fuzz.record import DOCUMENT
 from lammps_cases.records.run_record import Beyond, Blame, CaseRecord
@@ -102,6 +102,23 @@ def test_only_known_findings_leave_scenes_without_bounds(change: Any, engine: st
     record = CaseRecord(case="drawn", verdict="differs", ended="answered", beyond=beyond)
     assert is_unbounded(record, engine) == unbounded
     assert not is_unbounded(record.model_copy(update={"beyond": None}), engine)
+
+
+@pytest.mark.parametrize(
+    ("error", "lost"),
+    [
+        ("ERROR: Lost atoms: original 36 current 35", True),
+        ("ERROR: Non-numeric atom coords - simulation unstable", True),
+        ("ERROR: Expected floating point parameter instead of 'nan' in input script", True),  # a state put back
+        ("ERROR: Expected floating point parameter instead of '-nan' in input script", True),
+        ("ERROR: Expected floating point parameter instead of 'nanometre' in input script", False),
+        ("ERROR: Unknown pair style", False),
+    ],
+)
+def test_errors_of_numbers_that_are_none(error: str, lost: bool) -> None:
+    record = CaseRecord(case="drawn", verdict="refused", ended="refused", engine_error=error)
+    assert is_lost(record) == lost
+    assert not is_lost(record.model_copy(update={"verdict": "differs"}))
 
 
 @pytest.mark.parametrize(

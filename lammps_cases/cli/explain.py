@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lammps_cases.cli import completion, shared
+
+if TYPE_CHECKING:
+    from lammps_cases.scene.case import Scene
+    from lammps_cases.scene.casefile import Case
 
 
 @click.command("explain")
@@ -17,16 +22,22 @@ from lammps_cases.cli import completion, shared
     "--atom", type=int, metavar="ID", help="Show the neighbours of a particle, and what each pair adds to it."
 )
 @click.option("--step", type=int, metavar="N", help="Of --atom: after N steps.  [default: the last that is compared]")
+@click.option(
+    "--full", is_flag=True, help="Also all rules that it takes, what is modelled and why, and LAMMPS' commands."
+)
 @shared.paths_option
 @shared.json_option
-def explain_command(name: str, atom: int | None, step: int | None, paths: tuple[Path, ...], as_json: bool) -> int:
-    """Show what a case models, what it leaves out, and why; its laws, their bounds, and what LAMMPS is told.
+def explain_command(
+    name: str, atom: int | None, step: int | None, full: bool, paths: tuple[Path, ...], as_json: bool
+) -> int:
+    """Show a case: its scene, laws and their bounds, what it is for; with --full what is modelled, and LAMMPS' input.
 
-    What it is for, and the rules of the reference that it takes besides, are counted by running the reference on it.
-    Of a finding, a field or a verdict, say what it is.
+    What it is for is counted by running the reference on it. Cases whose names begin alike are listed; --full and
+    --json show each. Of a finding, a field or a verdict, say what it is.
 
     \b
-    Example:  eos-ref explain near-rho0.tait-water.2d
+    Example:  eos-ref explain near-rho0
+              eos-ref explain near-rho0.tait-water.2d --full
               eos-ref explain forces.all.quintic.2d --atom 5 --step 1
               eos-ref explain surface/divr
     """
@@ -54,12 +65,16 @@ def explain_command(name: str, atom: int | None, step: int | None, paths: tuple[
 
         explain_atom.say(casefile.select(cases, (name,)), atom, step, as_json)
         return 0
-    explanations = [_explanation(case) for case in casefile.select(cases, (name,))]
+    selected = casefile.select(cases, (name,))
+    if len(selected) > 1 and not (full or as_json):
+        _list(selected)
+        return 0
+    explanations = [_explanation(case) for case in selected]
     if as_json:
         click.echo(json.dumps({"cases": explanations}, indent=1))
         return 0
     for explanation in explanations:
-        _show(explanation)
+        _show(explanation, full)
     return 0
 
 
@@ -127,6 +142,7 @@ def _explanation(case: Any) -> dict[str, Any]:
         "about": case.about,
         "source": str(case.source),
         "particles": len(ready.atoms),
+        "compared": _compared(case.scene),
         "expects": case.scene.expect.refused if case.scene.expect else None,
         "laws": laws,
         "evaluated_by": _evaluator(case, ready),
@@ -138,6 +154,15 @@ def _explanation(case: Any) -> dict[str, Any]:
         "commands": _commands(ready.jobs[0]),
         "commands_of_twin": _commands(ready.jobs[1]) if case.scene.twin else None,
     }
+
+
+def _compared(scene: Scene) -> str | None:
+    """Name the fields that are compared, and at which steps; None where LAMMPS is to refuse the scene."""
+    if scene.expect:
+        return None
+    steps = scene.snapshots
+    when = f" at step{'s' * (len(steps) > 1)} {', '.join(map(str, steps))}" if steps != (0,) else ""
+    return f"compared{when}: {', '.join(scene.compare)}"
 
 
 def _evaluator(case: Any, ready: Any) -> str | None:
@@ -196,33 +221,69 @@ def _commands(job: Any) -> list[str]:
     return [*ranks, *job.setup, per_atom, *job.commands, *(run.command for run in job.runs)]
 
 
-def _show(explanation: dict[str, Any]) -> None:
+def _list(cases: Sequence[Case]) -> None:
+    """List cases: what each file of theirs is for, then the laws of each case, and the rules that it is for."""
     from lammps_cases.records.wording import counted
 
+    for about in dict.fromkeys(case.about for case in cases):
+        shared.show(about)
+    columns = ("case", "laws", "it is for")
+    rows = [
+        (case.name, ", ".join(dict.fromkeys(law.style for law in case.scene.pressure)), ", ".join(case.exercises))
+        for case in cases
+    ]
+    shared.table(columns, rows, counted(len(cases), "case"), drop=("laws",), prose=columns[2:])
+    shared.show(f"next: eos-ref explain {cases[0].name}", "  ")
+
+
+def _show(explanation: dict[str, Any], full: bool) -> None:
     click.secho(f"{explanation['case']}  ({explanation['particles']} particles, {explanation['source']})", bold=True)
     shared.show(explanation["about"])
     if explanation["expects"]:
         click.echo(f"LAMMPS is expected to refuse this scene with: {explanation['expects']}")
     if explanation["twin"]:
         click.echo(f"Compared with a second run of LAMMPS, its twin. {explanation['twin']}")
+    if explanation["compared"]:
+        shared.show(explanation["compared"], "  ")
     for law in explanation["laws"]:
         parameters = ", ".join(f"{k} {law[k]}" for k in ("rho0", "cs", "parameter", "background") if law[k] is not None)
         click.echo(f"type {law['type']}: {law['style']}, {parameters}")
-        click.echo(f"  grows with density within {' to '.join(law['monotone'])}")
-        click.echo(f"  bound: {law['bound']}")
-    if explanation["evaluated_by"]:
+        everywhere = law["monotone"] == ["-inf", "inf"]
+        click.echo(f"  grows with density {'everywhere' if everywhere else 'within ' + ' to '.join(law['monotone'])}")
+        shared.show(f"  bound: {law['bound']}", "    ")
+    if full and explanation["evaluated_by"]:
         click.echo(f"evaluated by {explanation['evaluated_by']}")
     if explanation["stability"]:
         click.echo("stability:")
-        click.echo("\n".join(f"  {line}" for line in explanation["stability"]))
+        for line in explanation["stability"]:
+            shared.show(f"  {line}", "    ")
+    _show_rules(explanation["exercises"], full)
+    if full:
+        _show_sides(explanation)
+        return
+    besides = sum(not row["for"] for row in explanation["exercises"])
+    rest = f"the {besides} rules that it takes besides, what" if besides else "what"
+    shared.show(f"--full shows {rest} is modelled and why, and LAMMPS' commands", "  ")
+
+
+def _show_rules(exercises: Sequence[dict[str, Any]], full: bool) -> None:
+    """Show the rules that a case is for, or all that it takes."""
+    from lammps_cases.records.wording import counted
+
     columns = ("it is for", "rule", "taken by", "what the reference does")
-    taken = [
+    rows = [
         ("yes" if row["for"] else "", row["rule"], counted(row["count"], row["of"]), row["sentence"])
-        for row in explanation["exercises"]
+        for row in exercises
+        if full or row["for"]
     ]
-    if taken:
-        title, sentence = "exercised, counted on the reference", columns[3:]
-        shared.table(columns, taken, title, drop=columns[2:3], prose=sentence)
+    if rows:
+        title = f"{'exercised' if full else 'it is for'}, counted on the reference"
+        at = 0 if full else 1
+        shared.table(columns[at:], [row[at:] for row in rows], title, drop=columns[2:3], prose=columns[3:])
+
+
+def _show_sides(explanation: dict[str, Any]) -> None:
+    """Show what is modelled, what LAMMPS is told, and why."""
     for side in ("reference", "lammps"):
         rows = [("yes" if item["needed"] else "no", item["name"], item["why"]) for item in explanation[side]]
         title = "modelled by the reference" if side == "reference" else "told to LAMMPS"

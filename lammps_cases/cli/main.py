@@ -18,7 +18,7 @@ GROUPS = {
         "run": "Run cases against LAMMPS and write a report: the main job.",
         "audit": "Check your input deck, run unmodified, while LAMMPS runs it.",
         "list": "List the cases.",
-        "explain": "Show what a case models, what it does not, and why.",
+        "explain": "Show what a case is for, its laws and bounds, and what it models.",
         "ledger": "List the findings: where LAMMPS differs from its manual.",
         "report-bug": "Write a bug report for LAMMPS: a deck that tells PASS from FAIL, and its text.",
         "report": "Render the report of a finished run again.",

@@ -19,6 +19,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.quantities import QUANTITIES, Dimension
 from eos_ref.model.units import UNITS, Units
 from eos_ref.syntax.manual import Manual, weighs_distance
+from lammps_cases.records.yaml_files import flow
 from lammps_cases.scene import (
     AtomType,
     ForceSettings,
@@ -159,8 +160,8 @@ class Twin:
 
 def describe(settings: TwinSettings) -> str:
     """Return in one line what the second run is, and why it must give the same."""
-    (given,) = settings.model_dump(exclude_none=True).values()
-    return f"{settings.kind} {given}: {WHY[settings.kind]}"
+    (given,) = settings.model_dump(mode="json", exclude_none=True).values()
+    return f"{settings.kind} {flow(given)}: {WHY[settings.kind]}"
 
 
 def make(case: Case, atoms: Atoms) -> Twin:

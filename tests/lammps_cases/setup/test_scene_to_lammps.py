@@ -132,7 +132,7 @@ def test_types_have_equal_shares() -> None:
 
 
 def test_explain_prints_the_plan(eos_ref_command: Callable[..., Outcome]) -> None:
-    code, out, _ = eos_ref_command("explain", "near-rho0.linear.2d")
+    code, out, _ = eos_ref_command("explain", "near-rho0.linear.2d", "--full")
     assert code == 0
     for part in ("neighbour list", "no compared field is a sum over neighbours", "roundings x 2^-53", "pair rheo"):
         assert part in out

@@ -12,6 +12,7 @@ import click
 from lammps_cases.cli import completion, shared
 
 if TYPE_CHECKING:
+    from lammps_cases.engine.session import Job
     from lammps_cases.scene.case import Scene
     from lammps_cases.scene.casefile import Case
 
@@ -215,10 +216,19 @@ def _stability(case: Any, ready: Any) -> list[str]:
     return advice(model, box, reference_side.state(scene, atoms, case.where), timestep)
 
 
-def _commands(job: Any) -> list[str]:
-    per_atom = f"# {len(job.id_n)} particles; {', '.join(job.per_atom)}"
-    ranks = [f"# on {job.ranks} ranks"] if job.ranks > 1 else []
-    return [*ranks, *job.setup, per_atom, *job.commands, *(run.command for run in job.runs)]
+def _commands(job: Job) -> list[str]:
+    """List the commands of a job; those between two runs that are no plain ones have a remark."""
+    from lammps_cases.engine.interlude import FOLDER, Interlude
+
+    lines = [f"# on {job.ranks} ranks"] if job.ranks > 1 else []
+    lines += [*job.setup, f"# {len(job.id_n)} particles; {', '.join(job.per_atom)}", *job.commands]
+    remarks = {"given": "", "refused": "  # LAMMPS must refuse this", "for each atom": "  # for each atom"}
+    for stretch in job.runs:
+        if isinstance(stretch, Interlude):
+            lines += [action.text.replace(FOLDER, ".") + remarks[action.how] for action in stretch.actions]
+        else:
+            lines.append(stretch.command)
+    return lines
 
 
 def _list(cases: Sequence[Case]) -> None:

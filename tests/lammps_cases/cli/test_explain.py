@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
+from lammps_cases.cli.explain import _commands
+from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
 
@@ -57,3 +59,13 @@ def test_cases_whose_names_begin_alike_are_listed(eos_ref_command: Run) -> None:
 
 def test_words_of_a_twin_are_those_of_its_file(eos_ref_command: Run) -> None:
     assert "rebuild {every: 1, delay: 0, check: false}: when" in eos_ref_command("explain", "twins.walls.rebuild").out
+
+
+def test_commands_between_runs_are_shown(eos_ref_command: Run) -> None:
+    out = eos_ref_command("explain", "runs.fluid.files", "--full").out
+    assert "  write_restart ./" in out and "  read_restart ./" in out
+    stopped = [case for case in casefile.load() if case.scene.evolve and case.scene.evolve.stops]
+    told = [line for case in stopped for line in _commands(prepare(case).jobs[0])]
+    assert len(stopped) > 50 and not any("{folder}" in line for line in told)
+    for remark in ("  # LAMMPS must refuse this", "  # for each atom"):
+        assert any(line.endswith(remark) for line in told)

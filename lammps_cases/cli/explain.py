@@ -51,9 +51,9 @@ def explain_command(
     if step is not None and atom is None:
         raise InputError("option --step", "is that of a particle: --atom ID --step N")
     cases = casefile.load(paths)
+    others = {**{entry.id: _finding for entry in LEDGER}, **dict.fromkeys(FIELDS, _field)}
+    others |= dict.fromkeys(MEANINGS, _verdict)
     if not casefile.names_like(name, cases):
-        others = {**{entry.id: _finding for entry in LEDGER}, **dict.fromkeys(FIELDS, _field)}
-        others |= dict.fromkeys(MEANINGS, _verdict)
         if name not in others:
             files = dict.fromkeys(case.name.split(".")[0] for case in cases)
             raise unknown("case, finding, field or verdict", name, [*others, *files, *(case.name for case in cases)])
@@ -67,6 +67,8 @@ def explain_command(
         explain_atom.say(casefile.select(cases, (name,)), atom, step, as_json)
         return 0
     selected = casefile.select(cases, (name,))
+    if name in others and not as_json:  # a field or a verdict that cases begin with, too
+        others[name](name, as_json)
     if len(selected) > 1 and not (full or as_json):
         _list(selected)
         return 0

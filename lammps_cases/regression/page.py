@@ -9,6 +9,7 @@ from pathlib import Path
 from lammps_cases.pages import frame
 from lammps_cases.pages.frame import TableCell, TableRow
 from lammps_cases.records import wording
+from lammps_cases.records.field_names import GIVEN, parted
 from lammps_cases.records.outcome import ABOUT, CHANGE_KINDS, ChangeKind
 from lammps_cases.regression import pairs
 from lammps_cases.regression.change import SideChange
@@ -76,11 +77,12 @@ def _view(pair: Pair) -> PairView:
 
 
 def _columns(changes: Sequence[SideChange]) -> list[str]:
-    """Sort the columns: cases as a whole first, then fields in the order of a step."""
+    """Sort the columns: cases as a whole, input, fields in the order of a step, what was carried over stops."""
+    computed = {change.field for change in changes if change.stage != "input"}
 
     def rank(field: str) -> tuple[int, int, str]:
-        given = field.endswith(" (given)") or field in ("type", "esph")
-        return (0 if not field else 1 if given else 2, place(field), field)
+        at_stop = parted(field)[1] not in ("", GIVEN)
+        return (0 if not field else 3 if at_stop else 2 if field in computed else 1, place(field), field)
 
     return sorted({change.field for change in changes}, key=rank)
 

@@ -227,7 +227,7 @@ def _step(case: CaseRecord, field: FieldRecord) -> int | None:
     if field.worst_step is not None:
         return field.worst_step
     laws = all(other.worst_step is None for other in case.fields)
-    return case.steps if laws else 0 if field.field.endswith("(given)") else None
+    return case.steps if laws else 0 if field.stage == "input" else None
 
 
 def _long(case: CaseRecord, arrays: Arrays) -> Iterator[dict[str, Any]]:

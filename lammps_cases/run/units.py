@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from eos_ref.model.quantities import DENSITY, ENERGY, PRESSURE, QUANTITIES, VISCOSITY, Dimension
 from eos_ref.model.units import KINDS
+from lammps_cases.records.field_names import parted
 
 # Units of length, mass, time and temperature; those of lj are what the user takes them for.
 BASE = {
@@ -30,13 +31,13 @@ def unit(field: str, style: str, dimension: int) -> str:
     Parameters
     ----------
     field : str
-        By LAMMPS' name; of the input ``rho (given)``.
+        By its name in a record; see `lammps_cases.records.field_names`.
     style : str
         As in the command units.
     dimension : int
         2 or 3: densities, pressures and stresses are per area or per volume.
     """
-    name = field.partition(" (")[0]
+    name, _ = parted(field)
     name = _OTHER_NAMES.get(name, name)
     if name == "e":  # energy per mass
         return _product(style, Dimension(2, 0, -2), dimension, "")

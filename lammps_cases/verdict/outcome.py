@@ -18,7 +18,7 @@ from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import explain_outcome
-from lammps_cases.records import wording
+from lammps_cases.records import field_names, wording
 from lammps_cases.records.run_record import (
     Blame,
     CaseRecord,
@@ -107,7 +107,7 @@ def compare_inputs(case: Case, atoms: Atoms, got: Arrays, unchanged: bool) -> li
         given["esph"] = atoms.energy_n
     return [
         compare_field(
-            f"{name} (given)" if case.scene.whole_model else name,
+            field_names.given(name) if case.scene.whole_model else name,
             "input",
             got["id"],
             got[name],
@@ -153,7 +153,7 @@ def compare_carried(
                 (
                     stop.at,
                     compare_field(
-                        f"{name} ({stop.by} at {stop.at})",
+                        field_names.carried(name, stop.by, stop.at),
                         "input",
                         atoms.id_n,
                         after_n,

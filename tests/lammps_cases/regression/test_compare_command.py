@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -263,3 +264,10 @@ def test_a_folder_of_baselines_is_told_from_a_baseline(small_run: Path, eos_ref_
     eos_ref_command("accept", small_run, "--reason", "first", "--baselines", tmp_path / "b")
     code, _, err = eos_ref_command("compare", tmp_path / "b", small_run, "--out", tmp_path / "out")
     assert (code, "the folder holds the baselines lammps-2025" in err) == (2, True)
+
+
+def test_columns_are_input_then_fields_then_what_stops_carried() -> None:
+    of_input = [replace(field(name), stage="input") for name in ("type", "rho (given)", "x (restart at 2)")]
+    both = side(case("whole", *of_input, field("f"), field("rho")), case("law", replace(field("esph"), stage="input")))
+    (view,) = [page._view(pair) for pair in pairs.compared([both, both], Policy(), None, False, "").pairs]
+    assert view.columns == ["esph", "rho (given)", "type", "f", "rho", "x (restart at 2)"]

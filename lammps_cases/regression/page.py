@@ -30,12 +30,16 @@ CLOSER = {"both": "=", "neither": "×"}
 
 @dataclass(frozen=True)
 class PairView:
-    """A pair as the page shows it: the matrix of cases and fields, and every change with its anchor."""
+    """A pair as the page shows it: the matrix of cases and fields, and every change with its anchor.
+
+    ``shown`` are the case and field of what it shows at once: what counts, or where nothing does what differs at all.
+    """
 
     pair: Pair
     columns: list[str]
     rows: list[TableRow]
     changes: list[tuple[str, SideChange]]
+    shown: set[tuple[str, str]]
 
 
 def render(comparison: SideComparison) -> str:
@@ -71,9 +75,10 @@ def _view(pair: Pair) -> PairView:
     changes = [(f"{pair.name}-{k}", change) for k, change in enumerate(pair.changes.different)]
     anchors = {(change.case, change.field): anchor for anchor, change in changes}
     closer = pair.names | CLOSER
-    rows = [_row(case, columns, of_case, anchors, closer) for case, of_case in sorted(by_case.items())]
+    shown = {(change.case, change.field) for change in pair.changes.faults or pair.changes.different}
+    rows = [_row(case, columns, of_case, anchors, closer, shown) for case, of_case in sorted(by_case.items())]
     changes.sort(key=lambda line: (not line[1].fault, -CHANGE_KINDS.index(line[1].kind), line[1].case))
-    return PairView(pair, columns, rows, changes)
+    return PairView(pair, columns, rows, changes, shown)
 
 
 def _columns(changes: Sequence[SideChange]) -> list[str]:
@@ -93,10 +98,11 @@ def _row(
     of_case: dict[str, SideChange],
     anchors: dict[tuple[str, str], str],
     closer: dict[str, str],
+    shown: set[tuple[str, str]],
 ) -> TableRow:
     cells = [None if field not in of_case else _cell(of_case[field], anchors, closer) for field in columns]
     kinds = sorted({change.kind for change in of_case.values()}, key=CHANGE_KINDS.index)
-    quiet = not any(change.fault for change in of_case.values())
+    quiet = not any((case, field) in shown for field in of_case)
     return TableRow(case, cells, data={"kinds": "|".join(kinds)} | ({"quiet": ""} if quiet else {}), hidden=quiet)
 
 

@@ -271,3 +271,20 @@ def test_columns_are_input_then_fields_then_what_stops_carried() -> None:
     both = side(case("whole", *of_input, field("f"), field("rho")), case("law", replace(field("esph"), stage="input")))
     (view,) = [page._view(pair) for pair in pairs.compared([both, both], Policy(), None, False, "").pairs]
     assert view.columns == ["esph", "rho (given)", "type", "f", "rho", "x (restart at 2)"]
+
+
+def _hidden(text: str) -> list[bool]:
+    """Return of every row of the matrix and the list whether the page hides it at first."""
+    return [" hidden" in row for row in re.findall(r"<tr[^>]* data-kinds=[^>]*>", text)]
+
+
+def test_a_page_shows_what_counts_or_what_differs_at_all_or_says_that_nothing_does() -> None:
+    def shown(other: str, strict: bool = False) -> str:
+        sides = [side(case("one", field("f", bits=bits), field("v"))) for bits in ("aa", other)]
+        return page.render(pairs.compared(sides, Policy(bits=strict), None, False, ""))
+
+    same, within, strict = shown("aa"), shown("bb"), shown("bb", strict=True)
+    assert "Nothing changed: every field has the same bits" in same
+    assert "<h3>" not in same and 'class="find"' not in same and _hidden(same) == []
+    for text in (within, strict):
+        assert "Nothing changed" not in text and not all(_hidden(text)), "an empty grid"

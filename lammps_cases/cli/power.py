@@ -58,13 +58,14 @@ def power_command(
               eos-ref power 'told.cs-*' --all
     """
     from lammps_cases.run.provenance import command_line
-    from lammps_cases.studies.mutation import collect, page, record
+    from lammps_cases.studies.mutation import catalogue, collect, page, record
     from lammps_cases.studies.mutation.fault import SECTIONS
 
     patterns = [name for name in names if name not in SECTIONS]
     sections = [name for name in names if name in SECTIONS] or (
         ["faults"] if patterns or family or sample else list(SECTIONS)
     )
+    catalogue.check(patterns)
     shared.page_folder(out)
     if fresh:
         record.planted(out).forget()

@@ -7,8 +7,10 @@ again.
 
 from __future__ import annotations
 
+import itertools
 import sys
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,6 +33,7 @@ from lammps_cases.comparison.trajectory import (
     predict,
     visit,
     wanted,
+    widening,
 )
 
 Made = tuple[type[ArrayEvaluator], type[Simulation]]  # the stages and the stepping of a variant
@@ -59,14 +62,32 @@ class Predictor:
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
         """Return fields and bounds, of the reference or a variant; see `lammps_cases.comparison.trajectory.predict`."""
 
-        def compute() -> Arrays:
+        def compute() -> Prediction:
             stages, stepping = made or (None, Simulation)
             large = len(problem.state.x_nc) > pair_sums.LARGEST
             halts = None if made or large else self._halts.setdefault(self._name(problem), {})
-            prediction = predict(problem, stages, stepping, seed, halts)
+            return predict(problem, stages, stepping, seed, halts)
+
+        return self._prediction("prediction", problem, made, seed, compute)
+
+    def widening(self, problem: Problem, made: Made, seed: int) -> Iterator[Prediction]:
+        """Yield what a variant predicts with the bounds of one moved run, then with those of all.
+
+        The first are no wider: where LAMMPS is inside, nobody asks for the others, which take half of the time.
+        """
+        runs = widening(problem, *made, seed)
+        if problem.goes_on:
+            yield self._prediction("one moved run", problem, made, seed, lambda: next(itertools.islice(runs, 1, None)))
+        yield self._prediction("prediction", problem, made, seed, lambda: deque(runs, 1)[0])
+
+    def _prediction(
+        self, what: str, problem: Problem, made: Made | None, seed: int, compute: Callable[[], Prediction]
+    ) -> Prediction:
+        def rows() -> Arrays:
+            prediction = compute()
             return _rows("value", prediction.fields) | _rows("bound", prediction.bounds)
 
-        arrays = self._recall(("prediction", self._name(problem), made, seed), compute)
+        arrays = self._recall((what, self._name(problem), made, seed), rows)
         return Prediction(*(tuple(_columns(of, problem, arrays)) for of in ("value", "bound")))
 
     def values(self, problem: Problem, made: Made) -> list[Fields]:

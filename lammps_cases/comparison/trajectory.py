@@ -9,7 +9,7 @@ add their spread (`lammps_cases.comparison.rounded_input`).
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -81,6 +81,11 @@ class Problem:
         """Return whether particles may meet periodic images, or what a process has of the particles of another one."""
         return any(self.box.periodic) or self.ranks > 1
 
+    @property
+    def goes_on(self) -> bool:
+        """Return whether anything comes after the first evaluation: a step, or a run that begins again."""
+        return bool(self.steps[-1] or self.stops)
+
     def box_at(self, step: int) -> Box:
         """Return the box at a step, after a stop there."""
         box, begun, dt = self.box, 0, self.timestep
@@ -121,9 +126,7 @@ class Prediction:
 
 def wanted(problem: Problem) -> tuple[str, ...]:
     """Return the fields compared, and what steps need if there are any: a run that ends leaves forces to the next."""
-    return tuple(
-        dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.steps[-1] or problem.stops else ())))
-    )
+    return tuple(dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.goes_on else ()))))
 
 
 def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[ProblemStop] = ()) -> Iterator[int]:
@@ -165,7 +168,22 @@ def predict(
     halts : dict
         Takes the simulation as it is at every step (`as_it_is`).
     """
-    fields, steps, last = problem.fields, problem.steps, problem.steps[-1]
+    *_, prediction = widening(problem, evaluator, stepping, seed, halts)
+    return prediction
+
+
+def widening(
+    problem: Problem,
+    evaluator: type[ArrayEvaluator] | None = None,
+    stepping: type[Simulation] = Simulation,
+    seed: int = 0,
+    halts: dict[int, Simulation] | None = None,
+) -> Iterator[Prediction]:
+    """Yield the fields at some steps with bounds that grow by one moved run after another; see `predict`.
+
+    The first are those of the evaluations alone, the last those of all runs: who finds LAMMPS inside needs no more.
+    """
+    fields, steps = problem.fields, problem.steps
     count = _in_blocks(problem)
     stages = in_blocks(evaluator, count) if evaluator else own_stages(problem)
     bounding = in_blocks(at_cutoff(evaluator or ArrayEvaluator), count)
@@ -182,14 +200,22 @@ def predict(
             del errors  # a large scene's arrays, before those of the next step come
     consistent = sim.units.consistent
     del sim  # and its pairs, before those of the moved runs
-    with stage("bounds"):
-        runs = _moved_runs(problem, stages, stepping, sizes, seed) if last or problem.stops else ()
-        spreads = _spread(runs, problem, values)
-        if not consistent:  # the factors round the input
-            for spread, more in zip(spreads, input_spread(problem, stages, stepping, values, seed), strict=True):
-                spread.update({f: spread[f] + more[f] for f in fields})
-    bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
-    return Prediction(tuple(values), bounds)
+    spreads: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
+
+    def so_far() -> Prediction:
+        bounds = tuple({f: own[k][f] + spreads[k][f] for f in fields} for k in range(len(steps)))
+        return Prediction(tuple(values), bounds)
+
+    yield so_far()
+    for run in _moved_runs(problem, stages, stepping, sizes, seed) if problem.goes_on else ():
+        with stage("bounds"):
+            _follow(run, problem, problem.timestep, values, spreads, first=bool(problem.stops))
+        yield so_far()
+    if not consistent:  # the factors round the input
+        with stage("bounds"):
+            more = input_spread(problem, stages, stepping, values, seed)
+            spreads = [{f: spread[f] + other[f] for f in fields} for spread, other in zip(spreads, more, strict=True)]
+        yield so_far()
 
 
 def as_it_is(sim: Simulation) -> Simulation:
@@ -367,14 +393,6 @@ def input_spread(
         other = moved_input(problem, np.random.default_rng((seed, k, 1)))
         run = stepping(other.model, other.box, other.state, wanted(other), stages)
         _follow(run, problem, other.timestep, values, largest)
-    return largest
-
-
-def _spread(runs: Iterable[Simulation], problem: Problem, values: Sequence[Fields]) -> list[Fields]:
-    """Return the largest distance of moved runs from the reference, per field and step; at step 0 at stops alone."""
-    largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
-    for run in runs:
-        _follow(run, problem, problem.timestep, values, largest, first=bool(problem.stops))
     return largest
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import compare_field, excess
-from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
 from lammps_cases.findings import Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, combined
@@ -106,11 +106,23 @@ class Trial:
     def _first_left(self, entries: Sequence[Finding], problem: Problem) -> Blame | None:
         """Return the first value that findings together leave outside, None if there is none."""
         variants = [entry.model_variant for entry in entries if entry.model_variant]
-        made = combined(variants, problem, self.snapshots[0])
         undefined = any(variant.undefined for variant in variants)
-        prediction = self.reference
-        with contextlib.suppress(InputError):  # fitted to wrong numbers it runs away, and reproduces nothing
-            prediction = self.predictor.predict(problem, made, self.random) if made else self.reference
+        left = None
+        for prediction in self._predictions(combined(variants, problem, self.snapshots[0]), problem):
+            left = self._first_outside(problem, prediction, undefined)
+            if left is None:
+                break
+        return left
+
+    def _predictions(self, made: Made | None, problem: Problem) -> Iterator[Prediction]:
+        """Yield what findings predict with wider and wider bounds; the reference's prediction where they have none."""
+        try:
+            yield from self.predictor.widening(problem, made, self.random) if made else (self.reference,)
+        except InputError:  # fitted to wrong numbers it runs away, and reproduces nothing
+            yield self.reference
+
+    def _first_outside(self, problem: Problem, prediction: Prediction, undefined: bool) -> Blame | None:
+        """Return the first value outside a prediction, None if there is none; some may have no bound if so said."""
         for (at, step), name in itertools.product(enumerate(problem.steps), in_step_order(problem.fields)):
             lammps_n, variant_n, bound_n = sides(problem, name, self.snapshots[at], prediction, at)
             ratio_n = excess(lammps_n, variant_n, bound_n)[1]

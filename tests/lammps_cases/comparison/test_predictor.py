@@ -236,6 +236,26 @@ def test_what_runs_find_for_one_another_changes_no_bit(name: str, monkeypatch: p
     assert len(searches) == 1 < count
 
 
+def test_bounds_widen_to_those_of_all_moved_runs(problem: Problem, tmp_path: Path) -> None:
+    """Whether the first, all or none of them are computed before."""
+    made = ForcePerVolume, Simulation
+    whole, kept = Predictor().predict(problem, made, 5), Store(tmp_path)
+    for computed in ((1, 2), (0, 0), (1, 1)):
+        predictor = Predictor(kept)
+        one = next(growing := predictor.widening(problem, made, 5))
+        assert predictor.computed == computed[0]
+        assert [_bits(each) for each in growing] == [_bits(whole)]
+        assert predictor.computed == computed[1]
+        pairs_of = [(one.bounds[at][f], whole.bounds[at][f]) for at in range(2) for f in problem.fields]
+        assert all(np.all(a <= b) for a, b in pairs_of) and any(np.any(a < b) for a, b in pairs_of)
+        assert [np.array_equal(one.fields[1][f], whole.fields[1][f]) for f in ("v", "f")] == [True, True]
+        if computed == (0, 0):
+            kept = Store(tmp_path / "rest")
+            Predictor(kept).predict(problem, made, 5)
+    first_alone = replace(problem, steps=(0,))
+    assert len(list(Predictor().widening(first_alone, made, 5))) == 1
+
+
 @pytest.mark.parametrize("spoil", ["truncated", "empty", "one bit", "another's"])
 def test_damaged_entry_is_computed_anew(spoil: str, problem: Problem, tmp_path: Path) -> None:
     kept = Store(tmp_path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
@@ -41,6 +41,7 @@ class Played(Predictor):
         super().__init__()
         self.effects, self.bounds = effects, bounds
         self.asked: list[tuple[str, tuple[int, ...]]] = []
+        self.widened: list[tuple[tuple[int, ...], float]] = []  # steps, and part of the bounds
         self.told: list[Snapshot] = []  # what LAMMPS has
 
     def fields(self, problem: Problem, names: frozenset[str]) -> tuple[Fields, ...]:
@@ -62,6 +63,12 @@ class Played(Predictor):
         bound_n = np.array(self.bounds.get("+".join(sorted(names)), (1.0, 1.0, 1.0)))
         bounds = tuple(dict.fromkeys(problem.fields, bound_n) for _ in problem.steps)
         return Prediction(self.fields(problem, names), bounds)
+
+    def widening(self, problem: Problem, made: Made, seed: int) -> Iterator[Prediction]:
+        whole = self.predict(problem, made, seed)
+        for part in (0.5, 1.0):
+            self.widened.append((problem.steps, part))
+            yield replace(whole, bounds=tuple({f: part * bound[f] for f in bound} for bound in whole.bounds))
 
     def values(self, problem: Problem, made: Made) -> list[Fields]:
         return list(self.predict(problem, made, SEED).fields)
@@ -187,6 +194,15 @@ def test_most_sets_fail_at_the_first_step(judge: Any) -> None:
 def test_a_variant_reproduces_lammps_within_its_bound(judge: Any, off: float, explanation: list[str]) -> None:
     verdict, _ = judge("a", {"a": FORCE}, (2, "f", off))
     assert explained(verdict) == explanation
+
+
+@pytest.mark.parametrize(("off", "parts"), [(0.4, [0.5]), (0.6, [0.5, 1.0]), (1.5, [0.5, 1.0])])
+def test_bounds_of_all_runs_are_asked_for_where_those_of_some_are_left(
+    judge: Any, off: float, parts: list[float]
+) -> None:
+    _, predictor = judge("A", {"A": FORCE}, (2, "f", off))
+    tried = [part for steps, part in predictor.widened if steps == PROBLEM.steps]
+    assert tried[: len(parts)] == parts and (len(tried) == len(parts) or off > 1)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from abc import ABC
 from dataclasses import fields, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -23,18 +23,12 @@ from lammps_cases.comparison.store import Store, store_folder
 ROOMS = ("records", "rules", "comparison", "findings", "verdict")
 LIBRARIES = ("llvmlite", "numba", "numpy", "python-flint", "scipy")
 INSTRUCTIONS = ("avx", "avx2", "fma", "avx512f", "asimd", "sve")  # those for which libraries have code of its own
+_PLAIN = frozenset((type(None), bool, int, str))
 SWITCHES = ("GLIBC_TUNABLES", "NPY_", "NUMBA_", "OPENBLAS_")  # environment variables that may change how code rounds
 
 
 class Unnamed(TypeError):
     """Something that a key cannot name: its source is not part of the context."""
-
-
-class Digest(Protocol):
-    """What hashlib gives."""
-
-    def update(self, data: bytes, /) -> None:
-        """Take in bytes."""
 
 
 def fingerprint(*parts: object) -> str:
@@ -45,41 +39,50 @@ def fingerprint(*parts: object) -> str:
     Unnamed
         A value of any other kind, or a class that is not of the reference.
     """
-    digest = hashlib.sha256()
-    _feed(digest, parts)
-    return digest.hexdigest()
+    return hashlib.sha256(_text(parts).encode()).hexdigest()
 
 
-def _feed(digest: Digest, part: Any) -> None:
-    if part is None or isinstance(part, bool | int | str):
-        digest.update(f"{type(part).__name__} {part!r};".encode())
-    elif isinstance(part, float):
-        digest.update(f"float {float(part).hex()};".encode())  # numpy's float64 is one
-    elif isinstance(part, tuple | list):
-        digest.update(f"sequence {len(part)};".encode())
+def _text(part: object) -> str:
+    """Return everything that a key depends on as text, in which an array is its hash."""
+    words: list[str] = []
+    _spell(part, words)
+    return "".join(words)
+
+
+def _spell(part: Any, words: list[str]) -> None:
+    # By what there is most of: a problem has a hundred values, and a case some ten keys.
+    kind = part.__class__
+    if kind in _PLAIN:
+        words.append(f"{kind.__name__} {part!r};")
+    elif kind is float:
+        words.append(f"float {part.hex()};")
+    elif isinstance(part, (tuple, list)):
+        words.append(f"sequence {len(part)};")
         for each in part:
-            _feed(digest, each)
+            _spell(each, words)
     elif isinstance(part, np.ndarray) and not part.dtype.hasobject:
-        digest.update(f"array {part.dtype.str} {part.shape};".encode())
-        digest.update(np.ascontiguousarray(part).tobytes())
+        hashed = hashlib.sha256(np.ascontiguousarray(part).tobytes()).hexdigest()
+        words.append(f"array {part.dtype.str} {part.shape} {hashed};")
     elif isinstance(part, np.generic):
-        _feed(digest, part.item())
+        _spell(part.item(), words)  # numpy's float64 is a float
     elif isinstance(part, type):
         for base in part.__mro__:
             if base not in (object, ABC):
-                _feed(digest, _named(base))
+                _spell(_named(base), words)
     elif is_dataclass(part):
-        names = _field_names(part.__class__)
-        _feed(digest, (type(part).__qualname__, *names))
+        text, names = _of_dataclass(kind)
+        words.append(text)
         for name in names:
-            _feed(digest, getattr(part, name))
+            _spell(getattr(part, name), words)
     else:
         raise Unnamed(f"no key can hold a {type(part).__name__}")
 
 
 @functools.cache
-def _field_names(of: Any) -> tuple[str, ...]:
-    return tuple(each.name for each in fields(of))
+def _of_dataclass(kind: Any) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a dataclass beside its values, and the names of its fields."""
+    names = tuple(each.name for each in fields(kind))
+    return _text((kind.__qualname__, *names)), names
 
 
 def _named(cls: type) -> tuple[object, ...]:
@@ -101,16 +104,13 @@ def hashed(root: Path) -> list[Path]:
 
 def context(root: Path = Path(__file__).parents[2]) -> str:
     """Return the SHA-256 of all that predictions depend on: sources, libraries, processor, switches."""
-    digest = hashlib.sha256()
-    for path in hashed(root):
-        source = path.read_bytes()
-        _feed(digest, (path.relative_to(root).as_posix(), len(source)))
-        digest.update(source)
+    sources = [
+        (path.relative_to(root).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest()) for path in hashed(root)
+    ]
     simd: Any = np.show_config(mode="dicts")
     machine = (platform.machine(), processor(), str(simd["SIMD Extensions"]))
-    _feed(digest, (platform.python_version(), *machine, *map(_version, LIBRARIES)))
-    _feed(digest, sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(SWITCHES)))
-    return digest.hexdigest()
+    switches = sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(SWITCHES))
+    return fingerprint(sources, platform.python_version(), *machine, *map(_version, LIBRARIES), switches)
 
 
 def _version(library: str) -> str:

@@ -11,7 +11,7 @@ import itertools
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ class Predictor:
     computed: int = 0
     stored: int = 0
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
-    _named: list[tuple[Problem, str]] = field(default_factory=list, repr=False)
+    _named: dict[int, tuple[object, str]] = field(default_factory=dict, repr=False)
     _halts: dict[str, dict[int, Simulation]] = field(default_factory=dict, repr=False)
     _found: list[Candidates] = field(default_factory=list, repr=False)
 
@@ -144,12 +144,13 @@ class Predictor:
         return dict(zip(arrays["names"].tolist(), arrays["counts"].tolist(), strict=True))
 
     def _name(self, problem: Problem) -> str:
-        """Return the fingerprint of a scene, taken once."""
-        for named, name in self._named:
-            if named is problem:
-                return name
-        self._named.append((problem, fingerprint(problem)))
-        return self._named[-1][1]
+        """Return the fingerprint of a scene; of its parts, which problems of a case share, each is taken once."""
+        return fingerprint(*(self._name_of(getattr(problem, part.name)) for part in fields(problem)))
+
+    def _name_of(self, part: object) -> str:
+        if id(part) not in self._named:
+            self._named[id(part)] = part, fingerprint(part)  # kept with its name: no other has its id meanwhile
+        return self._named[id(part)][1]
 
     def _recall(self, what: tuple[object, ...], compute: Callable[[], Arrays]) -> Arrays:
         try:

@@ -56,8 +56,16 @@ class Predictor:
     stored: int = 0
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
     _named: dict[int, tuple[object, str]] = field(default_factory=dict, repr=False)
+    _problems: dict[tuple[Any, ...], tuple[object, Problem]] = field(default_factory=dict, repr=False)
     _halts: dict[str, dict[int, Simulation]] = field(default_factory=dict, repr=False)
     _found: list[Candidates] = field(default_factory=list, repr=False)
+
+    def problem(self, of: tuple[object, ...], steps: tuple[int, ...], make: Callable[[], Problem]) -> Problem:
+        """Return the problem that is made of some objects at some steps; of the same objects it is made once."""
+        key = (*map(id, of), steps)
+        if key not in self._problems:
+            self._problems[key] = of, make()  # kept with its objects: no others have their ids meanwhile
+        return self._problems[key][1]
 
     def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
         """Return fields and bounds, of the reference or a variant; see `lammps_cases.comparison.trajectory.predict`."""

@@ -26,7 +26,7 @@ def counts(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
         return {}
     scene = case.scene
     if scene.interacts:
-        problem = problem_of(scene, atoms, case.where, scene.snapshots)
+        problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
     else:  # states of a law: a density may have any sign
         given = reference_side.unchecked_state(scene, atoms, case.where)
         model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)

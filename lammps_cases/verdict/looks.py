@@ -26,7 +26,7 @@ def pair_arrays(
     if not looked or not scene.interacts or len(atoms) > LARGEST:
         return {}
     rows = [(step, int(np.searchsorted(atoms.id_n, atom))) for step, atom in looked]
-    columns = dict(predictor.pair_sums(problem_of(scene, atoms, where, tuple(steps)), rows))
+    columns = dict(predictor.pair_sums(problem_of(scene, atoms, where, tuple(steps), predictor), rows))
     ids = {"atom": atoms.id_n[columns.pop("row")], "id": atoms.id_n[columns.pop("other")]}
     return {f"@pairs {name}": values for name, values in (columns | ids).items()}
 

@@ -34,8 +34,12 @@ from lammps_cases.verdict.particle_model import Reason
 TEXT_DIGITS = 16  # significant digits of a number in a file of write_data
 
 
-def problem_of(scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...]) -> Problem:
-    """Return a scene as the reference takes it, to be compared at some steps."""
+def problem_of(
+    scene: Scene, atoms: Atoms, where: str, steps: tuple[int, ...], predictor: Predictor | None = None
+) -> Problem:
+    """Return a scene as the reference takes it, to be compared at some steps; with a predictor it is made once."""
+    if predictor is not None:
+        return predictor.problem((scene, atoms), steps, lambda: problem_of(scene, atoms, where, steps))
     return Problem(
         reference_side.model(scene, atoms, where),
         reference_side.box(scene, atoms),
@@ -94,8 +98,8 @@ def judge_model(
 ) -> Arrays:
     """Judge the fields of the whole model, and the input that LAMMPS has not changed since."""
     scene = case.scene
-    problem = problem_of(scene, atoms, case.where, scene.snapshots)
-    inputs = _inputs(case, atoms, answer)
+    problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
+    inputs = _inputs(case, atoms, answer, predictor)
     judged = particle_model.judge(
         problem,
         case.name,
@@ -123,16 +127,16 @@ def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor:
     snapshots = read_snapshots(scene, answer)
     every = problem_of(scene, atoms, case.where, tuple(range(len(snapshots))))
     reason = particle_model.reason(every, case.name, atoms.id_n, snapshots, engine, predictor)
-    return _with_news(reason, first_input_outside(_inputs(case, atoms, answer), atoms.id_n))
+    return _with_news(reason, first_input_outside(_inputs(case, atoms, answer, predictor), atoms.id_n))
 
 
-def _inputs(case: Case, atoms: Atoms, answer: Answer) -> list[tuple[int, Comparison]]:
+def _inputs(case: Case, atoms: Atoms, answer: Answer, predictor: Predictor) -> list[tuple[int, Comparison]]:
     """Compare what LAMMPS holds at the beginning and carries over at stops, each with its step."""
     scene = case.scene
     through_text = any(stop.step == 0 and stop.digits for stop in _stops(scene, atoms))
     unchanged = scene.snapshots[0] == 0 and not scene.rheo.interface_reconstruct and not through_text
     held = compare_inputs(case, atoms, answer.snapshots[0], unchanged)
-    problem = problem_of(scene, atoms, case.where, scene.snapshots)
+    problem = problem_of(scene, atoms, case.where, scene.snapshots, predictor)
     return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS, problem)]
 
 

@@ -110,7 +110,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
             problem = replace(sides[0].problem, ranks=scene.engine.ranks)
             sides.append(replace(sides[0], problem=problem, snapshots=snapshots))
             continue
-        problem, random = problem_of(scene, atoms, case.where, twin.steps), seed(f"{name}/moved runs")
+        problem, random = problem_of(scene, atoms, case.where, twin.steps, predictor), seed(f"{name}/moved runs")
         prediction = predictor.predict(problem, seed=random)
         rounds = twin.rounds_input and not sides
         spread = input_spread(problem, ArrayEvaluator, Simulation, prediction.fields, random) if rounds else ()

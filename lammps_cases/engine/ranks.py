@@ -43,6 +43,7 @@ from lammps_cases.engine.session import (
 from lammps_cases.engine.stepping import instance
 
 PAUSE = 0.002  # seconds between two checks for a file
+LONGEST = 0.02  # the same of ranks that have waited long, between the few cases of a run that need them
 
 
 def die_with(parent: int, folder: str = "") -> None:
@@ -239,9 +240,10 @@ def _atoms_of(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
 
 def _rank(folder: Path, site: str | None) -> None:
     for number in itertools.count():
-        file = folder / f"job.{number}"
+        file, pause = folder / f"job.{number}", PAUSE
         while not file.exists():
-            time.sleep(PAUSE)
+            time.sleep(pause)
+            pause = min(1.05 * pause, LONGEST)
         outcome: Answer | Exception
         try:
             job = pickle.loads(file.read_bytes())

@@ -54,9 +54,28 @@ def replace_file(path: Path, content: bytes | str) -> None:
 def write_arrays(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
     """Write per-atom arrays as an npz file, atomically and with the same bytes on every run."""
     buffer = io.BytesIO()
-    named: dict[str, Any] = {name: np.asarray(arrays[name]) for name in sorted(arrays)}
-    (np.savez_compressed if compressed else np.savez)(buffer, **named)
+    method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(buffer, "w", method) as archive:
+        for name in sorted(arrays):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                member.write(_npy(np.asarray(arrays[name])))
     write_atomically(path, buffer.getvalue())
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    """Return an array as numpy writes it, which makes the same few headers anew for every array of a run."""
+    if array.dtype.hasobject:
+        raise ValueError("Python objects are no numbers")
+    of: Any = np.lib.format.header_data_from_array_1_0(array)
+    order: Any = "F" if of["fortran_order"] else "C"
+    return _header_bytes(of["shape"], of["fortran_order"], of["descr"]) + array.tobytes(order)
+
+
+@lru_cache(maxsize=256)
+def _header_bytes(shape: tuple[int, ...], fortran: bool, descr: str) -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": descr, "fortran_order": fortran, "shape": shape})
+    return stream.getvalue()
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -33,6 +33,7 @@ class LawMethod:
     ----------
     prepare : function of a law and the ends of an interval of densities; returns ``evaluate(rho_n, e_n)``
     applies : function of a law; returns whether the method can evaluate it
+    reason : what it is and why one would take it, in a line
     conditioning : rank among the methods that cost the same, 0 the best conditioned one
     store : function of a law and float64 densities; returns what the method keeps of them, if not those
     """
@@ -161,29 +162,56 @@ def _is_tait(law: EOS) -> bool:
 
 
 METHODS: tuple[LawMethod, ...] = (
-    LawMethod("compiled", "the reference's loops: power vectorised, one pass over memory", _compiled, conditioning=0),
-    LawMethod("compiled, 2 threads", "both halves of the states at once", _two_threads, conditioning=0),
-    LawMethod("numpy", "the reference's law in numpy: nothing to compile or load", _numpy, conditioning=0),
+    LawMethod(
+        "compiled", "the reference's compiled loop: a vectorised power, one pass over memory", _compiled, conditioning=0
+    ),
+    LawMethod(
+        "compiled, 2 threads", "the same loop, each thread on one half of the states", _two_threads, conditioning=0
+    ),
+    LawMethod("numpy", "the reference's formula in numpy: nothing to compile or load", _numpy, conditioning=0),
     LawMethod("expm1/log1p", "any gamma: expm1(gamma log1p(d)), no cancellation near rho0", _expm1, _is_tait),
     LawMethod(
         "series", "any gamma near rho0: binomial series in d, compiled, as many terms as needed", _series, _is_tait
     ),
     LawMethod("polynomial", "whole gamma: binomial series in d = rho/rho0 - 1", _polynomial, _has_polynomial),
     LawMethod(
-        "textbook", "the formula as printed, numpy's power", _textbook, lambda law: law.law.textbook is not None, 3
+        "textbook",
+        "the formula as textbooks print it, with numpy's power",
+        _textbook,
+        lambda law: law.law.textbook is not None,
+        3,
     ),
-    LawMethod("in LAMMPS' order", "LAMMPS' roundings, for the verdict exact", _as_lammps, conditioning=3),
+    LawMethod(
+        "in LAMMPS' order",
+        "the formula with LAMMPS' order of operations, from which the verdict exact follows",
+        _as_lammps,
+        conditioning=3,
+    ),
     LawMethod(
         "float32 excess",
-        "rho - rho0 kept in single, law in double",
+        "rho - rho0 stored in single precision, the law in double",
         partial(_float32, excess=True),
         conditioning=2,
         store=lambda law, rho_n: (rho_n - law.rho0).astype(np.float32),
     ),
-    LawMethod("float32 state", "density kept in single, law in double", _float32, conditioning=4, store=_single),
-    LawMethod("float32", "all in single precision", _numpy, conditioning=5, store=_single),
-    LawMethod("table, cubic", f"{NODES} values and slopes a side", _cubic_table, lambda law: not law.needs_energy, 6),
-    LawMethod("table, linear", f"{NODES} values", _linear_table, lambda law: not law.needs_energy, 7),
+    LawMethod(
+        "float32 state",
+        "the density stored in single precision, the law in double",
+        _float32,
+        conditioning=4,
+        store=_single,
+    ),
+    LawMethod("float32", "density and law in single precision", _numpy, conditioning=5, store=_single),
+    LawMethod(
+        "table, cubic",
+        f"interpolated between {NODES} values and slopes on either side of rho0",
+        _cubic_table,
+        lambda law: not law.needs_energy,
+        6,
+    ),
+    LawMethod(
+        "table, linear", f"interpolated between {NODES} values", _linear_table, lambda law: not law.needs_energy, 7
+    ),
 )
 
 

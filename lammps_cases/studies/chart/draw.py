@@ -23,9 +23,13 @@ _PEER, _SCHEMES = "#2e8b57", {"tvf": "s", "edac": "^", "wcsph": "D"}  # PySPH
 _SHAPES = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h", "d")
 
 
-def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = ()) -> Figure:
+Marks = dict[str, tuple[str, str]]  # colour and shape of a method
+
+
+def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = (), marks: Marks | None = None) -> Figure:
     """Draw correct digits against time, one plot per regime: the frontier drawn, dominated methods hollow.
 
+    ``marks`` may be of more methods than the panel has.
     ``others`` are the same panel as measured with other engines, by their versions: of these LAMMPS' points and the
     frontier.
     """
@@ -33,7 +37,7 @@ def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = ()) -> Figu
         regimes = panel.regimes
         columns = min(len(regimes), 3)
         rows = -(-len(regimes) // columns)
-        marks = _marks(panel.points)
+        marks = marks or marks_of(panel.points)
         handles = [*_legend(panel, marks), *_legend_of_others(others)]
         legend_columns = 1 if len(handles) <= 16 * rows else 2
         figure = Figure(figsize=(3.5 * columns + 1.9 * legend_columns, 2.9 * rows + 0.5), layout="constrained")
@@ -50,7 +54,7 @@ def panel_figure(panel: Panel, others: Sequence[tuple[str, Panel]] = ()) -> Figu
         return figure
 
 
-def _marks(points: Sequence[MethodPoint]) -> dict[str, tuple[str, str]]:
+def marks_of(points: Sequence[MethodPoint]) -> Marks:
     """Choose the colour and shape of every method; LAMMPS' way of a method of the reference has its shape, in red."""
     methods = sorted({p.method for p in points if p.engine != LAMMPS})
     marks = {m: (_COLOURS[k % len(_COLOURS)], _SHAPES[k % len(_SHAPES)]) for k, m in enumerate(methods)}
@@ -59,7 +63,7 @@ def _marks(points: Sequence[MethodPoint]) -> dict[str, tuple[str, str]]:
     return marks | {m: (RED, marks[own[m]][1] if own[m] in marks else "*") for m in theirs}
 
 
-def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[str, str]]) -> None:
+def _draw_regime(axis: Any, panel: Panel, regime: str, marks: Marks) -> None:
     points = panel.of(regime)
     best = frontier(points)
     far = 2 * max(p.ns.high for p in panel.points)
@@ -84,7 +88,7 @@ def _draw_regime(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[st
     axis.set_title(regime)
 
 
-def _draw_other(axis: Any, panel: Panel, regime: str, marks: dict[str, tuple[str, str]], colour: str) -> None:
+def _draw_other(axis: Any, panel: Panel, regime: str, marks: Marks, colour: str) -> None:
     """Draw LAMMPS' points and the frontier of another engine over those of the first."""
     best = frontier(panel.of(regime))
     if best:
@@ -107,7 +111,9 @@ def _legend_of_others(others: Sequence[tuple[str, Panel]]) -> list[Line2D]:
     ]
 
 
-def _legend(panel: Panel, marks: dict[str, tuple[str, str]]) -> list[Line2D]:
+def _legend(panel: Panel, marks: Marks) -> list[Line2D]:
+    here = {p.method for p in panel.points}
+    marks = {method: mark for method, mark in marks.items() if method in here}
     on = {p.method for p in panel.points if not p.dominated_by}
     stars = [method for method, (colour, shape) in marks.items() if colour == RED and shape == "*"]
     handles = []

@@ -62,7 +62,7 @@ def _panel(flow: Flow, kernels: tuple[KernelStyle, ...], cuts: tuple[float, ...]
             continue
         headline, errors[name] = next(iter(flow.measures(n, chosen, last.snapshots).items()))
         timings[name] = Timing(tuple(result.seconds / (last.n * last.steps) for result in results[name]), 1, 0.0)
-    reasons = dict.fromkeys(errors, "kernel and cutoff in spacings")
+    reasons = dict.fromkeys(errors, "the kernel and its cutoff in spacings")
     return Panel(
         id=f"flow-{flow.name}-options",
         title=f"{flow.name}: kernel and cutoff",

@@ -23,10 +23,10 @@ from lammps_cases.studies.flows.layout import relative
 
 KERNELS: tuple[KernelStyle, ...] = get_args(KernelStyle)
 REASONS = {
-    "quintic": "no correction: cheapest, forces of a pair are opposite",
-    "RK0": "documented as order 0; its gradients are the quintic's",
-    "RK1": "gradients of linear fields are exact",
-    "RK2": "gradients of quadratic fields are exact",
+    "quintic": "gradients without correction: cheapest, forces of a pair are opposite",
+    "RK0": "documented as corrected to order 0; its gradients are the quintic's",
+    "RK1": "corrected to first order: gradients of linear fields are exact",
+    "RK2": "corrected to second order: gradients of quadratic fields are exact",
 }
 CUTS, QUICK_CUTS = (2.0, 2.5, 3.0, 3.5, 4.0), (2.0, 3.0, 4.0)
 DISORDERS, QUICK_DISORDERS = (0.0, 0.1, 0.3), (0.1,)  # largest displacement along an axis, in spacings
@@ -109,13 +109,19 @@ def gradients(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Met
 def _summed(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Method]:
     for cut in cuts:
         setup = prepared("quintic", cut, disorder, edge, rho_sum=True)
-        reasons = "more neighbours average more", "the same; time of a whole step"
-        yield Method(f"summation, cutoff {cut:g}", setup, "rho", *reasons)
+        reason = "densities summed over neighbours: more of them average more"
+        yield Method(f"summation, cutoff {cut:g}", setup, "rho", reason, f"{reason}; time of a whole step")
 
 
 def _deformed_methods(cuts: Sequence[float], disorder: float, edge: int) -> Iterator[Method]:
-    ways: list[tuple[str, KernelStyle, str]] = [("summation", "quintic", "no history, mass is conserved")]
-    ways += [(f"continuity, {k}", k, f"no noise of the particles; {REASONS[k]}") for k in KERNELS if k != "RK0"]
+    ways: list[tuple[str, KernelStyle, str]] = [
+        ("summation", "quintic", "densities summed over neighbours: no history, mass is conserved")
+    ]
+    ways += [
+        (f"continuity, {k}", k, f"densities by the continuity equation: no noise of the particles; {REASONS[k]}")
+        for k in KERNELS
+        if k != "RK0"
+    ]
     for cut in cuts:
         for way, kernel, reason in ways:
             setup = deformed(kernel, cut, disorder, edge, way == "summation")

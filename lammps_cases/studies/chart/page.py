@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from lammps_cases.pages import frame
 from lammps_cases.pages.figures import saved
 from lammps_cases.records.files import write_atomically
 from lammps_cases.studies.chart import codes, draw
-from lammps_cases.studies.chart.points import MethodPoint, Panel, frontier
+from lammps_cases.studies.chart.points import LAMMPS, MethodPoint, Panel, frontier
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import FLOWS
 from lammps_cases.studies.flows.converge import Convergence
@@ -55,17 +56,40 @@ def write(chart: Chart, folder: Path, others: Sequence[Chart] = ()) -> None:
         "good",
         chart=chart,
         facts=_facts(chart, others),
-        pictures={p.id: saved(draw.panel_figure(p, _of_others(p, others)), figures, p.id) for p in chart.panels},
+        pictures={id: saved(figure, figures, id) for id, figure in _panel_figures(chart, others)},
         maps={m.id: saved(draw.map_figure(m), figures, m.id) for section in chart.sections for m in section.maps},
         flows={section.name: list(_flows(section, figures)) for section in chart.sections},
         codes={section.name: _codes(section, figures) for section in chart.sections if section.codes},
         without=codes.without(chart),
         busy=_busy(chart),
         rows=rows,
+        methods=methods,
         sentence=sentence,
         error=lambda value: f"{value:.2g}" if math.isfinite(value) else "none right",
     )
     write_atomically(folder / "report.html", html)
+
+
+def _panel_figures(chart: Chart, others: Sequence[Chart]) -> Iterator[tuple[str, Figure]]:
+    """Draw every panel by its id; a method has the same mark in all of a section."""
+    for section in chart.sections:
+        marks = draw.marks_of([point for panel in section.panels for point in panel.points])
+        for panel in section.panels:
+            yield panel.id, draw.panel_figure(panel, _of_others(panel, others), marks)
+
+
+def methods(section: Section) -> list[tuple[list[str], str]]:
+    """Return the methods of a section and what they are; those of which the same is said together.
+
+    What LAMMPS does by a method of the reference is not listed again.
+    """
+    points = [point for panel in section.panels for point in panel.points]
+    own = {point.method for point in points if point.engine != LAMMPS}
+    said: dict[str, dict[str, None]] = {}
+    for point in points:
+        if point.method.removeprefix(LAMMPS).strip() not in own or point.engine != LAMMPS:
+            said.setdefault(point.reason, {})[point.method] = None
+    return [(list(names), reason) for reason, names in said.items()]
 
 
 def _label(chart: Chart) -> str:

@@ -26,7 +26,8 @@ class MethodPoint:
     error : the largest error found, dimensionless, relative to what the panel names
     ns : nanoseconds per particle (or per particle and step): median and its interval
     compiling : seconds that the first call took beyond the others
-    reason : argument for its use
+    reason : what it is and why one would take it, in a line
+    note : what was counted in this regime besides its time
     dominated_by : a method that is as accurate and measurably faster, or as fast and more accurate
     like : methods whose times cannot be told from this one's
     """
@@ -40,6 +41,7 @@ class MethodPoint:
     reason: str = ""
     dominated_by: str = ""
     like: tuple[str, ...] = ()
+    note: str = ""
 
     @property
     def digits(self) -> float:
@@ -137,12 +139,12 @@ def bisected(
 
 
 def point(
-    quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = ""
+    quantity: str, regime: str, method: str, error: float, timing: Timing, per: float, reason: str = "", note: str = ""
 ) -> MethodPoint:
     """Return a point from a timing of a call that treats ``per`` particles (or particles and steps)."""
     late = max(timing.first - timing.seconds.high, 0.0)
     ns = timing.seconds.scaled(1e9 / per)
-    return MethodPoint(quantity, regime, method, error, ns, late, reason)
+    return MethodPoint(quantity, regime, method, error, ns, late, reason, note=note)
 
 
 def measured(
@@ -153,10 +155,14 @@ def measured(
     per: float,
     reasons: Mapping[str, str] | None = None,
     same: float = ONE_BIT,
+    notes: Mapping[str, str] | None = None,
 ) -> tuple[MethodPoint, ...]:
     """Return the points of one regime, compared: of every method that has an error; see `point` and `compared`."""
-    reasons = reasons or {}
-    points = [point(quantity, regime, m, error, timings[m], per, reasons.get(m, "")) for m, error in errors.items()]
+    reasons, notes = reasons or {}, notes or {}
+    points = [
+        point(quantity, regime, m, error, timings[m], per, reasons.get(m, ""), notes.get(m, ""))
+        for m, error in errors.items()
+    ]
     return compared(points, timings, same)
 
 

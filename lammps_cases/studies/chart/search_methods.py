@@ -251,15 +251,19 @@ def _tree_of_images(x_nc: FloatArray, box: Box, cut: float) -> PairList:
 
 
 METHODS: tuple[SearchMethod, ...] = (
-    SearchMethod("tree, rows", "as the reference: wider search, sorted rows, distances filtered", _reference),
-    SearchMethod("vesin", "the library's own list", _vesin),
-    SearchMethod("cell list", "of our own, compiled", cell_list),
+    SearchMethod(
+        "tree, rows", "as the reference: scipy's tree with a wider cutoff, rows sorted, distances filtered", _reference
+    ),
+    SearchMethod("vesin", "the list that the library vesin returns", _vesin),
+    SearchMethod("cell list", "cells as wide as the cutoff, compiled", cell_list),
     SearchMethod(
         "cell list, float32",
-        "positions in single precision",
+        "the same, positions in single precision",
         lambda x_nc, box, cut: cell_list(x_nc.astype(np.float32), box, cut),
     ),
-    SearchMethod("cKDTree", "scipy's tree, nearest images", _tree),
-    SearchMethod("cKDTree, images", "scipy's tree, copies across periodic faces", _tree_of_images),
-    SearchMethod("brute force", "all pairs; nothing to build", partial(cell_list, most_cells=1), most=2_000),
+    SearchMethod("cKDTree", "scipy's tree of a periodic box, nearest images", _tree),
+    SearchMethod("cKDTree, images", "scipy's tree, with copies of particles across periodic faces", _tree_of_images),
+    SearchMethod(
+        "brute force", "the distances of all pairs; nothing to build", partial(cell_list, most_cells=1), most=2_000
+    ),
 )

@@ -55,6 +55,7 @@ class SumMethod:
 
     Attributes
     ----------
+    reason : what it is and why one would take it, in a line
     prepare : function of a list and its terms (pairs,); returns a function without arguments that returns the sums (n,)
     bound : function of the number of terms of a particle; bound of the error, relative to the sum of absolute terms
     """
@@ -265,21 +266,51 @@ _single_bound = partial(_single_terms_bound, u=_U32)
 _half, _full = partial(_looped, full=False), partial(_looped, full=True)
 _half_compensated, _full_compensated = _half(_scatter_compensated), _full(_gather_compensated)
 METHODS: tuple[SumMethod, ...] = (
-    SumMethod("half list", "as the reference adds: each pair read once", _half(_scatter), _bound),
-    SumMethod("full list", "every row in a register, nothing scattered", _full(_gather), _bound),
-    SumMethod("full list, four sums", "no addition waits for the one before", _full(_gather_four), _four_bound),
-    SumMethod("bincount", "numpy alone: two calls, nothing to compile", _bincount, _bound),
-    SumMethod("reduceat", "numpy alone, full list", _reduceat, _bound),
-    SumMethod("full list, pairwise", "error grows with log2 of the terms", _full(_gather_pairwise), _pairwise_bound),
-    SumMethod("half list, compensated", "Neumaier, a carry per particle", _half_compensated, _compensated_bound),
-    SumMethod("full list, compensated", "Neumaier, in registers", _full_compensated, _compensated_bound),
     SumMethod(
-        "half list, float32 terms", "half the memory, sum in double", _half(_scatter, dtype=_32), _single_terms_bound
+        "half list", "each pair read once and added to both particles, as the reference does", _half(_scatter), _bound
     ),
-    SumMethod("full list, float32 terms", "the same, gathered", _full(_gather, dtype=_32), _single_terms_bound),
+    SumMethod("full list", "each pair read twice, every particle's sum kept in a register", _full(_gather), _bound),
     SumMethod(
-        "half list, float32", "single precision throughout", _half(_scatter, dtype=_32, sum_dtype=_32), _single_bound
+        "full list, four sums",
+        "the same in four sums: no addition waits for the one before",
+        _full(_gather_four),
+        _four_bound,
     ),
-    SumMethod("full list, float32", "the same, gathered", _full(_gather, dtype=_32, sum_dtype=_32), _single_bound),
-    SumMethod("fsum", "exactly rounded, math.fsum row by row", _fsum, lambda k: _U + 0.0 * k),
+    SumMethod("bincount", "numpy's bincount on the half list: two calls, nothing to compile", _bincount, _bound),
+    SumMethod("reduceat", "numpy's add.reduceat on the full list", _reduceat, _bound),
+    SumMethod(
+        "full list, pairwise",
+        "every row added by halves: the error grows with log2 of the terms",
+        _full(_gather_pairwise),
+        _pairwise_bound,
+    ),
+    SumMethod(
+        "half list, compensated",
+        "Neumaier's compensated sum, a carry per particle",
+        _half_compensated,
+        _compensated_bound,
+    ),
+    SumMethod(
+        "full list, compensated", "Neumaier's compensated sum, in registers", _full_compensated, _compensated_bound
+    ),
+    SumMethod(
+        "half list, float32 terms",
+        "terms stored in single precision, half the memory; sums in double",
+        _half(_scatter, dtype=_32),
+        _single_terms_bound,
+    ),
+    SumMethod("full list, float32 terms", "the same on the full list", _full(_gather, dtype=_32), _single_terms_bound),
+    SumMethod(
+        "half list, float32",
+        "single precision throughout, on the half list",
+        _half(_scatter, dtype=_32, sum_dtype=_32),
+        _single_bound,
+    ),
+    SumMethod(
+        "full list, float32",
+        "single precision throughout, on the full list",
+        _full(_gather, dtype=_32, sum_dtype=_32),
+        _single_bound,
+    ),
+    SumMethod("fsum", "Python's math.fsum row by row: exactly rounded", _fsum, lambda k: _U + 0.0 * k),
 )

@@ -19,6 +19,7 @@ from lammps_cases.studies.chart.prepared import STILL, prepared
 STATES, QUICK_STATES = (1_000, 10_000, 100_000, 1_000_000), (1_000, 30_000, 300_000)
 EDGES, QUICK_EDGES = (32, 100, 200), (32, 100)  # particles along an edge
 ONE, TWO = "compiled", "compiled, 2 threads"
+REASONS = {m.name: m.reason for m in LAW_METHODS if m.name in (ONE, TWO)}
 
 
 def panels(quick: bool) -> Iterator[Panel]:
@@ -47,7 +48,7 @@ def _law_threads(quick: bool) -> Panel:
         timings = measure.in_turns(calls, *measure.effort(quick))
         true_n = calls[ONE]()
         errors = {name: float(np.max(np.abs(call() - true_n))) for name, call in calls.items()}
-        points += measured("pressure", f"{n:,} states", errors, timings, n)
+        points += measured("pressure", f"{n:,} states", errors, timings, n, REASONS)
         answers[n] = one_is_faster(timings)
     faster, slower = ([n for n in sizes if answers[n] is answer] for answer in (True, False))
     crossings: tuple[Crossing, ...] = ()
@@ -82,7 +83,8 @@ def _model_threads(quick: bool) -> Panel:
         timings = measure.in_turns(calls, *measure.effort(quick))
         off = float(np.max(np.abs(force_nc[1] - force_nc[0])) / np.max(np.abs(force_nc[0])))
         errors = dict(zip(sims, (0.0, off), strict=True))
-        points += measured("step", f"{edge**2:,} particles", errors, timings, edge**2)
+        reasons = dict.fromkeys(sims, "the compiled evaluator on as many cores")
+        points += measured("step", f"{edge**2:,} particles", errors, timings, edge**2, reasons)
     return Panel(
         "threads-model",
         "A second thread: time step",

@@ -138,6 +138,7 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
         ("-temporal", "same run with a short step", "temporal"),
     ):
         errors = {name: getattr(s, error) for name, s in of_name.items()}
+        reasons = {name: f"a time step of {name.split()[-1]} min(h/4c, h^2/8nu)" for name in of_name}
         regime = f"{n} spacings per wavelength"
         yield Panel(
             f"timestep-{flow.name}{kind}",
@@ -147,7 +148,7 @@ def _wave_panels(wave: Wave, quick: bool, lmp: Any | None) -> Iterator[Panel]:
             f"root mean square of the error over that of the wave, at the end, against the {what}"
             + (f" (1/{round(1 / FINE)})" if error == "temporal" else ""),
             "particle and unit of time",
-            measured(f"{flow.name}, {what}", regime, errors, timings, per, same=ONE_PER_CENT),
+            measured(f"{flow.name}, {what}", regime, errors, timings, per, reasons, ONE_PER_CENT),
             crossings=limits if error == "total" else (),
         )
 

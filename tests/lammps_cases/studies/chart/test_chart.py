@@ -11,12 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 from eos_ref import InputError
+from eos_ref.methods.laws import METHODS as LAW_METHODS
 from lammps_cases.pages.figures import RED
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.studies.benchmarks.measure import ConfidenceInterval, Timing
-from lammps_cases.studies.chart import collect, draw, flows, page, record
+from lammps_cases.studies.chart import collect, draw, flows, page, record, search_methods, sum_methods
 from lammps_cases.studies.chart.points import Map, MethodPoint, Panel, compared, frontier, point
 from lammps_cases.studies.chart.record import Chart, Section
 from lammps_cases.studies.flows import FLOWS
@@ -158,12 +160,45 @@ def test_many_methods_are_all_in_the_legend_and_lammps_keeps_their_shapes() -> N
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts[:24] == sorted(names)
     assert texts[24:] == ["LAMMPS: same shape, red", "frontier"]
-    marks = draw._marks(points)
+    marks = draw.marks_of(points)
     assert all(marks[f"LAMMPS {name}"] == (RED, marks[name][1]) for name in names)
     assert len({marks[name] for name in names}) == 24
 
 
+def test_methods_are_explained_once_a_section_and_have_one_mark_in_all_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interval = ConfidenceInterval(1.0, 0.9, 1.1)
+    named = {"one": "the first way", "two": "the second way", "two again": "the second way", "LAMMPS": "its output"}
+    points = [MethodPoint("q", "r", name, 1e-9, interval, reason=reason) for name, reason in named.items()]
+    points.append(MethodPoint("q", "r", "LAMMPS two", 1e-9, interval, reason="not said: that of two"))
+    both = [Panel(f"p{k}", "t", "a", "e", "u", tuple(points[k:])) for k in range(2)]
+    section = Section("laws", "Laws", "about", 1.0, tuple(both))
+    listed = [(["one"], named["one"]), (["two", "two again"], named["two"]), (["LAMMPS"], named["LAMMPS"])]
+    assert page.methods(section) == listed
+    drawn: list[draw.Marks] = []
+
+    def drawing(panel: Panel, others: object, marks: draw.Marks) -> Figure:
+        drawn.append(marks)
+        return Figure()
+
+    monkeypatch.setattr(draw, "panel_figure", drawing)
+    page.write(replace(made_chart(), sections=(section,)), tmp_path)
+    assert drawn[0] == drawn[1] and {"one", "two"} <= set(drawn[0])
+    text = (tmp_path / "report.html").read_text()
+    assert text.count("<dt>two; two again</dt> <dd>the second way</dd>") == 1 and "not said" not in text
+
+
 SECOND_ORDER = ("shear-wave", "heat-wave", "taylor-green", "sound-wave-tait-water")
+
+
+@pytest.mark.lammps
+def test_every_method_says_what_it_is(quick: tuple[Chart, Path]) -> None:
+    for methods in (LAW_METHODS, sum_methods.METHODS, search_methods.METHODS):
+        assert all(method.reason for method in methods)
+    for section in quick[0].sections:
+        listed = page.methods(section)
+        assert len({reason for _, reason in listed}) == len(listed) and all(reason for _, reason in listed)
 
 
 @pytest.fixture(scope="module")

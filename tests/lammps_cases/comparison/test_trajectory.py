@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from eos_ref import InputError
 from eos_ref.compiled.evaluator import CompiledEvaluator
@@ -22,6 +23,7 @@ from lammps_cases.comparison.trajectory import (
     evaluations,
     own_stages,
     predict,
+    signs,
 )
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -138,3 +140,11 @@ def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> 
     for field in ("surface", "status"):
         np.testing.assert_array_equal(bounds[field] > 0, [True, True, False, False])
     assert (bounds["status"][:2] >= 16).all(), "surface and splash differ by that"
+
+
+@pytest.mark.parametrize("shape", [(), (7,), (300, 3), (5, 2, 2)])
+def test_signs_are_those_of_a_choice(shape: tuple[int, ...]) -> None:
+    ours, theirs = np.random.default_rng((3, 1)), np.random.default_rng((3, 1))
+    for _ in range(5):
+        np.testing.assert_array_equal(signs(ours, shape), theirs.choice((-1.0, 1.0), shape))
+    assert ours.bit_generator.state == theirs.bit_generator.state

@@ -28,6 +28,8 @@ ROWS = 2048  # particles of a block: their pairs' numbers stay in the processor'
 SKIN = 0.1  # of the cutoff, by which pairs are listed beyond it
 KEPT = 2**22  # directed pairs whose values are kept between two stages; of the blocks beyond only who meets whom
 COMPILED_ABOVE = 2**13  # particles: loading compiled operations takes as long as they save. The bits are the same
+COMPILED_FROM = 2**14  # particles of all scenes of a process; in small ones calls take part of what is saved
+_rounded = 0  # of these so far
 FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `count`
 
 
@@ -84,9 +86,22 @@ def in_blocks(stages: type[ArrayEvaluator], n: int) -> type[ArrayEvaluator]:
     if n <= ROWS or not stages.by_rows:
         return stages
     if n > COMPILED_ABOVE:
-        import eos_ref.evaluation.rounded_loops  # noqa: F401  which `Rounded` takes from here on
+        compile_rounded()
     part = type("Part", (BlockStages, stages), {"__module__": __name__})
     return type("InBlocks", (InBlocks, stages), {"__module__": __name__, "part": part})
+
+
+def compile_rounded() -> None:
+    """Load compiled operations, which `Rounded` takes from here on."""
+    import eos_ref.evaluation.rounded_loops  # noqa: F401
+
+
+def count_rounded(n: int) -> None:
+    """Count particles evaluated with bounds: many small scenes are worth compiled operations as a large one is."""
+    global _rounded
+    _rounded += n
+    if _rounded > COMPILED_FROM:
+        compile_rounded()
 
 
 class BlockStages(ArrayEvaluator):

@@ -19,7 +19,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from eos_ref.errors import InputError
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
-from eos_ref.evaluation.blocks import in_blocks
+from eos_ref.evaluation.blocks import count_rounded, in_blocks
 from eos_ref.evaluation.cutoff import at_cutoff
 from eos_ref.evaluation.evaluator import Evaluator
 from eos_ref.evaluation.time_step import Simulation
@@ -195,6 +195,7 @@ def widening(
         if halts is not None:
             halts[step] = as_it_is(sim)
         with stage("bounds"):
+            count_rounded(len(problem.state.x_nc))
             errors = sim.rounded(bounding)
             sizes.add(errors)
             own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})

@@ -73,3 +73,15 @@ def test_nothing_is_searched_twice_in_a_row() -> None:
 
 def test_lists_of_lammps_are_followed_as_a_whole(tiny: None) -> None:
     assert blocks.in_blocks(MassOfFirst, 100) is MassOfFirst
+
+
+def test_operations_are_compiled_once_many_particles_were_evaluated(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded: list[bool] = []
+    monkeypatch.setattr(blocks, "compile_rounded", lambda: loaded.append(True))
+    monkeypatch.setattr(blocks, "_rounded", 0)
+    blocks.count_rounded(blocks.COMPILED_FROM - 1)
+    assert not loaded
+    blocks.count_rounded(1)
+    assert not loaded
+    blocks.count_rounded(1)
+    assert loaded

@@ -92,8 +92,9 @@ def audit_command(
         )
         run = audit_into(directory, deck, options, chosen, provenance.command_line(), fail_on or "new", dump, restart)
     if not as_json:
+        click.echo("\n".join(field_table(run.cases[0])))
         for line in report_lines(run.cases[0]):
-            click.echo(line)
+            shared.show(line, "  ")
     return shared.finish(run, directory, as_json)
 
 
@@ -105,17 +106,23 @@ def known_bugs(case: CaseRecord) -> list[str]:
     return [f"{name}: {does}. {workaround[name]}" for name, does in effects(case).items()]
 
 
-def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
-    """Return a table of the fields, the looks outside the bound, what was not checked, and the message."""
+def field_table(case: CaseRecord) -> list[str]:
+    """Return the lines of a table of the fields."""
     looks = Counter((check.field, check.type) for check in case.checks)
     atoms = {(check.field, check.type): check.natoms for check in case.checks}
-    table = [
+    head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
+    rows = [
         f"{record.field:12s} {record.atom_type or 'all':>4} {looks[record.field, record.atom_type or 0]:6d} "
         f"{atoms[record.field, record.atom_type or 0]:7d} "
         f"{record.max_abs:14.3g} {record.max_over_bound:10.3g} {record.worst_step:9d} {record.worst_id:10d}  "
         f"{record.verdict}" + (f" by {listed(record.explained_by)}" if record.explained_by else "")
         for record in case.fields
     ]
+    return [head, *rows]
+
+
+def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
+    """Return the looks outside the bound, what was not checked, what to mind, and how the run ended."""
     bad = [check for check in case.checks if check.verdict == "differs"]
     outside = [
         f"outside: {check.field} of type {check.type or 'all'}, run {check.run}, step {check.step}: "
@@ -126,7 +133,6 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
         outside.append(f"... {len(bad) - most} more looks outside, all in run.json ...")
     from lammps_cases.audit import balance
 
-    head = "field        type  looks   atoms   |LAMMPS-ref|     /bound worst step worst atom  verdict"
     reasons: dict[str, list[str]] = {}
     for name, reason in case.unchecked.items():
         reasons.setdefault(reason, []).append(name)
@@ -136,4 +142,6 @@ def report_lines(case: CaseRecord, most: int = 20) -> list[str]:
     bugs = [f"known bug {line}" for line in known_bugs(case)]
     bugs += [f"budget: {line}" for line in balance.lines(case)] if case.budgets else []
     end = f"{case.case}: {case.verdict}, {case.steps} steps, {case.natoms} atoms"
-    return [head, *table, *outside, *unchecked, *warnings, *bugs, f"{end}: {case.message}" if case.message else end]
+    if case.message and case.as_expected:  # else the message follows, with the cases not as expected
+        end += f": {case.message}"
+    return [*outside, *unchecked, *warnings, *bugs, end]

@@ -153,7 +153,7 @@
       return;
     }
     if (!part) return;
-    if (part.tagName === "DETAILS") part.open = true;
+    for (let around = part; around; around = around.parentElement) if (around.tagName === "DETAILS") around.open = true;
     part.scrollIntoView();
   }
 

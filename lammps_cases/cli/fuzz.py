@@ -92,8 +92,9 @@ def _print(record: FuzzRecord) -> None:
         click.echo(f"  {counted(record.unbounded, 'scene')} that known findings leave no bound to be judged by")
     drawn = sum(map(bool, record.choices.values()))
     click.echo(
-        f"  {record.twins} twins; {drawn} of {len(record.choices)} choices of the schema drawn, {record.pairs_drawn} "
-        f"of {record.pairs} pairs, possible or not; {100 * record.rejection:.1f} % of attempts were no scene"
+        f"  {counted(record.twins, 'twin')}; {drawn} of {len(record.choices)} choices of the schema drawn, "
+        f"{record.pairs_drawn} of {record.pairs} pairs, possible or not; "
+        f"{100 * record.rejection:.1f} % of attempts were no scene"
     )
     rarest = sorted(record.choices.items(), key=lambda item: item[1])[:RAREST]
     click.echo("  rarest: " + ", ".join(f"{choice} {count}" for choice, count in rarest))

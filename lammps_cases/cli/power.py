@@ -89,13 +89,16 @@ def _show(power: Power, out: Path) -> None:
     total = len(power.faults)
     for control in power.controls:
         own = [fault for fault in power.faults if fault.family == control.family]
+        if not own:
+            continue
         caught, quick = sum(bool(fault.caught_by) for fault in own), sum(fault.quick for fault in own)
         click.echo(f"{control.family:8s} {caught:4d} of {len(own):4d} caught, {quick:4d} by quick cases")
     if total:
         argued = sum(bool(fault.argued) for fault in power.missed)
         text = f"{power.caught} of {total} faults caught ({power.caught / total:.1%}), {power.quick} by quick cases"
         click.secho(f"{text} ({power.quick / total:.1%}); {argued} argued ({power.seconds:.0f} s)", bold=True)
-        click.echo(power.statement)
+        if power.whole:
+            click.echo(power.statement)
         for fault in power.single:
             click.echo(f"  by a single file: {fault.id}: {', '.join(fault.caught_by)}")
     for one in power.resolution:

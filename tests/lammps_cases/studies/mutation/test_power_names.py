@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from eos_ref import InputError
+from lammps_cases.cli import power
 from lammps_cases.studies.mutation import catalogue, collect
-from lammps_cases.studies.mutation.fault import FAMILIES
+from lammps_cases.studies.mutation.fault import FAMILIES, Detection
+from lammps_cases.studies.mutation.record import ControlRecord, FaultRecord, Power
 from tests.support.outcome import Outcome
 
 
@@ -47,3 +49,17 @@ def test_only_the_families_that_a_name_can_be_of_are_listed(
     with pytest.raises(InputError):
         catalogue.check([name])
     assert tuple(listed) == families
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_only_what_was_planted_is_printed(whole: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    fault = FaultRecord(
+        "told.x", "told", "constant", "x", ("case",), True, (Detection("case", "differs", "f", ""),), ""
+    )
+    controls = tuple(ControlRecord(family, 1, ()) for family in FAMILIES)
+    measured = {"quick_only": False, "resolution": (), "alarms": (), "seconds": 1.0}
+    found = Power("eos-ref power", {}, {}, whole=whole, controls=controls, faults=(fault,), **measured)
+    power._show(found, Path("reports"))
+    out = capsys.readouterr().out
+    assert [line.split()[0] for line in out.splitlines()[:2]] == ["told", "1"]
+    assert (found.statement in out) == whole

@@ -14,8 +14,14 @@ ASSETS = Path(__file__).parent / "assets"
 
 
 def write(rows: Sequence[RuleRow], complaints: Sequence[str], cases: int, folder: Path, whole: bool = True) -> None:
-    """Write ``witnesses.html``, one file that opens offline; only the ``whole`` of the cases can have too few."""
-    by_rule = {row.rule: row for row in rows}
+    """Write ``witnesses.html``, one file that opens offline; only the ``whole`` of the cases can have too few.
+
+    Of some cases the rules are shown that they witness.
+    """
+    by_rule = {row.rule: row for row in rows if whole or any(row.cases.values())}
+    listed = {
+        subject: [by_rule[rule.name] for rule in rules if rule.name in by_rule] for subject, rules in SUBJECTS.items()
+    }
     write_atomically(
         folder / "witnesses.html",
         frame.page(
@@ -26,10 +32,11 @@ def write(rows: Sequence[RuleRow], complaints: Sequence[str], cases: int, folder
             complaints=complaints,
             cases=cases,
             number=len(rows),
+            shown=len(by_rule),
             whole=whole,
             fewest=sum(bool(row.missing) for row in rows),
             enough=ENOUGH,
-            subjects={subject: [by_rule[rule.name] for rule in rules] for subject, rules in SUBJECTS.items()},
+            subjects={subject: own for subject, own in listed.items() if own},
             rules=RULES,
         ),
     )

@@ -99,6 +99,10 @@ def test_the_table_and_its_page_say_what_is_missing(tmp_path: Path) -> None:
     witnesses_page.write(list(rows.values()), ["rule layer: too few"], 3, tmp_path)
     page = (tmp_path / "witnesses.html").read_text()
     assert "a.one, a.two" in page and "rule layer: too few" in page and "formula.normal-inward" in page
+    assert page.count('<tr id="') == len(rows)
+    witnesses_page.write(list(rows.values()), [], 3, tmp_path, whole=False)
+    page = (tmp_path / "witnesses.html").read_text()
+    assert page.count('<tr id="') == 2 and f"2 of {len(rows)} rules of the reference" in page
 
 
 # --- the cases there are

@@ -41,6 +41,10 @@ class PairView:
     changes: list[tuple[str, SideChange]]
     shown: set[tuple[str, str]]
 
+    def shows(self, change: SideChange) -> bool:
+        """Return whether it shows a change at once."""
+        return (change.case, change.field) in self.shown
+
 
 def render(comparison: SideComparison) -> str:
     """Return the page of a comparison."""

@@ -80,7 +80,7 @@ def run_command(
         from lammps_cases.run import campaign, provenance, shards
         from lammps_cases.scene import casefile
 
-        every = casefile.load(paths)
+        every = casefile.load(paths, None if names or baseline else tag)
     chosen = casefile.select(every, names, tag)
     part = (shard or "", shards.divided(case.name for case in chosen) if shard else "")
     if shard:
@@ -90,7 +90,9 @@ def run_command(
 
         accepted.readable(baseline)  # a typing mistake is said before the run, not after it
     resolved = installations.resolve(engine)
-    with shared.run_folder(out, (case.name for case in chosen), engine, resume) as folder:
+    # No tag is that of all cases, so that a run of one is a part: the others need not be read to know.
+    names_run = () if tag else [case.name for case in chosen]
+    with shared.run_folder(out, names_run, engine, resume) as folder:
         with Bar(quiet=as_json, complaints=True) as bar:
             run = campaign.run_cases(
                 chosen,

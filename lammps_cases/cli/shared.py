@@ -154,8 +154,9 @@ def run_folder(out: Path | None, cases: Iterable[str], engine: str, resume: bool
     from lammps_cases.records import kept
     from lammps_cases.scene import casefile
 
-    every = {case.name for case in casefile.select(casefile.load())}
-    shelf = (kept.whole_runs if every <= set(cases) else kept.parts_of_runs)(REPORTS)
+    run = set(cases)
+    whole = bool(run) and run.issuperset(case.name for case in casefile.select(casefile.load()))
+    shelf = (kept.whole_runs if whole else kept.parts_of_runs)(REPORTS)
     with shelf.place(engine, resume=resume) as folder:
         yield folder
 

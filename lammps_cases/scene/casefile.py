@@ -239,29 +239,46 @@ def _case(file: CaseFile, made: Combination, source: Source, shipped: bool) -> C
     return Case(made.case, about, tags, scene, source.path, shipped, _exercises(file, made.case))
 
 
-def load(paths: Sequence[Path] = ()) -> list[Case]:
+def load(paths: Sequence[Path] = (), tag: str | None = None) -> list[Case]:
     """Return all cases of some files and folders (default: those shipped), sorted by name.
+
+    Of those shipped a ``tag`` leaves out what cannot have it: files that do not say the word are not read.
 
     Raises
     ------
     InputError
         Bad files, no file at all, or two cases of one name.
     """
-    return _load(tuple(paths), shipped=False) if paths else list(_shipped())
+    if paths:
+        return _load(_files(paths), shipped=False)
+    if tag and any(tag in case.tags for case in _shipped(tag)):
+        return list(_shipped(tag))
+    return list(_shipped())
 
 
 @functools.cache
-def _shipped() -> tuple[Case, ...]:
-    """Return the cases that come with the package, which do not change while it runs."""
-    return tuple(_load((SHIPPED,), shipped=True))
+def _shipped(word: str = "") -> tuple[Case, ...]:
+    """Return the cases that come with the package, which do not change while it runs, of files that say a word."""
+    return tuple(_load([path for path in _files([SHIPPED]) if word in path.read_text(encoding="utf-8")], shipped=True))
 
 
-def _load(paths: Sequence[Path], shipped: bool) -> list[Case]:
+def _files(paths: Sequence[Path]) -> list[Path]:
+    """Return the case files among some paths and in folders.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
     files: list[Path] = []
     for path in paths:
         files += sorted([*path.rglob("*.yaml"), *path.rglob("*.yml")]) if path.is_dir() else [path]
     if not files:
         raise InputError("cases", "no case file (*.yaml) found", where=", ".join(map(str, paths)))
+    return files
+
+
+def _load(files: Sequence[Path], shipped: bool) -> list[Case]:
     every, wrong = list[Case](), list[InputError]()
     for file in files:
         try:

@@ -71,6 +71,13 @@ def test_names_are_words_joined_by_hyphens(name: str) -> None:
         check_name(name)
 
 
+def test_a_tag_leaves_out_files_but_no_case_that_has_it() -> None:
+    for tag in {tag for case in casefile.load() for tag in case.tags}:
+        assert casefile.select(casefile.load(tag=tag), tag=tag) == casefile.select(casefile.load(), tag=tag)
+    assert len({case.source for case in casefile.load(tag="eos")}) < len({case.source for case in casefile.load()}) / 2
+    assert casefile.load(tag="particle") == casefile.load(tag="no such word") == casefile.load(), "a word, but no tag"
+
+
 def test_shipped_cases_are_read_once_and_handed_out_as_a_list_of_ones_own() -> None:
     mine = casefile.load()
     mine.clear()

@@ -177,9 +177,15 @@ def _asked(words: str) -> dict[str, str]:
 def _processes(
     scene: str, peer: str, ours: list[str], code: str, repeats: int, environment: dict[str, str] | None = None
 ) -> Ratio:
+    """Time whole programs as they are when installed: with byte code of all modules, of which some machines keep none.
+
+    What calibrates the measurement leaves it in a folder.
+    """
     theirs = [sys.executable, "-c", code]
-    call = partial(_process, ours, environment)
-    return against(scene, peer, call, partial(_process, theirs), repeats, at_least=0)
+    with tempfile.TemporaryDirectory() as folder:
+        installed = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": folder}
+        call, peer_call = partial(_process, ours, installed | (environment or {})), partial(_process, theirs, installed)
+        return against(scene, peer, call, peer_call, repeats, at_least=0)
 
 
 def _process(command: list[str], environment: dict[str, str] | None = None) -> None:

@@ -59,8 +59,9 @@ def _model_items(scene: Scene) -> Iterable[Item]:
     compared = {name for field in scene.compare for name in quantities.evaluated_for(model, field)}
     stepping = quantities.needed_to_step(model) if scene.evolve else ()
     needed = quantities.required(model, (*scene.compare, *stepping))
+    inputs = {user: quantities.QUANTITIES[user].needs(model) for user in needed}
     for name in quantities.order():
-        users = [words.get(user, user) for user in needed if name in quantities.QUANTITIES[user].needs(model)]
+        users = [words.get(user, user) for user, of in inputs.items() if name in of]
         reasons = ["compared"] * (name in compared) + ["steps need it"] * (name in stepping)
         reasons += [f"for {', '.join(users)}"] * bool(users)
         yield Item(words.get(name, name), name in needed, "; ".join(reasons) or "nothing compared depends on it")

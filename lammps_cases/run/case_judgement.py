@@ -110,7 +110,8 @@ def _explained_blindly(record: CaseRecord) -> bool:
     """Return whether a finding explains a case that would predict more if LAMMPS' lists of neighbours were read."""
     from lammps_cases.findings import LEDGER
 
-    variants = (entry.model_variant for entry in LEDGER if entry.id in record.findings)
+    found = set(record.findings)
+    variants = (entry.model_variant for entry in LEDGER if entry.id in found)
     return any(variant is not None and variant.lists for variant in variants)
 
 

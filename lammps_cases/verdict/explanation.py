@@ -11,6 +11,7 @@ import contextlib
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import compare_field, excess
 from lammps_cases.comparison.predictor import Made, Predictor
 from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
-from lammps_cases.findings import Finding, applicable, shown_by
+from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import Beyond, Blame
 from lammps_cases.scene.fields import FIELDS, in_step_order
@@ -56,22 +57,29 @@ class Trial:
     predictor: Predictor
     _left: dict[tuple[str, ...], Blame] = field(default_factory=dict, repr=False)
 
+    @cached_property
+    def applicable(self) -> list[Finding]:
+        """The findings that make a difference to the scene."""
+        return applicable(self.problem, "lists" in self.snapshots[0])
+
+    def listed(self, engine: str) -> list[Finding]:
+        """Return those of them that an engine is known to have."""
+        return [entry for entry in self.applicable if entry.listed(engine)]
+
     def explain(self, engine: str, first: Blame) -> Explanation:
         """Return the smallest set of findings tried that is inside the bounds everywhere, each of them necessary.
 
         ``first`` is what the reference leaves outside first. Where no set is inside, what is left beyond the set that
         comes furthest beyond that is returned, or beyond those that the engine is known to have.
         """
-        lists = "lists" in self.snapshots[0]
-        listed = shown_by(self.problem, engine, lists)
+        listed = self.listed(engine)
         if listed and self._inside(listed, at_once=True):
             return Explanation(self._necessary(listed))
-        every = applicable(self.problem, lists)
-        for entries in itertools.islice(self._sets(every, listed), SETS):
+        for entries in itertools.islice(self._sets(self.applicable, listed), SETS):
             if self._inside(entries):
                 return Explanation(list(entries))
         # Some findings show only beside others; and sets of all but one of many are not among those tried.
-        for large in (every, *(tuple(e for e in listed if e is not mended) for mended in listed)):
+        for large in (self.applicable, *(tuple(e for e in listed if e is not mended) for mended in listed)):
             if len(large) > 1 and self._inside(large):
                 return Explanation(self._necessary(large))
         return Explanation([], self._furthest(first, listed))

@@ -17,7 +17,7 @@ from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Fields, Problem
-from lammps_cases.findings import Finding, shown_by
+from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import Beyond, Blame
 from lammps_cases.records.stages import stage
@@ -61,7 +61,6 @@ def judge(
     with stage("reference"):
         prediction = predictor.predict(problem, seed=random)
     table = compare_all(problem, id_n, snapshots, prediction)
-    listed = shown_by(problem, engine, "lists" in snapshots[0])
     first = first_outside(problem, table, id_n)
     trial = Trial(problem, snapshots, id_n, prediction, random, predictor)
     with stage("variants"):
@@ -71,7 +70,7 @@ def judge(
         if entries and comparison.record.verdict == "differs":
             comparison.record.verdict = "explained"
             comparison.record.explained_by = [entry.id for entry in entries]
-    others = [entry for entry in listed if not _contained(entry, entries)] if entries or not first else []
+    others = [entry for entry in trial.listed(engine) if not _contained(entry, entries)] if entries or not first else []
     with stage("variants"):
         unseen = [entry for entry in others if trial.shows(entry)]
     comparisons = [over_steps(table[field], problem.steps) for field in in_step_order(problem.fields)]

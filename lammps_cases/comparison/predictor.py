@@ -26,6 +26,7 @@ from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import (
     Fields,
+    Halt,
     Prediction,
     Problem,
     halted,
@@ -57,7 +58,7 @@ class Predictor:
     _known: dict[str, Arrays] = field(default_factory=dict, repr=False)
     _named: dict[int, tuple[object, str]] = field(default_factory=dict, repr=False)
     _problems: dict[tuple[Any, ...], tuple[object, Problem]] = field(default_factory=dict, repr=False)
-    _halts: dict[str, dict[int, Simulation]] = field(default_factory=dict, repr=False)
+    _halts: dict[str, dict[int, Halt]] = field(default_factory=dict, repr=False)
     _found: list[Candidates] = field(default_factory=list, repr=False)
 
     def problem(self, of: tuple[object, ...], steps: tuple[int, ...], make: Callable[[], Problem]) -> Problem:
@@ -72,9 +73,7 @@ class Predictor:
 
         def compute() -> Prediction:
             stages, stepping = made or (None, Simulation)
-            large = len(problem.state.x_nc) > pair_sums.LARGEST
-            halts = None if made or large else self._halts.setdefault(self._name(problem), {})
-            return predict(problem, stages, stepping, seed, halts)
+            return predict(problem, stages, stepping, seed, None if made else self.halts(problem))
 
         return self._prediction("prediction", problem, made, seed, compute)
 
@@ -123,7 +122,8 @@ class Predictor:
         """Return the pairs of particles, each a step and a row; see `lammps_cases.comparison.pair_sums.columns`."""
 
         def compute() -> Arrays:
-            halts = self._halts.get(self._name(problem)) or halted(problem, problem.steps)
+            known = self._halts.get(self._name(problem), {})
+            halts = {step: halt.sim for step, halt in known.items()} or halted(problem, problem.steps)
             by_step: dict[int, list[int]] = {}
             for step, row in looks:
                 by_step.setdefault(step, []).append(row)
@@ -150,6 +150,11 @@ class Predictor:
 
         arrays = self._recall((what, self._name(problem)), made)
         return dict(zip(arrays["names"].tolist(), arrays["counts"].tolist(), strict=True))
+
+    def halts(self, problem: Problem) -> dict[int, Halt] | None:
+        """Return the reference as it was at the steps of a scene, if it has run; None: too large to be kept."""
+        large = len(problem.state.x_nc) > pair_sums.LARGEST
+        return None if large else self._halts.setdefault(self._name(problem), {})
 
     def _name(self, problem: Problem) -> str:
         """Return the fingerprint of a scene; of its parts, which problems of a case share, each is taken once."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -155,7 +155,7 @@ def predict(
     evaluator: type[ArrayEvaluator] | None = None,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
-    halts: dict[int, Simulation] | None = None,
+    halts: dict[int, Halt] | None = None,
 ) -> Prediction:
     """Return the fields at some steps with their bounds.
 
@@ -167,7 +167,7 @@ def predict(
     seed : int
         Of the random signs of the moved runs.
     halts : dict
-        Takes the simulation as it is at every step (`as_it_is`).
+        The simulation as it is at every step; an empty one takes them.
     """
     *_, prediction = widening(problem, evaluator, stepping, seed, halts)
     return prediction
@@ -178,7 +178,7 @@ def widening(
     evaluator: type[ArrayEvaluator] | None = None,
     stepping: type[Simulation] = Simulation,
     seed: int = 0,
-    halts: dict[int, Simulation] | None = None,
+    halts: dict[int, Halt] | None = None,
 ) -> Iterator[Prediction]:
     """Yield the fields at some steps with bounds that grow by one moved run after another; see `predict`.
 
@@ -188,20 +188,17 @@ def widening(
     count = _in_blocks(problem)
     stages = in_blocks(evaluator, count) if evaluator else own_stages(problem)
     bounding = in_blocks(at_cutoff(evaluator or ArrayEvaluator), count)
-    sim = stepping(problem.model, problem.box, problem.state, wanted(problem), stages)
+    given = problem.model, problem.box, problem.state, wanted(problem)
     values, own, sizes = [], [], Sizes()
-    for step in visit(sim, steps, problem.timestep, problem.stops):
-        values.append({field: sim.output(field).copy() for field in fields})
-        if halts is not None:
-            halts[step] = as_it_is(sim)
+    for step, halt in halts.items() if halts else reached(problem, stepping(*given, stages), halts):
+        values.append(halt.fields)
         with stage("bounds"):
             count_rounded(len(problem.state.x_nc))
-            errors = sim.rounded(bounding)
+            errors = halt.sim.rounded(bounding)
             sizes.add(errors)
-            own.append({field: _output_error(errors, field, values[-1][field], step) for field in fields})
-            del errors  # a large scene's arrays, before those of the next step come
-    consistent = sim.units.consistent
-    del sim  # and its pairs, before those of the moved runs
+            own.append({field: _output_error(errors, field, halt.fields[field], step) for field in fields})
+            consistent = halt.sim.units.consistent
+            del errors, halt  # a large scene's arrays, before those of the next step come
     spreads: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
 
     def so_far() -> Prediction:
@@ -220,18 +217,38 @@ def widening(
         yield so_far()
 
 
-def as_it_is(sim: Simulation) -> Simulation:
-    """Return a simulation that stays where it is when this one goes on; without the pairs, which take most memory."""
-    halt = copy.copy(sim)
-    halt.state = replace(sim.state)  # steps make new arrays of all they change
-    del halt.evaluator
-    return halt
+@dataclass(frozen=True, eq=False)
+class Halt:
+    """A simulation that stays where it was at a step, without the pairs, which take most memory; and its fields."""
+
+    sim: Simulation
+    fields: Fields
+
+    @classmethod
+    def of(cls, sim: Simulation, fields: Sequence[str] = ()) -> Self:
+        """Return a simulation as it is."""
+        halt = copy.copy(sim)
+        halt.state = replace(sim.state)  # steps make new arrays of all they change
+        del halt.evaluator
+        return cls(halt, {field: sim.output(field).copy() for field in fields})
+
+
+def reached(problem: Problem, sim: Simulation, halts: dict[int, Halt] | None = None) -> Iterator[tuple[int, Halt]]:
+    """Run a scene; yield it as it is at every step, and put all of these into ``halts`` at the end."""
+    found = {}
+    for step in visit(sim, problem.steps, problem.timestep, problem.stops):
+        halt = Halt.of(sim, problem.fields)
+        if halts is not None:
+            found[step] = halt
+        yield step, halt
+    if halts is not None:
+        halts.update(found)
 
 
 def halted(problem: Problem, steps: Sequence[int]) -> dict[int, Simulation]:
     """Run a scene; return it as it is at some steps."""
     sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
-    return {step: as_it_is(sim) for step in visit(sim, steps, problem.timestep, problem.stops)}
+    return {step: Halt.of(sim).sim for step in visit(sim, steps, problem.timestep, problem.stops)}
 
 
 def evaluations(problem: Problem) -> int:

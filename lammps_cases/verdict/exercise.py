@@ -9,7 +9,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem, visit, wanted
+from lammps_cases.comparison.trajectory import Halt, Problem, own_stages, reached, wanted
 from lammps_cases.rules import RULES, Evaluated
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case
@@ -31,7 +31,9 @@ def counts(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
         given = reference_side.unchecked_state(scene, atoms, case.where)
         model, box = reference_side.model(scene, atoms, case.where), reference_side.box(scene, atoms)
         problem = Problem(model, box, given, 0.0, scene.compare, (0,))
-    return predictor.counts("rules", problem, lambda: counted(problem, scene.interacts))
+    shared = scene.interacts and own_stages(problem) is ArrayEvaluator
+    halts = predictor.halts(problem) if shared else None
+    return predictor.counts("rules", problem, lambda: counted(problem, scene.interacts, halts))
 
 
 def exercised(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
@@ -42,22 +44,25 @@ def exercised(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
     return {name: every.get(name, 0) for name in case.exercises}
 
 
-def counted(problem: Problem, interacts: bool = True) -> dict[str, int]:
-    """Return the largest count of every rule that a problem takes; without neighbours if nothing needs any."""
+def counted(problem: Problem, interacts: bool = True, halts: dict[int, Halt] | None = None) -> dict[str, int]:
+    """Return the largest count of every rule that a problem takes; without neighbours if nothing needs any.
+
+    ``halts`` takes the reference as it is at every step, of which a prediction can be made.
+    """
     most: dict[str, int] = {}
     with np.errstate(all="ignore"):
-        for evaluated in _visited(problem, interacts):
+        for evaluated in _visited(problem, interacts, halts):
             for name, rule in RULES.items():
                 most[name] = max(most.get(name, 0), rule.count(evaluated))
     return {name: count for name, count in most.items() if count}
 
 
-def _visited(problem: Problem, interacts: bool) -> Iterator[Evaluated]:
+def _visited(problem: Problem, interacts: bool, halts: dict[int, Halt] | None) -> Iterator[Evaluated]:
     """Yield the reference at every step compared."""
     start = problem.state
     if interacts:
         sim = Simulation(problem.model, problem.box, start, wanted(problem))
-        for step in visit(sim, problem.steps, problem.timestep, problem.stops):
+        for step, _ in reached(problem, sim, halts):
             yield Evaluated(sim, start, problem.fields, step, problem.box)
     else:
         evaluator = ArrayEvaluator(problem.model, problem.box, start.type_n, start.solid_n)

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
 from eos_ref import InputError
+from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
 from lammps_cases.pages.packed import unpacked
@@ -19,6 +21,7 @@ from lammps_cases.records.run_record import CaseRecord, EngineRecord, RunRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import exercise
+from lammps_cases.verdict.model_cases import problem_of
 from tests.support.outcome import Outcome
 
 Write = Callable[..., Path]
@@ -107,3 +110,26 @@ def test_patterns_pick_cases_by_their_labels(case_file: Write) -> None:
         "mine.rk1.2d": ("law-tait-general", "above-rho0"),
         "mine.rk1.same": ("law-tait-general", "rho0", "above-rho0"),
     }
+
+
+@pytest.mark.parametrize("name", ["forces.all.rk1.2d", "walls.stored.gravity", "runs.thermal.anew"])
+def test_the_run_whose_rules_are_counted_is_that_of_the_prediction(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (case,) = casefile.select(casefile.load(), (name,))
+    atoms, run = prepared_case.prepare(case).atoms, list[str]()
+    problem = problem_of(case.scene, atoms, case.where, case.scene.snapshots)
+    alone = Predictor().predict(problem, seed=1)
+    setup = Simulation.setup
+
+    def counted(sim: Simulation) -> None:
+        run.append(type(sim).__name__ + type(sim.state.x_nc).__name__)
+        setup(sim)
+
+    monkeypatch.setattr(Simulation, "setup", counted)
+    predictor = Predictor()
+    assert exercise.counts(case, atoms, predictor)
+    begun = run.count("Simulationndarray")
+    shared = predictor.predict(problem, seed=1)
+    assert run.count("Simulationndarray") == begun > 0
+    for ours, theirs in ((shared.fields, alone.fields), (shared.bounds, alone.bounds)):
+        for one, other in zip(ours, theirs, strict=True):
+            assert all(np.array_equal(one[f], other[f], equal_nan=True) for f in problem.fields)

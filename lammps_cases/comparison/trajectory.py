@@ -191,12 +191,13 @@ def widening(
     given = problem.model, problem.box, problem.state, wanted(problem)
     values, own, sizes = [], [], Sizes()
     for step, halt in halts.items() if halts else reached(problem, stepping(*given, stages), halts):
-        values.append(halt.fields)
         with stage("bounds"):
             count_rounded(len(problem.state.x_nc))
             errors = halt.sim.rounded(bounding)
-            sizes.add(errors)
-            own.append({field: _output_error(errors, field, halt.fields[field], step) for field in fields})
+            sizes.add(errors)  # of step 0 in any case: later all may have frozen, and feel no force to err in
+            if step in steps:
+                values.append(halt.fields)
+                own.append({field: _output_error(errors, field, halt.fields[field], step) for field in fields})
             consistent = halt.sim.units.consistent
             del errors, halt  # a large scene's arrays, before those of the next step come
     spreads: list[Fields] = [dict.fromkeys(fields, 0.0) for _ in steps]
@@ -234,9 +235,9 @@ class Halt:
 
 
 def reached(problem: Problem, sim: Simulation, halts: dict[int, Halt] | None = None) -> Iterator[tuple[int, Halt]]:
-    """Run a scene; yield it as it is at every step, and put all of these into ``halts`` at the end."""
+    """Run a scene; yield it as it is at step 0 and at every step, and put all of these into ``halts`` at the end."""
     found = {}
-    for step in visit(sim, problem.steps, problem.timestep, problem.stops):
+    for step in visit(sim, (0, *problem.steps), problem.timestep, problem.stops):
         halt = Halt.of(sim, problem.fields)
         if halts is not None:
             found[step] = halt

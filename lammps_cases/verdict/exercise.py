@@ -63,7 +63,8 @@ def _visited(problem: Problem, interacts: bool, halts: dict[int, Halt] | None) -
     if interacts:
         sim = Simulation(problem.model, problem.box, start, wanted(problem))
         for step, _ in reached(problem, sim, halts):
-            yield Evaluated(sim, start, problem.fields, step, problem.box)
+            if step in problem.steps:
+                yield Evaluated(sim, start, problem.fields, step, problem.box)
     else:
         evaluator = ArrayEvaluator(problem.model, problem.box, start.type_n, start.solid_n)
         sim = Simulation.with_evaluator(start.copy(), evaluator, problem.fields)

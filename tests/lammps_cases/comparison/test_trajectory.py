@@ -71,6 +71,14 @@ def test_before_the_first_step_the_bound_is_that_of_one_evaluation(case_file: Wr
     np.testing.assert_array_equal(stepped.bounds[0]["f"], alone.bounds[0]["f"])
 
 
+def test_bounds_hold_forces_at_steps_that_are_not_compared(case_file: Write) -> None:
+    """Later all may have frozen: particles then feel nothing, and yet have moved by the forces of the first step."""
+    scene = replace(problem(case_file), fields=("v",), timestep=0.001)
+    alone, both = (predict(replace(scene, steps=steps), ArrayEvaluator) for steps in ((1,), (0, 1)))
+    np.testing.assert_array_equal(alone.fields[0]["v"], both.fields[1]["v"])
+    np.testing.assert_array_equal(alone.bounds[0]["v"], both.bounds[1]["v"])
+
+
 def test_a_moved_run_that_cannot_go_on_bounds_nothing_from_there_on(case_file: Write) -> None:
     class Ending(Simulation):
         def step(self, dt: float) -> None:

@@ -239,11 +239,14 @@ class Simulation:
         self.box = box
         self.evaluator.take(box)
 
-    def begin_again(self, new_n: BoolArray, read_back: bool = False, minimized: bool = False) -> None:
+    def minimize(self) -> None:
+        """Evaluate forces as a minimisation that moves nothing does: nothing of it is left."""
+
+    def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
         """Evaluate the state reached as one that is given: a run begins so, whatever came before it.
 
-        ``new_n``, particles that are new to whoever keeps a history of forces, ``read_back``, whether the state
-        was read from a file, and ``minimized``, whether a minimisation has evaluated forces since, make no difference.
+        ``new_n``, particles that are new to whoever keeps a history of forces, and ``read_back``, whether the state
+        was read from a file, make no difference.
         """
         self.other_nc = self.kept_at_stop(new_n)
         self.fresh = True

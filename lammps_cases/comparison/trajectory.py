@@ -138,13 +138,15 @@ def visit(sim: Simulation, steps: Sequence[int], dt: float, stops: Sequence[Prob
         sim.run(step - done, dt)
         done = step
         if stop := stop_at.get(step):
+            if stop.minimized:
+                sim.minimize()
             if stop.box is not None:
                 sim.remap(stop.box)
             if stop.by_nc is not None:
                 sim.state.x_nc = sim.state.x_nc + stop.by_nc
             if isinstance(sim, Shaken):
                 sim.shake(0.5 * 10.0 ** (1 - stop.digits) if stop.digits else 0.0)
-            sim.begin_again(stop.new_n, stop.read_back, stop.minimized)
+            sim.begin_again(stop.new_n, stop.read_back)
             dt = stop.timestep or dt
         if step in steps:
             yield step

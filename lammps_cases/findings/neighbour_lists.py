@@ -218,11 +218,11 @@ class CountingSteps(Simulation):
         self.at += 1
         super().step(dt)
 
-    def begin_again(self, new_n: BoolArray, read_back: bool = False, minimized: bool = False) -> None:
+    def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
         """Take the list of the next set-up."""
         self.at += 1
         self.kept_sc = self.slots_at_stop(new_n, read_back)
-        super().begin_again(new_n, read_back, minimized)
+        super().begin_again(new_n, read_back)
 
     def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
         """Return what the slots of the new list hold when a run begins: nothing."""

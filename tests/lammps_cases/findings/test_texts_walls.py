@@ -259,7 +259,8 @@ def beside_a_wall(
     """A fluid particle at distance 1 of a solid that is held."""
     x = [[4.0, 4.0], [5.0, 4.0]]
     open_box = {"x": x, "low": [0, 0], "high": [9, 9], "periodic": [False, False]}
-    positions = scene.pop("positions", open_box)
+    positions, deform = scene.pop("positions", open_box), scene.pop("deform", None)
+    linear = [{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}]
     return told(
         positions["x"],
         (9, 9),
@@ -269,11 +270,11 @@ def beside_a_wall(
             {"mass": mass, "rho0": density, "cs": 1.0},
             {"mass": mass, "rho0": density, "cs": 1.0, "phase": "solid"},
         ],
-        pressure=[{"types": "*", "style": "linear"}, {"types": "*", "style": "background", "P_b": background}],
+        pressure=scene.pop("pressure", linear),
         rheo={"interface_reconstruct": True},
         positions=positions,
         forces=HELD,
-        evolve={"steps": 1, "timestep": 1e-4, "stops": stops},
+        evolve={"steps": 1, "timestep": 1e-4, "stops": stops} | ({"deform": deform} if deform else {}),
         compare=["rho", "f"],
         **scene,
     )
@@ -323,6 +324,26 @@ def test_walls_begin_with_what_a_minimisation_evaluates(lammps: Engine) -> None:
         found[by] = lammps.fields(scene)[1]["rho"]
         assert agree(found[by], scene.predicted(FORCES, BEGIN), "rho", 1)
     assert not agree(found["minimize"], scene.predicted(FORCES, BEGIN), "rho", 1)
+
+
+GAS = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "e": [1.0, 1.3]}
+
+
+@pytest.mark.parametrize(
+    ("stop", "change"),
+    [({}, GAS), ({}, {"deform": {"x": 300.0}}), ({"displace": {"x": 0.1, "types": 2}}, {})],
+    ids=["energies", "positions in a box that grew", "positions before they are displaced"],
+)
+def test_a_minimisation_evaluates_what_the_last_step_has_left(
+    stop: dict[str, Any], change: dict[str, Any], lammps: Engine
+) -> None:
+    """Pressures of walls are those of the energies found, and pairs those of the positions found."""
+    scene = replace(beside_a_wall({"at": 1, "by": "minimize", **stop}, **change), steps=(0, 1))
+    found = lammps.fields(scene)[1]["rho"]
+    known = (FORCES, BEGIN, *(["heat-is-temperature-rate"] if "e" in change else []))
+    assert agree(found, scene.predicted(*known), "rho", 1)
+    assert abs(found[0] - scene.predicted(FORCES).fields[1]["rho"][0]) > 1e-3
+    assert "positions, densities and energies that it finds" in ENTRIES[BEGIN].observed
 
 
 def test_created_with_forces_of_others(lammps: Engine) -> None:

@@ -87,10 +87,11 @@ class Box:
         return np.asarray(image_nc @ self.cell_cc if self.tilted else image_nc * np.array(self.edge_c))
 
     def outside(self, x_nc: FloatArray) -> BoolArray:
-        """Return which positions, (n, d), lie beyond a face, (n,)."""
+        """Return which positions, (n, d), lie beyond a face, (n,): one that leans by more than rounding."""
         low_c, high_c = np.array(self.low_c), np.array(self.high_c)
         upright_nc = low_c + self.upright(x_nc - low_c) if self.tilted else x_nc
-        return np.asarray(((upright_nc < low_c) | (upright_nc > high_c)).any(axis=1))
+        size_c = self.rounding(0.0) if self.tilted else 0.0
+        return np.asarray(((upright_nc < low_c - size_c) | (upright_nc > high_c + size_c)).any(axis=1))
 
     def rounding(self, reach: float) -> FloatArray:
         r"""Return how far the same position may lie in two codes, (d,), up to a reach outside; 0 if rectangular.

@@ -60,6 +60,15 @@ def test_what_lies_beyond_a_face() -> None:
     assert LEANING.outside(x_nc).tolist() == [1, 0, 0, 1], "x from yz / 2 + xz / 2, y from -1/4, half way up"
 
 
+def test_rounding_takes_no_position_beyond_a_face_that_leans() -> None:
+    """On the plane y = z of a box of edges 2.72 that leans by one of them, found 1e-13 inside and outside of it."""
+    box = Box((0.0,) * 3, (2.72,) * 3, (True,) * 3, (0.0, 0.0, 2.72))
+    x_nc = np.array([[0.34, 1.0199999999999798, 1.0199999999999836], [0.34, 1.02, 1.02], [0.34, 1.02 - 1e-12, 1.02]])
+    assert box.outside(x_nc).tolist() == [False, False, True]
+    upright = Box(box.low_c, box.high_c, box.periodic, (0.0,) * 3)
+    assert upright.outside(np.array([[0.0, -5e-324, 0.0]])).all(), "a face that does not lean is not rounded"
+
+
 def test_roundings_of_positions_in_a_box_that_leans() -> None:
     """With N = xy/ly = 1/2 both 1 + |N| + |N|^2 and 1 + |N| have this one element besides 1: N^2 is nothing in 2D."""
     assert UPRIGHT.rounding(1.0).tolist() == [0.0, 0.0]

@@ -252,8 +252,11 @@ class CaseRecord(Record):
 
     @property
     def headline(self) -> Blame | None:
-        """Return what leaves its bound first and is new: beyond the findings that the case shows, if there are any."""
-        return self.beyond.blame if self.beyond else self.blame
+        """Return what leaves its bound first and is new: beyond the findings that the case shows, if there are any.
+
+        Of a case with a twin: where the two runs differ. What is beyond findings is of one of them.
+        """
+        return self.beyond.blame if self.beyond and not self.twin else self.blame
 
     @property
     def unexercised(self) -> list[str]:

@@ -336,10 +336,11 @@ def blame(case: CaseRecord, findings: bool = True) -> str:
     if first.run is not None:
         return _blame_of_audit(first)
     text = blame_of(first, case.twin)
-    if case.beyond is not None:
-        text += f", beside {listed(case.beyond.findings)}"
+    beside = f", beside {listed(case.beyond.findings)}" if case.beyond else ""
     if case.twin:
         text = f"LAMMPS against itself (twin: {case.twin}): {text}"
+        text += f"; of one run {blame_of(case.beyond.blame, '')}" if case.beyond else ""
+    text += beside
     if case.not_same_problem:
         text += "; the reference differs as well, so the two are not the same problem"
     explaining = next((field.explained_by for field in case.fields if field.field == first.field), [])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -130,30 +131,46 @@ class Trial:
             yield self.reference
 
     def _first_outside(self, problem: Problem, prediction: Prediction, undefined: bool) -> Blame | None:
-        """Return the first value outside a prediction, None if there is none; some may have no bound if so said."""
-        for (at, step), name in itertools.product(enumerate(problem.steps), in_step_order(problem.fields)):
-            lammps_n, variant_n, bound_n = sides(problem, name, self.snapshots[at], prediction, at)
-            ratio_n = excess(lammps_n, variant_n, bound_n)[1]
-            # A number that is none where the reference has one is reproduced too, value by value.
-            none_n = np.isnan(lammps_n) & np.isnan(variant_n) & np.isfinite(self.reference.fields[at][name])
-            if np.all((ratio_n <= 1) | none_n):
-                continue
-            own_n = np.broadcast_to(self.reference.bounds[at][name], bound_n.shape)
-            if undefined and _defined_part_inside(lammps_n, variant_n, bound_n, own_n):
-                continue
-            open_n = ~np.isfinite(bound_n)
-            if np.any(ratio_n[~open_n] > 1):  # what has a bound is blamed, not what has none
-                lammps_n, variant_n, bound_n = (np.where(open_n, 0.0, a_n) for a_n in (lammps_n, variant_n, bound_n))
-            comparison = compare_field(name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n)
-            return blame_of(comparison, self.id_n, step)
+        """Return the first value outside a prediction, None if there is none; some may have no bound if so said.
+
+        Of a step, what has a bound is blamed, not what has none.
+        """
+        for at, step in enumerate(problem.steps):
+            without_bound = None
+            for name in in_step_order(problem.fields):
+                left = self._outside(name, at, step, prediction, undefined)
+                if left is not None and left.bound != math.inf:
+                    return left
+                without_bound = without_bound or left
+            if without_bound:
+                return without_bound
         return None
+
+    def _outside(self, name: str, at: int, step: int, prediction: Prediction, undefined: bool) -> Blame | None:
+        """Return the first value of a field outside a prediction at a step, None if there is none."""
+        lammps_n, variant_n, bound_n = sides(self.problem, name, self.snapshots[at], prediction, at)
+        ratio_n = excess(lammps_n, variant_n, bound_n)[1]
+        # A number that is none where the reference has one is reproduced too, value by value.
+        none_n = np.isnan(lammps_n) & np.isnan(variant_n) & np.isfinite(self.reference.fields[at][name])
+        if np.all((ratio_n <= 1) | none_n):
+            return None
+        own_n = np.broadcast_to(self.reference.bounds[at][name], bound_n.shape)
+        if undefined and _defined_part_inside(lammps_n, variant_n, bound_n, own_n):
+            return None
+        open_n = ~np.isfinite(bound_n)
+        if np.any(ratio_n[~open_n] > 1):
+            lammps_n, variant_n, bound_n = (np.where(open_n, 0.0, a_n) for a_n in (lammps_n, variant_n, bound_n))
+        comparison = compare_field(name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n)
+        return blame_of(comparison, self.id_n, step)
 
     def _furthest(self, first: Blame, listed: Sequence[Finding]) -> Beyond | None:
         order = in_step_order(self.problem.fields)
         ids = tuple(entry.id for entry in listed)
 
         def place(left: Blame) -> tuple[int, int]:
-            return self.problem.steps.index(left.step or 0), order.index(left.field)
+            """Return the place in the order of steps: after all fields of a step if those with a bound are inside."""
+            at_field = order.index(left.field) if left.bound != math.inf else len(order)
+            return self.problem.steps.index(left.step or 0), at_field
 
         def rank(names: tuple[str, ...]) -> tuple[tuple[int, int], bool, int]:
             return place(self._left[names]), names == ids, -len(names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -92,7 +93,7 @@ def _judge_twin(
         comparison.record.derivation = f"LAMMPS against itself ({twin.kind}): the bounds of both runs, added ({own})"
     first = first_outside(one.problem, table, id_n)
     record.ended, record.blame = "answered", first
-    if first:
+    if first and first.bound != math.inf:  # else the reference leaves open where particles are, and tells no runs apart
         _explain_twin(record, twin, one, other, table, engine, predictor)
     comparisons = [over_steps(table[field], steps) for field in in_step_order(one.problem.fields)]
     record.fields = [comparison.record for comparison in comparisons]
@@ -161,10 +162,11 @@ def _explain_twin(
         own = compare_all(side.problem, id_n, side.snapshots, side.prediction)
         if outside := first_outside(side.problem, own, id_n):
             trial = Trial(side.problem, side.snapshots, id_n, side.prediction, side.random, predictor)
-            entries = trial.explain(engine, outside).entries
-            if not entries:
+            found = trial.explain(engine, outside)
+            if not found.entries:
+                record.beyond = found.beyond
                 return
-            needed += [entry for entry in entries if entry not in needed]
+            needed += [entry for entry in found.entries if entry not in needed]
     if not needed:
         return
     breaking = [e for e in needed if not same(*(_with_finding(side, e, predictor) for side in (one, other)))]

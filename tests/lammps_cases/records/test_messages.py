@@ -77,6 +77,18 @@ SENTENCES: dict[str, tuple[dict[str, Any], str]] = {
         "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
         "as given 1.5, as its boost twin 0.1, bound 1.23e-15; explained by a",
     ),
+    "twin, and beyond": (
+        {
+            "verdict": "differs",
+            "twin": "boost",
+            "blame": TWIN,
+            "beyond": Beyond(findings=["a", "b"], blame=STEP),
+            "fields": force("differs"),
+        },
+        "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
+        "as given 1.5, as its boost twin 0.1, bound 1.23e-15; of one run f (stage pair) leaves its bound at step 4 at "
+        f"{NUMBERS}, beside a, b",
+    ),
     "twin of another problem": (
         {"verdict": "differs", "twin": "boost", "blame": TWIN, "not_same_problem": True, "fields": force("differs")},
         "LAMMPS against itself (twin: boost): f (stage twin) leaves its bound at step 4 at 2 of 9 atoms, first atom 3: "
@@ -231,7 +243,8 @@ def _written(tmp_path: Path, text: str) -> Path:
 
 def test_facts_of_schema_1_are_those_of_its_sentences(tmp_path: Path) -> None:
     """What schema 1 rounded away (the bound beyond three digits) is all that is lost."""
-    cases = [CaseRecord(case=name, **facts, message=sentence) for name, (facts, sentence) in SENTENCES.items()]
+    said_then = {name: sentence for name, sentence in SENTENCES.items() if name != "twin, and beyond"}
+    cases = [CaseRecord(case=name, **facts, message=sentence) for name, (facts, sentence) in said_then.items()]
     one = f"f (stage pair) leaves its bound at step 4 at {NUMBERS}"
     worded_then = {"beyond": f"{one}; beyond a, b: {one}"}
     written = [case.model_copy(update={"message": worded_then.get(case.case, case.message)}) for case in cases]

@@ -37,9 +37,11 @@ Effects = Mapping[str, tuple[int, str, float]]  # step, field and distance from 
 class Played(Predictor):
     """What the reference predicts where findings move it; the bounds of three values are 1, or those of ``bounds``."""
 
-    def __init__(self, effects: Effects, bounds: Mapping[str, Bounds]) -> None:
+    def __init__(
+        self, effects: Effects, bounds: Mapping[str, Bounds], without_bound: Mapping[str, Mapping[int, str]]
+    ) -> None:
         super().__init__()
-        self.effects, self.bounds = effects, bounds
+        self.effects, self.bounds, self.without_bound = effects, bounds, without_bound
         self.asked: list[tuple[str, tuple[int, ...]]] = []
         self.widened: list[tuple[tuple[int, ...], float]] = []  # steps, and part of the bounds
         self.told: list[Snapshot] = []  # what LAMMPS has
@@ -62,6 +64,10 @@ class Played(Predictor):
             raise InputError("density", "must be finite", NAN)
         bound_n = np.array(self.bounds.get("+".join(sorted(names)), (1.0, 1.0, 1.0)))
         bounds = tuple(dict.fromkeys(problem.fields, bound_n) for _ in problem.steps)
+        for name in names & set(self.without_bound):
+            for step, field in self.without_bound[name].items():
+                if step in problem.steps:
+                    bounds[problem.steps.index(step)][field] = np.full(3, INF)
         return Prediction(self.fields(problem, names), bounds)
 
     def widening(self, problem: Problem, made: Made, seed: int) -> Iterator[Prediction]:
@@ -107,6 +113,7 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, 
         *also: tuple[Any, ...],
         settings: Mapping[str, dict[str, Any]] = MappingProxyType({}),
         bounds: Mapping[str, Bounds] = MappingProxyType({}),
+        without_bound: Mapping[str, Mapping[int, str]] = MappingProxyType({}),
         lists: bool = False,
         of: Problem = PROBLEM,
     ) -> tuple[ModelVerdict, Played]:
@@ -116,7 +123,7 @@ def judge(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[ModelVerdict, 
             special = dict(settings.get(name, {}))
             entries[name] = finding(name, number, entries.get(special.pop("on", "")), **special)
         monkeypatch.setattr(findings, "LEDGER", (LEDGER[0], *entries.values()))
-        predictor = Played(effects, bounds)
+        predictor = Played(effects, bounds, without_bound)
         predictor.told = list(predictor.fields(of, frozenset(has.split("+"))))
         for step, field, moved, *row in also:
             predictor.told[of.steps.index(step)][field][row or 1] += moved
@@ -259,6 +266,26 @@ def test_what_is_left_is_named_beside_the_findings_that_come_furthest(
     assert (left and (left.findings, left.blame.step, left.blame.field)) == beyond
     if left:
         assert (left.blame.atom, left.blame.lammps) == (5, REFERENCE + own[2])
+
+
+@pytest.mark.parametrize(
+    ("own", "left"),
+    [
+        ((2, "f", 0.0), (2, "coordination", INF)),
+        ((2, "f", 4.0), (2, "f", 1.0)),  # what has a bound at that step is blamed
+        ((5, "f", 4.0), (2, "coordination", INF)),  # what comes after is not looked at
+    ],
+)
+def test_of_a_step_what_has_a_bound_is_blamed(
+    judge: Any, own: tuple[int, str, float], left: tuple[int, str, float]
+) -> None:
+    """And a set that leaves only what has none outside comes further than one that leaves a bounded field."""
+    open_after = {"a": {2: "coordination"}}
+    effects = {"a": (2, "coordination", 4.0), "b": (0, "coordination", 4.0)}
+    verdict, _ = judge("a", effects, own, without_bound=open_after)
+    assert verdict.beyond is not None
+    blame = verdict.beyond.blame
+    assert (blame.step, blame.field, blame.bound) == left
 
 
 # --- variants of a special kind

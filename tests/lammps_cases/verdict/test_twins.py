@@ -148,6 +148,7 @@ def test_findings_that_reproduce_both_runs_explain_their_difference(
     assert {name for field in red for name in field.explained_by} == set(explained_by)
     assert ("f" in [field.field for field in red]) == (not same)
     assert (record.blame is None) == same
+    assert (record.beyond is not None) == (also is not None), "what no finding explains of one run is said"
 
 
 def test_only_findings_that_tell_the_runs_apart_are_named(make: Make) -> None:

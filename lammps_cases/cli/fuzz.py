@@ -87,7 +87,8 @@ def _print(record: FuzzRecord) -> None:
     for name, count in record.gaps.items():
         click.echo(f"  {name}: {counted(count, 'scene')} that it changes and no variant reproduces")
     if record.lost:
-        click.echo(f"  {counted(record.lost, 'scene')} whose particles LAMMPS and the reference lose alike")
+        lost = counted(record.lost, "scene")
+        click.echo(f"  {lost} whose particles are lost, by LAMMPS and the reference or by the latter alone")
     if record.unbounded:
         click.echo(f"  {counted(record.unbounded, 'scene')} that known findings leave no bound to be judged by")
     drawn = sum(map(bool, record.choices.values()))

@@ -38,7 +38,10 @@ if TYPE_CHECKING:
 WRITTEN_EVERY = 5.0  # seconds
 JUDGING = 300.0  # seconds that judging a scene may take
 # How LAMMPS ends where numbers are none, or particles nowhere in the box.
-LOST = re.compile("Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'")
+LOST = re.compile(
+    "Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'"
+    "|Replicate did not assign all atoms"
+)
 SHRINKING = 60.0  # seconds for making one scene small
 
 
@@ -144,7 +147,7 @@ class Hunt:
             return
         if gap := known_gap(verdict, drawn.case.scene, record.engine.distribution):
             record.gaps[gap] = record.gaps.get(gap, 0) + 1
-        elif is_lost(verdict) and loses(drawn.ready, record.engine.distribution):
+        elif _lost(drawn, verdict, record.engine.distribution):
             record.lost += 1
         elif is_unbounded(verdict, record.engine.distribution):
             record.unbounded += 1
@@ -196,6 +199,13 @@ def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, e
     return case_judgement.unjudged(drawn.ready, outcome, engine) if isinstance(outcome, Failure) else outcome[0]
 
 
+def _lost(drawn: DrawnScene, record: CaseRecord, engine: str) -> bool:
+    """Return whether particles are lost by both sides, or by the reference alone, whose forces LAMMPS may lack."""
+    if record.harness_error:
+        return loses(drawn.ready)
+    return is_lost(record) and loses(drawn.ready, engine)
+
+
 def is_lost(record: CaseRecord) -> bool:
     """Return whether LAMMPS ended as it does where particles are lost."""
     return record.verdict == "refused" and LOST.search(record.engine_error) is not None
@@ -210,15 +220,16 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
 
 
 def is_unbounded(record: CaseRecord, engine: str) -> bool:
-    """Return whether findings that the engine is known to have reproduce all up to positions that they leave open.
+    """Return whether findings that the engine is known to have reproduce all up to positions or shifts without a bound.
 
     Nothing that is evaluated at positions without a bound has one: nothing is left that could be compared.
     """
-    left = record.beyond
-    if record.verdict != "differs" or left is None or (left.blame.field, left.blame.bound) != ("x", math.inf):
+    left = record.beyond.blame if record.beyond else record.blame
+    findings = record.beyond.findings if record.beyond else []
+    if record.verdict != "differs" or left is None or left.field not in ("x", "shift/v") or left.bound != math.inf:
         return False
     known = {entry.id for entry in LEDGER if entry.listed(engine)}
-    return left.blame.outside == left.blame.of and known.issuperset(left.findings)
+    return left.outside == left.of and known.issuperset(findings)
 
 
 class _UntilLate:

@@ -16,18 +16,18 @@ from lammps_cases.verdict.model_cases import problem_of
 BINS = 2**31 - 1
 
 
-def loses(ready: PreparedCase, engine: str) -> bool:
+def loses(ready: PreparedCase, engine: str = "") -> bool:
     """Return whether particles leave the box, or are nowhere.
 
-    By the reference, with the findings that the engine has and that need none of its numbers. They leave it through
-    faces that are not periodic; through periodic ones where a step takes them further than to the next image; and with
-    faces that follow them (shrink-wrapped) where the box has more bins than LAMMPS can count.
+    By the reference, with the findings that the engine has, if one is named, and that need none of its numbers. They
+    leave it through faces that are not periodic; through periodic ones where a step takes them further than to the next
+    image; and with faces that follow them (shrink-wrapped) where the box has more bins than LAMMPS can count.
     """
     scene = ready.case.scene
     if scene.evolve is None:
         return False
     problem = problem_of(scene, ready.atoms, ready.case.where, tuple(range(scene.evolve.steps + 1)))
-    variants = [entry.model_variant for entry in LEDGER if entry.model_variant and entry.listed(engine)]
+    variants = [entry.model_variant for entry in LEDGER if engine and entry.model_variant and entry.listed(engine)]
     known = [one for one in variants if not (one.fit or one.undefined) and one.applies(problem)]
     stages, stepping = combined(known, problem, {}) or (None, Simulation)
     assert stages is not None

@@ -37,7 +37,9 @@ class FuzzRecord(Record):
     twins: int = Field(0, description="scenes judged against a second run of LAMMPS")
     findings: dict[str, int] = Field({}, description="scenes that each finding explains")
     gaps: dict[str, int] = Field({}, description="scenes that a finding changes and its variant does not reproduce")
-    lost: int = Field(0, description="scenes whose particles LAMMPS and the reference lose alike")
+    lost: int = Field(
+        0, description="scenes whose particles are lost: by LAMMPS and the reference, or by the latter alone"
+    )
     unbounded: int = Field(0, description="scenes that findings known on the engine leave no bound to be judged by")
     red: list[Red] = Field([])
     choices: dict[str, int] = Field({}, description="choices of the schema, and how many scenes take each")

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any, get_args
 
+import numpy as np
+
 from eos_ref.model.box import TILTED
 from eos_ref.model.quantities import keyword_of
 from eos_ref.model.units import UNITS
@@ -27,7 +29,7 @@ def evolve(scope: Scope, chance: Chance) -> Any:
         return LEFT_OUT
     steps = chance.weighted({1: 0.3, 2: 0.2, 3: 0.15, 6: 0.2, 12: 0.15})
     content: Content = {"steps": steps, "timestep": TO_BE_SET}
-    if scope.whole and chance.at("grows").coin(0.12):
+    if scope.whole and chance.at("grows").coin(0.12) and not _leans_far(scope):
         content["deform"] = _deform(scope, chance.at("deform"))
     if scope.stops:
         content["stops"] = _stops(scope, chance.at("stops"), steps, "deform" in content)
@@ -38,6 +40,23 @@ def evolve(scope: Scope, chance: Chance) -> Any:
     if chance.coin(0.4):
         content["compare_at"] = [*chance.some(range(steps), 0.4), steps]
     return content
+
+
+def _edges(scope: Scope) -> list[float]:
+    """Return the edges of the box, or lengths that they have at least."""
+    places = scope.content["positions"]
+    if "cells" in places:
+        return [scope.spacing * count for count in places["cells"]]
+    return [high - low for low, high in zip(places["low"], places["high"], strict=True)]
+
+
+def _leans_far(scope: Scope) -> bool:
+    """Return whether the box leans so far that fix deform may lean it back by an edge.
+
+    An edge of which no rate is given then stays where it was put, and does not go on as it would have gone.
+    """
+    tilt, edges = scope.content["positions"].get("tilt", ()), _edges(scope)
+    return any(abs(lean) > 0.2 * edges[one] for lean, (one, _) in zip(tilt, TILTED, strict=False))
 
 
 def _deform(scope: Scope, chance: Chance) -> Content:
@@ -52,9 +71,8 @@ def _deform(scope: Scope, chance: Chance) -> Content:
     stays = [remap == "none" or (remap == "v" and not around) for around in periodic]
     shares = [chance.between(0.0 if out else -0.08, 0.08) for out in stays]
     content: Content = {axis: share for axis, share in zip("xyz", shares, strict=False) if chance.coin(0.7)}
-    places = scope.content["positions"]
-    edges = places.get("cells") or [high - low for low, high in zip(places["low"], places["high"], strict=True)]
-    for (one, other), can in zip(TILTED, leaning(periodic, scope.d), strict=False):
+    edges = _edges(scope)
+    for (one, other), can in zip(TILTED, leaning(scope, periodic), strict=False):
         pair = "xyz"[one] + "xyz"[other]
         if can and remap != "none" and chance.at(pair).coin(0.4):  # by less than half an edge: LAMMPS leans it back
             content[pair] = chance.at(pair).between(-0.25, 0.25) * min(1.0, edges[one] / edges[other])
@@ -163,13 +181,21 @@ def engine(scope: Scope, chance: Chance) -> Content:
 
 
 def boundary(scope: Scope, chance: Chance) -> str:
-    """Return a style of faces; none that shrinks where the volume of the box shows, fixed ones if it changes."""
+    """Return a style of faces; none that shrinks to nothing or where its volume shows, fixed ones if it changes."""
     evolves = scope.content.get("evolve", {})
     if "deform" in evolves or any("stretch" in stop for stop in evolves.get("stops", ())):
         return "f"
     volume = {"virial", "press"}.intersection(scope.content.get("compare", ()))
     styles: tuple[str, ...] = get_args(Boundary)
-    return chance.choice([style for style in styles if not (volume and "s" in style)])
+    return chance.choice([style for style in styles if not ((volume or _is_flat(scope)) and "s" in style)])
+
+
+def _is_flat(scope: Scope) -> bool:
+    """Return whether all particles may have one coordinate: a box that shrinks to them has no bins."""
+    places = scope.content["positions"]
+    periodic = places.get("periodic") or [True] * scope.d
+    extents = np.ptp(places["x"], axis=0) if "x" in places else [count - 1 for count in places["cells"]]
+    return any(extent < 0.1 * scope.spacing and not around for extent, around in zip(extents, periodic, strict=True))
 
 
 def twin(scope: Scope, chance: Chance) -> Any:
@@ -196,7 +222,7 @@ def twin(scope: Scope, chance: Chance) -> Any:
         kinds["boost"] = lambda: chance.vector(scope.d, 3 * scope.speed)
     kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 and "every" not in evolves else {}
     if not grows and any(
-        edges := [can * chance.at("tilt").whole(1, 2) for can in leaning(positions.get("periodic"), scope.d)]
+        edges := [can * chance.at("tilt").whole(1, 2) for can in leaning(scope, positions.get("periodic"))]
     ):
         kinds["tilt"] = lambda: edges
     kinds |= {"ranks": lambda: 2} if own.get("ranks", 1) == 1 else {}

@@ -75,16 +75,22 @@ def positions(scope: Scope, chance: Chance) -> Content:
     if scope.listed:
         return _listed(scope, chance)
     content = _lattice(scope, chance)
-    if any(can_lean := leaning(content.get("periodic"), scope.d)) and chance.coin(0.25):
+    if any(can_lean := leaning(scope, content.get("periodic"))) and chance.coin(0.25):
         lean = chance.at("tilt")
         content["tilt"] = [rounded(can * lean.between(-4.0, 4.0) * scope.spacing) for can in can_lean]
     return content
 
 
-def leaning(periodic: list[bool] | None, dimension: int) -> list[bool]:
-    """Return which edges may lean: those of periodic axes, along periodic axes."""
-    around = periodic or [True] * dimension
-    return [around[one] and around[other] for one, other in TILTED if max(one, other) < dimension]
+def leaning(scope: Scope, periodic: list[bool] | None) -> list[bool]:
+    """Return which edges may lean: those of periodic axes, along periodic axes.
+
+    None between particles so close together that LAMMPS no longer tells their images apart in a box that leans: a pair
+    aligned with an edge counts twice where it is closer than some 0.01 in units lj, whatever its distance in spacings.
+    """
+    if scope.spacing < 0.1:
+        return []
+    around = periodic or [True] * scope.d
+    return [around[one] and around[other] for one, other in TILTED if max(one, other) < scope.d]
 
 
 def _periodic(scope: Scope, chance: Chance) -> list[bool] | None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eos_ref.model.box import TILTED
 from lammps_cases.comparison.trajectory import visit, wanted
 from lammps_cases.findings.units import UnitsUnconverted
 from lammps_cases.fuzz import rules, schema
@@ -182,3 +183,29 @@ def test_no_twin_has_units_in_which_walls_keep_no_digit() -> None:
     chance = Chance("203/301")
     assert "units" in content_of(chance)["twin"]
     assert "twin" not in draw(203, 301).content
+
+
+@pytest.mark.slow
+def test_a_box_that_is_deformed_leans_by_less_than_half_an_edge(drawn: list[DrawnScene]) -> None:
+    """LAMMPS leans it back by an edge otherwise, and an edge without a rate then stays where it was put."""
+    deformed = [one.ready for one in drawn if one.content.get("evolve", {}).get("deform")]
+    assert any(ready.case.scene.evolve.deform.xy for ready in deformed)
+    for ready in deformed:
+        scene = ready.case.scene
+        problem = problem_of(scene, ready.atoms, "", tuple(range(scene.evolve.steps + 1)))
+        for box in map(problem.box_at, problem.steps):
+            assert all(abs(lean) < box.edge_c[one] / 2 for lean, (one, _) in zip(box.tilt, TILTED, strict=False))
+
+
+def test_no_box_shrinks_to_nothing() -> None:
+    """One particle: with shrink-wrapped faces LAMMPS ends at 'box size << cutoff'."""
+    scene = draw(304, 355).case.scene
+    assert len(scene.positions.x) == 1 and not all(scene.positions.periodic)
+    assert "s" not in scene.engine.boundary
+
+
+def test_no_box_leans_between_particles_that_lammps_cannot_tell_apart() -> None:
+    """At 0.00969, where a pair aligned with an edge counts twice (in units lj, whatever the length of the box)."""
+    content = draw(305, 952).content
+    assert content["positions"]["spacing"] < 0.01
+    assert "tilt" not in content["positions"] and not {"xy", "xz", "yz"} & set(content["evolve"].get("deform", {}))

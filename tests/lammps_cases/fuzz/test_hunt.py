@@ -84,7 +84,8 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
         ({}, "2026.7.4", False),  # which is not known to have it
         ({"bound": 1e-9}, "2025.7.22.2.0", False),
         ({"outside": 7}, "2025.7.22.2.0", False),
-        ({"field": "shift/v"}, "2025.7.22.2.0", False),  # forces may have bounds, and lie outside
+        ({"field": "shift/v"}, "2025.7.22.2.0", True),  # what has a bound at that step is inside
+        ({"field": "f"}, "2025.7.22.2.0", False),
     ],
 )
 def test_only_known_findings_leave_scenes_without_bounds(change: Any, engine: str, unbounded: bool) -> None:
@@ -112,6 +113,7 @@ def test_only_known_findings_leave_scenes_without_bounds(change: Any, engine: st
         ("ERROR: Expected floating point parameter instead of 'nan' in input script", True),  # a state put back
         ("ERROR: Expected floating point parameter instead of '-nan' in input script", True),
         ("ERROR: Expected floating point parameter instead of 'nanometre' in input script", False),
+        ("ERROR: Replicate did not assign all atoms correctly", True),
         ("ERROR: Unknown pair style", False),
     ],
 )
@@ -155,3 +157,9 @@ def test_what_loses_its_particles(periodic: bool, boundary: str, speed: float, l
 def test_wrong_numbers_are_refused(arguments: tuple[object, ...], tmp_path: Path, eos_ref_command: Run) -> None:
     left = eos_ref_command("fuzz", *arguments, "--out", tmp_path / "out")
     assert left.code == 2 and left.err.count("\n") == 1
+
+
+def test_a_scene_whose_particles_the_reference_loses_is_counted_apart() -> None:
+    """Steps too long by design, and forces that LAMMPS lacks a factor of: it goes on where the reference cannot."""
+    ready = draw(401, 12).ready
+    assert loses(ready) and not loses(draw(401, 13).ready)

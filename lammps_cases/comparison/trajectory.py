@@ -2,8 +2,9 @@
 
 The bound of a single evaluation follows from its own formulas (`eos_ref.numbers.rounded`). Over steps rounding grows:
 the bound is the spread of reference runs in which every evaluation is moved by its own bound and every update of the
-state by one unit of the last place, with random signs. Where units round the input itself, runs from input moved so
-add their spread (`lammps_cases.comparison.rounded_input`).
+state by one unit of the last place, with random signs; and what the updates sum up to where all of them round one way.
+Where units round the input itself, runs from input moved so add their spread
+(`lammps_cases.comparison.rounded_input`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from lammps_cases.records.stages import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
+UPDATES = 3  # of a value in a step, at most: two halves, and the shift
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
 COMPILED_ABOVE = int(0.456 / 7.92e-6)
@@ -278,9 +280,18 @@ def own_stages(problem: Problem) -> type[Evaluator]:
 
 
 def _output_error(twin: Simulation, field: str, values: FloatArray, step: int) -> Any:
-    if QUANTITIES[field].integrated and step > 0:
-        return np.zeros(np.shape(values))  # all of it is in the spread
+    if QUANTITIES[field].integrated and step > 0:  # what forces and rates err by is in the spread
+        return np.zeros(np.shape(values)) if QUANTITIES[field].discrete else _summed_up(values, step)
     return error(twin.output(field))
+
+
+def _summed_up(values: FloatArray, steps: int) -> FloatArray:
+    """Return how far sums of as many increments as steps take may lie apart in two codes.
+
+    Each rounds its sums by one unit roundoff, up to `UPDATES` times a step, and always the same way where increments
+    are alike: random signs, as of the moved runs, grow with the root of their number alone.
+    """
+    return 2 * UPDATES * steps * EPS * np.abs(values)
 
 
 class Sizes(dict[str, FloatArray]):

@@ -12,11 +12,13 @@ import pytest
 
 from eos_ref import InputError
 from eos_ref.compiled.evaluator import CompiledEvaluator
+from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
     MOVED_RUNS,
+    UPDATES,
     Prediction,
     Problem,
     Shaken,
@@ -32,8 +34,8 @@ from lammps_cases.verdict.model_cases import problem_of
 Write = Callable[..., Path]
 
 
-def problem(case_file: Write) -> Problem:
-    case = casefile.load((case_file(compare=["f"], velocity={"random": 0.3}),))[0]
+def problem(case_file: Write, **scene: Any) -> Problem:
+    case = casefile.load((case_file(compare=["f"], velocity={"random": 0.3}, **scene),))[0]
     return problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
 
 
@@ -96,13 +98,30 @@ def test_a_moved_run_that_cannot_go_on_bounds_nothing_from_there_on(case_file: W
 
 
 def test_the_spread_of_moved_runs_bounds_all_particles_alike(case_file: Write) -> None:
-    """What steps integrate has no bound of its own: all of it is in the spread, and none before the first step."""
+    """What steps integrate has no bound before the first step; then the spread, and what its roundings sum up to."""
     scene = replace(problem(case_file), fields=("v", "x"))
-    first, last = predicted(scene).bounds
+    found = predicted(scene)
+    first, last = found.bounds
     for field in scene.fields:
         assert not np.any(first[field])
-        assert np.unique(last[field]).size == 1
-        assert 0 < np.max(last[field]) < 1e-9
+        own = 2 * UPDATES * 2 * EPS * np.abs(found.fields[1][field])
+        spread = last[field] - own
+        assert np.ptp(spread) < 1e-6 * spread.min() and 0 < spread.max() < 1e-9
+
+
+def test_sums_that_always_round_one_way_stay_inside(case_file: Write) -> None:
+    """Velocities under a constant force, rounded up in the last place by each half of a hundred steps."""
+
+    class RoundingUp(Simulation):
+        def step(self, dt: float) -> None:
+            super().step(dt)
+            self.state.v_nc = np.nextafter(np.nextafter(self.state.v_nc, np.inf), np.inf)
+
+    pushed = problem(case_file, forces=[{"style": "setforce", "vector": [0.1, 0.2]}])
+    scene = replace(pushed, fields=("v",), steps=(0, 100), timestep=0.001)
+    right, other = (predict(scene, ArrayEvaluator, stepping) for stepping in (Simulation, RoundingUp))
+    apart = np.abs(right.fields[1]["v"] - other.fields[1]["v"])
+    assert (apart > 0).all() and (apart <= right.bounds[1]["v"]).all()
 
 
 def test_counts_are_bounded_particle_by_particle(case_file: Write) -> None:

@@ -119,7 +119,7 @@ def few(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """All the cases there are: three."""
     load = casefile.load
     of_file = [case for case in load([casefile.SHIPPED / "near-rho0.yaml"]) if case.name.endswith(".2d")][:3]
-    monkeypatch.setattr(casefile, "load", lambda paths=(): load(paths) if paths else of_file)
+    monkeypatch.setattr(casefile, "load", lambda paths=(), tag=None: load(paths, tag) if paths else of_file)
     monkeypatch.chdir(tmp_path)
 
 

@@ -214,10 +214,14 @@ def twin(scope: Scope, chance: Chance) -> Any:
     }
     grows = "deform" in evolves
     kinds |= {} if "tilt" in positions or grows else {"translate": lambda: _along_periodic(scope, chance)}
-    kinds |= {"rescale": lambda: _scale(scope, chance)} if _can_be_rescaled(scope) else {}
-    if _can_be_rescaled(scope):
+    leans = "tilt" in positions or not {"xy", "xz", "yz"}.isdisjoint(evolves.get("deform", {}))
+    kinds |= {"rescale": lambda: _scale(scope, chance)} if _can_be_rescaled(scope) and not leans else {}
+    if _can_be_rescaled(
+        scope
+    ):  # to lj, too, lengths may become too short for images in a box that leans: see `leaning`
         possible = [name for name in UNITS if UNITS[name].consistent or not scope.planar]
-        kinds["units"] = lambda: chance.choice([name for name in possible if name != content.get("units", "lj")])
+        possible = [name for name in possible if name != content.get("units", "lj") and not (leans and name == "lj")]
+        kinds["units"] = lambda: chance.choice(possible)
     if not shifts and not grows and "press" not in content.get("compare", ()):
         kinds["boost"] = lambda: chance.vector(scope.d, 3 * scope.speed)
     kinds |= {"split": lambda: True} if evolves.get("steps", 0) > 1 and "every" not in evolves else {}

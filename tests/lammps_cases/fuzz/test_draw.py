@@ -209,3 +209,12 @@ def test_no_box_leans_between_particles_that_lammps_cannot_tell_apart() -> None:
     content = draw(305, 952).content
     assert content["positions"]["spacing"] < 0.01
     assert "tilt" not in content["positions"] and not {"xy", "xz", "yz"} & set(content["evolve"].get("deform", {}))
+
+
+@pytest.mark.slow
+def test_no_twin_of_a_box_that_leans_has_particles_that_lammps_cannot_tell_apart(drawn: list[DrawnScene]) -> None:
+    """Scene 741 of seed 404: its twin in units lj had the numbers of meters, some 1e-7."""
+    leaning = [one.ready for one in drawn if one.ready.twin and any(one.ready.sides[1][1].tilt)]
+    sides = [side for ready in leaning for side in ready.sides]
+    assert sides and min(atoms.spacing for scene, atoms in sides if scene.units == "lj") > 0.1
+    assert "lj" not in str(draw(404, 741).content.get("twin"))

@@ -202,7 +202,7 @@ def record_of(drawn: DrawnScene, outcome: tuple[CaseRecord, Arrays] | Failure, e
 def _lost(drawn: DrawnScene, record: CaseRecord, engine: str) -> bool:
     """Return whether particles are lost by both sides, or by the reference alone, whose forces LAMMPS may lack."""
     if record.harness_error:
-        return loses(drawn.ready)
+        return record.harness_error.exception == InputError.__name__ and loses(drawn.ready)
     return is_lost(record) and loses(drawn.ready, engine)
 
 

@@ -87,6 +87,18 @@ def test_the_record_names_the_worst_atom_and_the_first_outside() -> None:
     assert comparison.lammps_n is lammps_n
 
 
+def test_vectors_of_no_particles_differ() -> None:
+    assert compared(*(np.zeros((0, 3)) for _ in range(3))).record.verdict == "differs"
+
+
+def test_counts_are_kept_as_numbers_with_a_fraction() -> None:
+    counts_n = np.array([3, 5])
+    comparison = compare_field("count", "pair", np.array([1, 2]), counts_n, counts_n, np.zeros(2))
+    assert (comparison.lammps_n.dtype, comparison.reference_n.dtype) == (float, float)
+    assert comparison.record.digest == digest(array(3.0, 5.0))
+    assert comparison.record.derivation == ""
+
+
 def test_the_first_atom_outside_has_the_lowest_id() -> None:
     record = compare_field("f", "pair", np.array([7, 3, 5]), array(9.0, 9.0, 0.0), np.zeros(3), np.ones(3)).record
     assert (record.first_id, record.worst_id) == (3, 7)

@@ -10,6 +10,7 @@ Where units round the input itself, runs from input moved so add their spread
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -34,6 +35,7 @@ from lammps_cases.records.stages import stage
 
 Fields = dict[str, Any]
 MOVED_RUNS = 3
+MOVED_PARTICLES = 48  # in all runs: random signs move two particles alike half the time, and then nothing between them
 UPDATES = 3  # of a value in a step, at most: two halves, and the shift
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
@@ -258,8 +260,13 @@ def halted(problem: Problem, steps: Sequence[int]) -> dict[int, Simulation]:
 
 def evaluations(problem: Problem) -> int:
     """Return how often a particle is evaluated in all runs that predict a scene."""
-    runs = 1 + MOVED_RUNS * bool(problem.steps[-1])
+    runs = 1 + moved_runs(problem) * bool(problem.steps[-1])
     return len(problem.state.x_nc) * (1 + problem.steps[-1]) * runs
+
+
+def moved_runs(problem: Problem) -> int:
+    """Return how many runs are moved: more for few particles, so that as many signs are drawn."""
+    return max(MOVED_RUNS, math.ceil(MOVED_PARTICLES / max(len(problem.state.x_nc), 1)))
 
 
 def _in_blocks(problem: Problem) -> int:
@@ -415,7 +422,7 @@ def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simu
 def _moved_runs(
     problem: Problem, evaluator: type[Evaluator], stepping: type[Simulation], sizes: Sizes, seed: int
 ) -> Iterator[Simulation]:
-    for k in range(MOVED_RUNS):
+    for k in range(moved_runs(problem)):
         random = np.random.default_rng((seed, k))
         steps = shaken(stepping, random)
         stages = moved(evaluator, sizes, random)
@@ -427,7 +434,7 @@ def input_spread(
 ) -> list[Fields]:
     """Return the largest distance from a run's fields of runs whose input is moved, per field and step."""
     largest: list[Fields] = [dict.fromkeys(problem.fields, 0.0) for _ in problem.steps]
-    for k in range(MOVED_RUNS):
+    for k in range(moved_runs(problem)):
         other = moved_input(problem, np.random.default_rng((seed, k, 1)))
         run = stepping(other.model, other.box, other.state, wanted(other), stages)
         _follow(run, problem, other.timestep, values, largest)

@@ -19,6 +19,7 @@ from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
     MOVED_RUNS,
     UPDATES,
+    Fields,
     Prediction,
     Problem,
     Shaken,
@@ -26,6 +27,8 @@ from lammps_cases.comparison.trajectory import (
     own_stages,
     predict,
     signs,
+    visit,
+    wanted,
 )
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -35,7 +38,7 @@ Write = Callable[..., Path]
 
 
 def problem(case_file: Write, **scene: Any) -> Problem:
-    case = casefile.load((case_file(compare=["f"], velocity={"random": 0.3}, **scene),))[0]
+    case = casefile.load((case_file(**({"compare": ["f"], "velocity": {"random": 0.3}} | scene)),))[0]
     return problem_of(case.scene, prepared_case.prepare(case).atoms, "", (0,))
 
 
@@ -122,6 +125,34 @@ def test_sums_that_always_round_one_way_stay_inside(case_file: Write) -> None:
     right, other = (predict(scene, ArrayEvaluator, stepping) for stepping in (Simulation, RoundingUp))
     apart = np.abs(right.fields[1]["v"] - other.fields[1]["v"])
     assert (apart > 0).all() and (apart <= right.bounds[1]["v"]).all()
+
+
+def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write) -> None:
+    """Densities of a pair, one of which was rounded in its last place: damping makes a rate of their difference."""
+
+    class RoundingOne(Simulation):
+        def evaluate(self) -> Fields:
+            if not self.fresh:
+                self.state.rho_n = np.nextafter(self.state.rho_n, [np.inf, 0.0])
+            return super().evaluate()
+
+    pair = problem(
+        case_file,
+        positions={"x": [[0.5, 0.5], [1.3, 0.5]], "low": [0.0, 0.0], "high": [9.0, 9.0], "spacing": 1.0},
+        velocity={},
+        rho={"values": [1.2, 1.2]},
+        pair={"rho_damp": 1.0},
+        rheo={"cut": 3.0},
+    )
+    scene = replace(pair, fields=("drho",), steps=(0, 1), timestep=1e-9)
+    rates = []
+    for stepping in (Simulation, RoundingOne):
+        sim = stepping(scene.model, scene.box, scene.state, wanted(scene), ArrayEvaluator)
+        assert list(visit(sim, scene.steps, scene.timestep)) == [0, 1]
+        rates.append(sim.output("drho"))
+    apart = np.abs(np.subtract(*rates))
+    bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["drho"] for seed in range(40)]
+    assert (apart > 0).all() and (apart <= np.min(bounds, axis=0)).all()
 
 
 def test_counts_are_bounded_particle_by_particle(case_file: Write) -> None:

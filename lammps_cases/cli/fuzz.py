@@ -90,7 +90,8 @@ def _print(record: FuzzRecord) -> None:
         lost = counted(record.lost, "scene")
         click.echo(f"  {lost} whose particles are lost, by LAMMPS and the reference or by the latter alone")
     if record.unbounded:
-        click.echo(f"  {counted(record.unbounded, 'scene')} that known findings leave no bound to be judged by")
+        open_ = counted(record.unbounded, "scene")
+        click.echo(f"  {open_} in which something has no bound, and known findings reproduce the rest")
     drawn = sum(map(bool, record.choices.values()))
     click.echo(
         f"  {counted(record.twins, 'twin')}; {drawn} of {len(record.choices)} choices of the schema drawn, "

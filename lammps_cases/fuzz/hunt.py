@@ -220,16 +220,15 @@ def known_gap(record: CaseRecord, scene: Scene, engine: str) -> str:
 
 
 def is_unbounded(record: CaseRecord, engine: str) -> bool:
-    """Return whether findings that the engine is known to have reproduce all up to positions or shifts without a bound.
+    """Return whether findings that the engine is known to have reproduce all that has a bound, at all steps.
 
-    Nothing that is evaluated at positions without a bound has one: nothing is left that could be compared.
+    What has none cannot be judged, by neither verdict.
     """
     left = record.beyond.blame if record.beyond else record.blame
     findings = record.beyond.findings if record.beyond else []
-    if record.verdict != "differs" or left is None or left.field not in ("x", "shift/v") or left.bound != math.inf:
+    if record.verdict != "differs" or left is None or left.bound != math.inf:
         return False
-    known = {entry.id for entry in LEDGER if entry.listed(engine)}
-    return left.outside == left.of and known.issuperset(findings)
+    return {entry.id for entry in LEDGER if entry.listed(engine)}.issuperset(findings)
 
 
 class _UntilLate:

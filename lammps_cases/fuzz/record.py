@@ -40,7 +40,10 @@ class FuzzRecord(Record):
     lost: int = Field(
         0, description="scenes whose particles are lost: by LAMMPS and the reference, or by the latter alone"
     )
-    unbounded: int = Field(0, description="scenes that findings known on the engine leave no bound to be judged by")
+    unbounded: int = Field(
+        0,
+        description="scenes in which something has no bound, and known findings reproduce the rest",
+    )
     red: list[Red] = Field([])
     choices: dict[str, int] = Field({}, description="choices of the schema, and how many scenes take each")
     never: dict[str, str] = Field({}, description="keys that are never drawn, and why")

@@ -26,7 +26,7 @@ from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import Beyond, Blame
 from lammps_cases.scene.fields import FIELDS, in_step_order
-from lammps_cases.verdict.model_fields import blame_of, sides
+from lammps_cases.verdict.model_fields import blame_of, first_left, sides
 
 SETS = 300  # findings that are tried together, at most: all sets of eight, those of up to three of a dozen
 
@@ -105,12 +105,14 @@ class Trial:
     def _inside(self, entries: Sequence[Finding], at_once: bool = False) -> bool:
         """Return whether findings together reproduce LAMMPS; most sets, tried step by step, fail within the first."""
         steps = self.problem.steps
+        left = None
         for count in (len(steps),) if at_once else dict.fromkeys((1, len(steps))):
             left = self._first_left(entries, replace(self.problem, steps=steps[:count]))
             if left is not None:
                 self._left[tuple(entry.id for entry in entries)] = left
-                return False
-        return True
+                if left.bound != math.inf:  # else later steps may leave bounds
+                    break
+        return left is None
 
     def _first_left(self, entries: Sequence[Finding], problem: Problem) -> Blame | None:
         """Return the first value that findings together leave outside, None if there is none."""
@@ -131,22 +133,10 @@ class Trial:
             yield self.reference
 
     def _first_outside(self, problem: Problem, prediction: Prediction, undefined: bool) -> Blame | None:
-        """Return the first value outside a prediction, None if there is none; some may have no bound if so said.
+        """Return the first value outside a prediction, None if there is none; some may have no bound if so said."""
+        return first_left(problem, lambda name, at: self._outside(name, at, prediction, undefined))
 
-        Of a step, what has a bound is blamed, not what has none.
-        """
-        for at, step in enumerate(problem.steps):
-            without_bound = None
-            for name in in_step_order(problem.fields):
-                left = self._outside(name, at, step, prediction, undefined)
-                if left is not None and left.bound != math.inf:
-                    return left
-                without_bound = without_bound or left
-            if without_bound:
-                return without_bound
-        return None
-
-    def _outside(self, name: str, at: int, step: int, prediction: Prediction, undefined: bool) -> Blame | None:
+    def _outside(self, name: str, at: int, prediction: Prediction, undefined: bool) -> Blame | None:
         """Return the first value of a field outside a prediction at a step, None if there is none."""
         lammps_n, variant_n, bound_n = sides(self.problem, name, self.snapshots[at], prediction, at)
         ratio_n = excess(lammps_n, variant_n, bound_n)[1]
@@ -157,20 +147,18 @@ class Trial:
         own_n = np.broadcast_to(self.reference.bounds[at][name], bound_n.shape)
         if undefined and _defined_part_inside(lammps_n, variant_n, bound_n, own_n):
             return None
-        open_n = ~np.isfinite(bound_n)
-        if np.any(ratio_n[~open_n] > 1):
-            lammps_n, variant_n, bound_n = (np.where(open_n, 0.0, a_n) for a_n in (lammps_n, variant_n, bound_n))
         comparison = compare_field(name, FIELDS[name].stage, self.id_n, lammps_n, variant_n, bound_n)
-        return blame_of(comparison, self.id_n, step)
+        return blame_of(comparison, self.id_n, self.problem.steps[at])
 
     def _furthest(self, first: Blame, listed: Sequence[Finding]) -> Beyond | None:
         order = in_step_order(self.problem.fields)
         ids = tuple(entry.id for entry in listed)
 
         def place(left: Blame) -> tuple[int, int]:
-            """Return the place in the order of steps: after all fields of a step if those with a bound are inside."""
-            at_field = order.index(left.field) if left.bound != math.inf else len(order)
-            return self.problem.steps.index(left.step or 0), at_field
+            """Return the place in the order of steps: after all of them if what has a bound is inside."""
+            if left.bound == math.inf:
+                return len(self.problem.steps), 0
+            return self.problem.steps.index(left.step or 0), order.index(left.field)
 
         def rank(names: tuple[str, ...]) -> tuple[tuple[int, int], bool, int]:
             return place(self._left[names]), names == ids, -len(names)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -81,30 +83,51 @@ def over_steps(comparisons: Sequence[Comparison], steps: Sequence[int]) -> Compa
 
 def first_outside(problem: Problem, table: dict[str, list[Comparison]], id_n: Any) -> Blame | None:
     """Return the first step, then the first field in the order of a step, then the first atom outside the bound."""
-    for at, step in enumerate(problem.steps):
-        for field in in_step_order(problem.fields):
-            comparison = table[field][at]
-            if comparison.record.first_id is not None:
-                return blame_of(comparison, id_n, step)
-    return None
+
+    def outside(field: str, at: int) -> Blame | None:
+        comparison = table[field][at]
+        return None if comparison.record.first_id is None else blame_of(comparison, id_n, problem.steps[at])
+
+    return first_left(problem, outside)
+
+
+def first_left(problem: Problem, outside: Callable[[str, int], Blame | None]) -> Blame | None:
+    """Return what is left outside first, by a function of field and step; None: nothing is.
+
+    What has no bound is blamed only if all that has one is inside, at all steps.
+    """
+    without_bound = None
+    for at, field in itertools.product(range(len(problem.steps)), in_step_order(problem.fields)):
+        left = outside(field, at)
+        if left is not None and left.bound != math.inf:
+            return left
+        without_bound = without_bound or left
+    return without_bound
 
 
 def blame_of(comparison: Comparison, id_n: Any, step: int) -> Blame:
-    """Return the first atom of a comparison outside, and both sides and the bound of its worst component."""
-    record = comparison.record
-    assert record.first_id is not None
-    arrays = (comparison.lammps_n, comparison.reference_n, comparison.bound_n)
-    ratio_n = excess(*arrays)[1]
-    atom = int(np.searchsorted(id_n, record.first_id))
-    lammps, reference, bound = (float(worst_component(array_n, ratio_n)[atom]) for array_n in arrays)
+    """Return the first atom of a comparison outside, and both sides and the bound of its worst component.
+
+    Of values with a bound, if any of them is outside.
+    """
+    lammps_n, reference_n, bound_n = comparison.lammps_n, comparison.reference_n, comparison.bound_n
+    ratio_n = excess(lammps_n, reference_n, bound_n)[1]
+    bounded_n = np.isfinite(bound_n)
+    if np.any(ratio_n[bounded_n] > 1):
+        ratio_n = np.where(bounded_n, ratio_n, 0.0)
+    outside = np.flatnonzero((ratio_n.reshape(len(id_n), -1) > 1).any(axis=1))
+    atom = outside[np.argmin(id_n[outside])]
+    lammps, reference, bound = (
+        float(worst_component(side_n, ratio_n)[atom]) for side_n in (lammps_n, reference_n, bound_n)
+    )
     return Blame(
-        field=record.field,
-        stage=record.stage,
+        field=comparison.record.field,
+        stage=comparison.record.stage,
         step=step,
-        atom=record.first_id,
+        atom=int(id_n[atom]),
         lammps=lammps,
         reference=reference,
         bound=bound,
-        outside=record.outside,
+        outside=len(outside),
         of=len(id_n),
     )

@@ -268,24 +268,32 @@ def test_what_is_left_is_named_beside_the_findings_that_come_furthest(
         assert (left.blame.atom, left.blame.lammps) == (5, REFERENCE + own[2])
 
 
+@pytest.mark.parametrize("open_at", [0, 2])
 @pytest.mark.parametrize(
     ("own", "left"),
     [
-        ((2, "f", 0.0), (2, "coordination", INF)),
-        ((2, "f", 4.0), (2, "f", 1.0)),  # what has a bound at that step is blamed
-        ((5, "f", 4.0), (2, "coordination", INF)),  # what comes after is not looked at
+        ((2, "f", 0.0), None),
+        ((2, "f", 4.0), (2, "f", 1.0)),
+        ((5, "f", 4.0), (5, "f", 1.0)),  # at a later step, too
     ],
 )
-def test_of_a_step_what_has_a_bound_is_blamed(
-    judge: Any, own: tuple[int, str, float], left: tuple[int, str, float]
+def test_what_has_no_bound_is_blamed_if_all_that_has_one_is_inside(
+    judge: Any, open_at: int, own: tuple[int, str, float], left: tuple[int, str, float] | None
 ) -> None:
     """And a set that leaves only what has none outside comes further than one that leaves a bounded field."""
-    open_after = {"a": {2: "coordination"}}
-    effects = {"a": (2, "coordination", 4.0), "b": (0, "coordination", 4.0)}
+    open_after = {"a": {open_at: "coordination"}}
+    effects = {"a": (open_at, "coordination", 4.0), "b": (0, "f", 4.0)}
     verdict, _ = judge("a", effects, own, without_bound=open_after)
-    assert verdict.beyond is not None
+    assert verdict.beyond is not None and verdict.beyond.findings == ["a"]
     blame = verdict.beyond.blame
-    assert (blame.step, blame.field, blame.bound) == left
+    assert (blame.step, blame.field, blame.bound) == (left or (open_at, "coordination", INF))
+
+
+def test_of_the_reference_itself_what_has_a_bound_is_blamed(judge: Any) -> None:
+    bounds = {"": (INF, 1.0, 1.0)}
+    assert judge("", {}, bounds=bounds)[0].first.bound == INF
+    first = judge("", {}, (5, "f", 4.0), bounds=bounds)[0].first
+    assert (first.step, first.field, first.atom, first.outside) == (5, "f", 5, 1)
 
 
 # --- variants of a special kind

@@ -90,7 +90,7 @@ class Store:
         excess = sum(size for _, size, _ in files) - limit
         for _, size, path in sorted(files):
             if excess <= 0:
-                break
+                return
             with contextlib.suppress(OSError):  # another run removed it
                 Path(path).unlink()
             excess -= size

@@ -115,7 +115,7 @@ def judge_model(
     record.lint = judged.lint
     record.ended = "answered"
     reason = Reason(judged.first, judged.beyond, judged.entries) if judged.first else None
-    if reason := _with_news(reason, first_input_outside(inputs, atoms.id_n)):
+    if reason := with_news(reason, first_input_outside(inputs, atoms.id_n)):
         record.blame, record.beyond = reason.first, reason.beyond
     in_box = atoms.within(problem.box_at(scene.snapshots[-1]))
     return field_arrays(in_box, answer.arrays, comparisons, judged.table)
@@ -127,7 +127,7 @@ def first_step(case: Case, atoms: Atoms, answer: Answer, engine: str, predictor:
     snapshots = read_snapshots(scene, answer)
     every = problem_of(scene, atoms, case.where, tuple(range(len(snapshots))))
     reason = particle_model.reason(every, case.name, atoms.id_n, snapshots, engine, predictor)
-    return _with_news(reason, first_input_outside(_inputs(case, atoms, answer, predictor), atoms.id_n))
+    return with_news(reason, first_input_outside(_inputs(case, atoms, answer, predictor), atoms.id_n))
 
 
 def _inputs(case: Case, atoms: Atoms, answer: Answer, predictor: Predictor) -> list[tuple[int, Comparison]]:
@@ -140,7 +140,7 @@ def _inputs(case: Case, atoms: Atoms, answer: Answer, predictor: Predictor) -> l
     return [*((0, comparison) for comparison in held), *compare_carried(case, atoms, answer, TEXT_DIGITS, problem)]
 
 
-def _with_news(reason: Reason | None, news: Blame | None) -> Reason | None:
+def with_news(reason: Reason | None, news: Blame | None) -> Reason | None:
     """Return why a case differs with the first of its inputs outside, which no finding explains, in its place."""
     if reason is None or news is None:
         return reason if news is None else Reason(news)

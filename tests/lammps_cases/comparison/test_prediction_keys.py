@@ -77,7 +77,10 @@ def test_the_context_follows_sources_and_switches(tmp_path: Path, monkeypatch: p
     source = tmp_path / "eos_ref" / "one.py"
     source.write_text("a = 1\n")
     (tmp_path / "eos_ref" / "data.yaml").write_text("")
-    assert prediction_keys.hashed(tmp_path) == [source]
+    for room in ("comparison", "cli"):  # predictions go through one of them
+        (tmp_path / "lammps_cases" / room).mkdir(parents=True)
+        (tmp_path / "lammps_cases" / room / "two.py").write_text("")
+    assert prediction_keys.hashed(tmp_path) == [source, tmp_path / "lammps_cases" / "comparison" / "two.py"]
     first = prediction_keys.context(tmp_path)
     assert prediction_keys.context(tmp_path) == first
     source.write_text("a = 2\n")
@@ -92,6 +95,29 @@ def test_the_processor_by_what_decides_on_its_instructions(monkeypatch: pytest.M
     facts = {"model name": "Made up", "flags": "fpu fma sse avx avx2x"}
     monkeypatch.setattr(prediction_keys, "cpuinfo", lambda: facts)
     assert prediction_keys.processor().split(", ")[:2] == ["Made up", "avx fma"]
+    monkeypatch.setattr("os.confstr", {"CS_GNU_LIBC_VERSION": "glibc 2.99"}.__getitem__)
+    assert prediction_keys.processor() == "Made up, avx fma, glibc 2.99"
+    facts.pop("flags")
+    facts["Features"] = "fp asimd sve2"
+    assert prediction_keys.processor() == "Made up, asimd, glibc 2.99", "as Linux names them on Arm"
+
+    def unknown(name: str) -> str:
+        raise ValueError(name)
+
+    monkeypatch.setattr("os.confstr", unknown)
+    facts.pop("Features")
+    assert prediction_keys.processor() == "Made up", "another C library has no such name"
     monkeypatch.setattr(prediction_keys, "cpuinfo", dict)
     monkeypatch.setattr("platform.machine", lambda: "vax")
     assert prediction_keys.processor() == "vax", "another system says nothing more"
+
+
+def test_what_linux_says_of_the_first_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, read_text = tmp_path / "cpuinfo", Path.read_text
+    there.write_bytes(
+        b"processor\t: 0\nmodel name\t: One: two \xff\nflags\t\t: fpu avx\n\nprocessor\t: 1\nflags\t: vmx\n"
+    )
+    places = {"/proc/cpuinfo": there}
+    monkeypatch.setattr(Path, "read_text", lambda path, **options: read_text(places[str(path)], **options))
+    facts = prediction_keys.cpuinfo()
+    assert facts == {"processor": "0", "model name": "One: two \ufffd", "flags": "fpu avx", "": ""}

@@ -120,7 +120,7 @@ def test_bounds_of_a_box_that_changes_hold_the_way_to_fractions_and_back() -> No
 def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float, ...]) -> None:
     """Six of each corner and tilt, up or down, whatever the edges."""
     of, signs = problem("stretched.fluid.once"), set()
-    by, begun_in = Deform((0.5, -0.2), shear=shear), replace(of.box, low_c=(-9.0, 1.0), tilt=(0.3,))
+    by, begun_in = Deform((0.5, -0.2), shear=shear), replace(of.box, low_c=(-9.0, 1.0), tilt=(1.3,))
     plain = by.box(begun_in, 0.25)
     for seed in range(9):
         steps = shaken(Simulation, np.random.default_rng(seed))
@@ -139,6 +139,21 @@ def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float,
             signs |= set(np.sign(far).tolist())
         assert (box.periodic, len(box.tilt)) == (plain.periodic, 1)
     assert {-1.0, 1.0} <= signs
+
+
+@pytest.mark.parametrize("tilt", [(), (0.7,)])
+def test_moved_runs_move_positions_by_the_roundings_of_a_box_that_changes(tilt: tuple[float, ...]) -> None:
+    """Six of the farthest place of either axis, and what a box that leans rounds."""
+    of = problem("stretched.fluid.once")
+    wider = Box((-3.0, 1.0), (7.0, 9.0), of.box.periodic, tilt)
+    plain = begun(of)
+    plain.remap(wider)
+    sim = shaken(Simulation, np.random.default_rng(1))(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+    sim.remap(wider)
+    far_nc = sim.state.x_nc - plain.state.x_nc
+    size_c = 6 * EPS * np.array([13.0, 9.0]) + wider.rounding(of.model.cut)
+    assert (np.abs(np.abs(far_nc) - size_c) <= EPS / 2 * np.abs(plain.state.x_nc)).all()
+    assert (far_nc > 0).any() and (far_nc < 0).any()
 
 
 def test_stops_behind_the_last_step_are_none() -> None:

@@ -1,0 +1,69 @@
+"""The folder of predictions: where it is, what goes first, and files that others take away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eos_ref.cache import cache_folder
+from lammps_cases.comparison import store
+from lammps_cases.comparison.prediction_keys import context, open_store
+from lammps_cases.comparison.store import Store, packed, store_folder
+
+
+def test_the_folder_is_the_one_named_or_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path))
+    assert store_folder() == tmp_path
+    monkeypatch.setenv(store.VARIABLE, "")
+    assert store_folder() == cache_folder("predictions")
+
+
+def test_the_users_store_is_of_the_reference_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path))
+    assert open_store() == Store(tmp_path, context(), fresh=False)
+    assert open_store(fresh=True) == Store(tmp_path, context(), fresh=True)
+
+
+def test_no_more_is_removed_than_the_limit_asks_for(tmp_path: Path) -> None:
+    kept = Store(tmp_path)
+    for key in "abc":
+        kept.write(key, {"x": np.zeros(100)})
+    _, size = kept.size()
+    kept.trim(size)
+    assert kept.size() == (3, size)
+    kept.trim(size - 1)
+    assert kept.size() == (2, size * 2 // 3)
+
+
+def test_files_that_another_run_removes_meanwhile_are_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = Store(tmp_path)
+    kept.write("a", {"x": np.zeros(100)})
+    (tmp_path / "gone").symlink_to(tmp_path / "nowhere")  # listed, but without a size
+    assert kept.size()[0] == 1
+    files = store._files(tmp_path)
+    monkeypatch.setattr(store, "_files", lambda folder: [(0, 1, str(tmp_path / "removed")), *files])
+    kept.trim(0)
+    assert kept.read("a") is None
+
+
+def test_an_entry_whose_use_cannot_be_noted_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = Store(tmp_path)
+    kept.write("a", {"x": np.ones(3)})
+
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr("os.utime", refuse)
+    read = kept.read("a")
+    assert read is not None and read["x"].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_objects_are_never_packed() -> None:
+    objects: Any = np.array([None])
+    with pytest.raises(TypeError, match="y holds Python objects"):
+        packed("name", {"x": np.zeros(1), "y": objects})

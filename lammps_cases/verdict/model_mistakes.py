@@ -107,16 +107,16 @@ MUTANTS: dict[str, ModelMutant] = {
 
 def unseen_in_model(problem: Problem, prediction: Prediction) -> list[str]:
     """Return the mistakes that the first evaluation of a scene does not show although it compares what they change."""
-    compared = set(_shown(problem))
+    compared = set(shown(problem))
     walls = problem.model.fix.interface_reconstruct and bool(problem.state.solid_n.any())
     return [
         name
         for name, mutant in MUTANTS.items()
-        if compared & set(mutant.changes) and (walls or not mutant.needs_walls) and _blind(problem, prediction, mutant)
+        if compared & set(mutant.changes) and (walls or not mutant.needs_walls) and blind(problem, prediction, mutant)
     ]
 
 
-def _shown(problem: Problem) -> Iterator[str]:
+def shown(problem: Problem) -> Iterator[str]:
     """Return the quantities that a scene compares in a way that a mistake in them could show."""
     model, state = problem.model, problem.state
     several = len(set(state.type_n[~state.solid_n].tolist())) > 1
@@ -132,7 +132,8 @@ def _shown(problem: Problem) -> Iterator[str]:
         yield "moving walls"
 
 
-def _blind(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> bool:
+def blind(problem: Problem, prediction: Prediction, mutant: ModelMutant) -> bool:
+    """Return whether the first evaluation with a mistake is within the bounds of the one without."""
     stages = in_blocks(mutant.stages, len(problem.state.x_nc))
     sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), stages)
     with np.errstate(all="ignore"):

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem, wanted
+from lammps_cases.comparison.trajectory import Prediction, Problem, wanted
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
+from lammps_cases.verdict import model_mistakes
 from lammps_cases.verdict.model_cases import problem_of
-from lammps_cases.verdict.model_mistakes import MUTANTS, unseen_in_model
+from lammps_cases.verdict.model_mistakes import MUTANTS, shown, unseen_in_model
 
 # A scene that shows each mistake.
 SHOWN = {
@@ -40,7 +45,6 @@ def first_evaluation(name: str) -> Problem:
     return problem_of(case.scene, prepared_case.prepare(case).atoms, case.where, (0,))
 
 
-@cache
 def blind(name: str) -> list[str]:
     problem = first_evaluation(name)
     return unseen_in_model(problem, Predictor(None).predict(problem))
@@ -77,3 +81,78 @@ def test_a_mistake_in_what_a_scene_does_not_have_is_not_said() -> None:
         unseen = blind(name)
         assert not [mistake for mistake in unseen if MUTANTS[mistake].needs_walls]
         assert "temperature of the whole energy" not in unseen
+
+
+# --- what a scene shows, and when a mistake in it counts
+
+
+def shown_by(*fields: str, **changes: Any) -> set[str]:
+    """The quantities that a scene of two fluids and a solid at rest compares so that a mistake in them could show."""
+    given: dict[str, Any] = {
+        "damp": 0.0,
+        "corrects": False,
+        "sum": False,
+        "artificial": 0.0,
+        "types": [1, 2, 3],
+        "v": 0.0,
+    }
+    given |= changes
+    types_n = np.array(given["types"])
+    problem = SimpleNamespace(
+        fields=fields,
+        model=SimpleNamespace(
+            fix=SimpleNamespace(rho_sum=given["sum"]),
+            pair=SimpleNamespace(rho_damp=given["damp"], artificial_viscosity=given["artificial"]),
+            corrects_gradients=given["corrects"],
+        ),
+        state=SimpleNamespace(type_n=types_n, solid_n=types_n == 3, v_nc=np.full((3, 2), [[0.0], [1.0], [given["v"]]])),
+    )
+    return set(shown(problem))
+
+
+@pytest.mark.parametrize(
+    ("fields", "changes", "seen"),
+    [
+        (["f", "pressure"], {}, {"f", "pressure"}),
+        (["rho", "f"], {}, {"f"}),
+        (["rho", "f"], {"sum": True}, {"rho", "f"}),
+        (["drho", "f"], {"damp": 0.1}, {"drho", "f"}),
+        (["drho", "f"], {}, {"f"}),
+        (["drho", "f"], {"damp": 0.1, "corrects": True}, {"f"}),
+        (["drho", "f"], {"damp": 0.1, "types": [1, 1, 3]}, {"f"}),  # rho0 of one fluid cancels
+        (["f"], {"artificial": 0.5}, {"f", "artificial"}),
+        (["drho"], {"artificial": 0.5, "damp": 0.1}, {"drho"}),
+        (["grad/v"], {"v": 2.0}, {"grad/v", "moving walls"}),
+        (["grad/v"], {}, {"grad/v"}),
+        (["f"], {"v": 2.0}, {"f"}),
+    ],
+)
+def test_a_mistake_could_show_in(fields: list[str], changes: dict[str, Any], seen: set[str]) -> None:
+    assert shown_by(*fields, **changes) == seen
+
+
+def test_mistakes_in_walls_are_of_scenes_with_walls(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_mistakes, "blind", lambda *_: True)
+    of_force = [name for name, mutant in MUTANTS.items() if {"f", "artificial"} & set(mutant.changes)]
+    plain = [name for name in of_force if not MUTANTS[name].needs_walls]
+    problem = replace(first_evaluation("fluids.unit"), fields=("f",))
+    fix, n = problem.model.fix, len(problem.state.x_nc)
+    for reconstructs, solid, names in ((True, True, of_force), (True, False, plain), (False, True, plain)):
+        model = replace(problem.model, fix=replace(fix, interface_reconstruct=reconstructs))
+        state = replace(problem.state, solid_n=np.full(n, solid))
+        of = replace(problem, model=model, state=state)
+        assert unseen_in_model(of, Prediction((), ())) == names
+
+
+@pytest.mark.parametrize(("over", "unseen"), [(1.0, True), (1.5, False)])
+def test_a_mistake_within_the_bound_goes_unseen(over: float, unseen: bool) -> None:
+    problem = replace(first_evaluation("forces.all.quintic.2d"), fields=("f",))
+    mutant = MUTANTS["no volume in the force"]
+    right, wrong = (
+        Simulation(problem.model, problem.box, problem.state, wanted(problem), stages)
+        for stages in (ArrayEvaluator, mutant.stages)
+    )
+    for simulation in (right, wrong):
+        simulation.setup()
+    bound_nc = np.abs(wrong.output("f") - right.output("f")) / over
+    assert model_mistakes.blind(problem, Prediction(({"f": right.output("f")},), ({"f": bound_nc},)), mutant) == unseen

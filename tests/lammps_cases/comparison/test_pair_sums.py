@@ -7,11 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lammps_cases.comparison.pair_sums import added_up, terms
-from lammps_cases.comparison.trajectory import predict
+from lammps_cases.comparison.pair_sums import (
+    PairContribution,
+    ParticleValues,
+    Sum,
+    added_up,
+    columns,
+    sums,
+    terms,
+)
+from lammps_cases.comparison.trajectory import halted, predict
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
+from tests.support.roundings import rounded
 
 PARTS = {"f": "force", "drho": "drho", "heatflow": "heat"}
 
@@ -25,7 +34,8 @@ def test_pairs_add_up_to_the_fields(name: str, fields: tuple[str, ...]) -> None:
     problem = replace(problem, model=replace(problem.model, units="real", forces=()), fields=(*fields, "pressure"))
     prediction = predict(problem)
     (values,), (bounds,) = prediction.fields, prediction.bounds
-    state = problem.state
+    state, consistent = problem.state, halted(problem, (0,))[0]
+    unit, held, laws = consistent.units.of, consistent.state, consistent.model
     for row in (0, 7, len(state.rho_n) - 1):
         of = terms(problem, 0, row + 1, len(state.rho_n) ** 2, forces=True)
         assert len(of.pairs) == of.count > 0 and of.pairs[0].r == min(pair.r for pair in of.pairs)
@@ -36,5 +46,77 @@ def test_pairs_add_up_to_the_fields(name: str, fields: tuple[str, ...]) -> None:
             at = one.id - 1
             assert (one.type, one.solid, one.x) == (state.type_n[at], state.solid_n[at], tuple(state.x_nc[at]))
             assert one.v == tuple(state.v_nc[at])
-            assert one.mass == problem.model.mass_t[one.type - 1]
+            assert one.mass == problem.model.mass_t[one.type - 1] and one.rho == held.rho_n[at]
+            assert one.pressure == rounded(values["pressure"][at] * unit("pressure"), 2)  # to LAMMPS' unit and back
+            law = laws.eos.laws[one.type - 1]
+            assert (one.constants["rhoeq"], one.constants["cs"]) == (law.rho0, law.cs)
+            if held.energy_n is not None and laws.thermal is not None:
+                thermal = laws.thermal[one.type - 1]
+                assert one.constants["kappa"] == thermal.conductivity and one.constants["cv"] == thermal.specific_heat
+                assert one.constants["E"] == held.energy_n[at]
         assert all(pair.r == pytest.approx(np.linalg.norm(pair.x)) and pair.w > 0 for pair in of.pairs)
+        assert all(np.dot(pair.gradient, pair.x) < 0 for pair in of.pairs), "kernels fall with the distance"
+
+
+def test_forces_of_fixes_are_told_beside_those_of_pairs() -> None:
+    """Where the model has them, and where what pairs add is asked for."""
+    (case,) = casefile.select(casefile.load(), ["walls.stored.gravity"])
+    problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
+    sim = halted(problem, (0,))[0]
+    with_pairs, without = (sums(sim, (3,), forces=forces)[0] for forces in (True, False))
+    assert with_pairs.force_with_fixes == tuple(sim.output("f")[3])
+    assert without.force_with_fixes == () and not without.pairs[0].force
+    plain = replace(sim.model, forces=())
+    of = halted(replace(problem, model=plain), (0,))[0]
+    assert sums(of, (3,), forces=True)[0].force_with_fixes == ()
+
+
+def test_particles_of_masses_of_their_own_weigh_so() -> None:
+    (case,) = casefile.select(casefile.load(), ["masses.plain.2d"])
+    problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
+    assert problem.state.mass_n is not None
+    of = terms(problem, 0, 5)
+    assert of.particle.mass == problem.state.mass_n[4] != problem.model.mass_t[of.particle.type - 1]
+
+
+# --- as arrays
+
+
+def particle(number: int) -> ParticleValues:
+    return ParticleValues(number, 1, False, (0.0, 0.0), (0.0, 0.0), 1.0, 1.0, 0.0, {})
+
+
+def pair(other: int, force: tuple[float, ...], drho: float | None, heat: float | None) -> PairContribution:
+    return PairContribution(particle(other), (0.5, 0.0), 0.5 * other, 1.0, (-1.0, 0.0), force, force, drho, heat)
+
+
+@pytest.mark.parametrize(("drho", "heat", "rates"), [(None, None, []), (2.0, None, ["drho"]), (None, 3.0, ["heat"])])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_looks_are_rows_and_their_pairs_are_rows_of_their_own(
+    dimension: int, drho: float | None, heat: float | None, rates: list[str]
+) -> None:
+    force = (1.0, -2.0, 4.0)[:dimension]
+    pairs = (pair(4, force, drho, heat), pair(9, force, drho, heat))
+    arrays = columns([(0, Sum(particle(7), (), 0)), (10, Sum(particle(3), pairs, 2))])
+    names = [f"{name} {axis}" for name in ("force", "pressure_force") for axis in "xyz"[:dimension]]
+    values = [*force, *force, *(rate for rate in (drho, heat) if rate is not None)]
+    assert {name: (array.dtype.kind, array.tolist()) for name, array in arrays.items()} == {
+        "step": ("i", [0, 10]),
+        "row": ("i", [6, 2]),
+        "count": ("i", [0, 2]),
+        "other": ("i", [3, 8]),
+        "r": ("f", [2.0, 4.5]),
+        "names": ("U", names + rates),
+        "pair": ("f", [values, values]),
+        "sum": ("f", [[0.0] * len(values), [2 * value for value in values]]),
+    }
+
+
+def test_one_particle_without_neighbours_has_no_columns() -> None:
+    arrays = columns([(0, Sum(particle(7), (), 0))])
+    assert {name: array.dtype.kind for name, array in arrays.items()} == {
+        **dict.fromkeys(("step", "row", "count", "other"), "i"),
+        **dict.fromkeys(("r", "pair", "sum"), "f"),
+        "names": "U",
+    }
+    assert arrays["count"].tolist() == [0] and arrays["sum"].shape == (1, 0)

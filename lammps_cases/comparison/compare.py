@@ -84,11 +84,11 @@ def worst_component(values_n: FloatArray, ratio_n: FloatArray) -> FloatArray:
     """Return the value of every particle's component of the largest ratio."""
     if values_n.ndim == 1:
         return values_n
-    picked: FloatArray = _components(values_n)[np.arange(len(values_n)), _components(ratio_n).argmax(axis=1)]
+    picked: FloatArray = components(values_n)[np.arange(len(values_n)), components(ratio_n).argmax(axis=1)]
     return picked
 
 
-def _components(values_n: FloatArray) -> FloatArray:
+def components(values_n: FloatArray) -> FloatArray:
     """Return the components of every particle in one row, also of no particles."""
     return values_n.reshape(len(values_n), math.prod(values_n.shape[1:]))
 
@@ -117,7 +117,7 @@ def compare_field(
     difference, ratio = excess(lammps_n, reference_n, bound_n)
     bound = worst_component(bound_n, ratio)
     if difference.ndim > 1:
-        difference, ratio = (_components(side).max(axis=1) for side in (difference, ratio))
+        difference, ratio = (components(side).max(axis=1) for side in (difference, ratio))
     outside = ~(ratio <= 1)
     verdict: Verdict = "pass"
     if outside.any() or not ratio.size:  # LAMMPS' order of operations explains no more than the bound allows

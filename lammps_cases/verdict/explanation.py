@@ -122,7 +122,7 @@ class Trial:
         for prediction in self._predictions(combined(variants, problem, self.snapshots[0]), problem):
             left = self._first_outside(problem, prediction, undefined)
             if left is None:
-                break
+                return None
         return left
 
     def _predictions(self, made: Made | None, problem: Problem) -> Iterator[Prediction]:

@@ -12,7 +12,7 @@ import numpy as np
 from eos_ref import EOSTable
 from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
-from lammps_cases.comparison.compare import Comparison, compare_field, excess
+from lammps_cases.comparison.compare import Comparison, compare_field, components, excess
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.engine.session import Answer
@@ -216,13 +216,13 @@ def sampled(arrays: Arrays) -> Arrays:
 
     They are told by their ids; verdicts are of all atoms.
     """
-    n = len(arrays["id"]) if "id" in arrays else 0
+    n = len(arrays.get("id", ()))
     if n <= ALL_KEPT:
         return arrays
     picked = [np.linspace(0, n - 1, SAMPLE).astype(int)]
     for name in (name.removesuffix(".lammps") for name in arrays if name.endswith(".lammps")):
-        sides = (np.asarray(arrays[f"{name}.{side}"], float) for side in ("lammps", "reference", "bound"))
-        ratio_n = excess(*sides)[1].reshape(n, -1).max(axis=1)
+        sides = (arrays[f"{name}.{side}"] for side in ("lammps", "reference", "bound"))
+        ratio_n = components(excess(*sides)[1]).max(axis=1)
         picked.append(np.argpartition(ratio_n, -WORST)[-WORST:])
     at = np.unique(np.concatenate(picked))
     whole = ("box", "periodic")

@@ -14,7 +14,7 @@ import numpy as np
 
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
-from lammps_cases.comparison.compare import Comparison
+from lammps_cases.comparison.compare import Comparison, components
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.trajectory import Fields, Problem
 from lammps_cases.findings import Finding
@@ -108,10 +108,9 @@ def _add_digits_lost(precise: Fields, table: dict[str, list[Comparison]], compar
 
 def digits(values: FloatArray, exact: Any) -> float:
     """Decimal digits lost by the worst particle: log10 of the error of its row over eps times the size of the row."""
-    rows = len(values)
-    error_n, size_n = (np.abs(side.reshape(rows, -1)).max(axis=1) for side in (values - exact, exact))
+    error_n, size_n = (np.abs(components(side)).max(axis=1) for side in (values - exact, exact))
     with np.errstate(all="ignore"):
-        ratio_n = np.where(error_n == 0, 0.0, error_n / (EPS * size_n))
+        ratio_n = np.where(error_n == 0, 1.0, error_n / (EPS * size_n))
     return round(min(float(np.log10(max(ratio_n.max(), 1.0))), 99.0), 2)
 
 

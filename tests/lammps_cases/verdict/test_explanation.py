@@ -113,6 +113,26 @@ def test_what_is_new_beside_a_known_finding_is_the_headline(engine: str) -> None
     assert wording.message(record).endswith(f"beside {', '.join(verdict.beyond.findings)}")
 
 
+def test_so_many_sets_are_tried_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that the engine has at all steps at once, others step by step; then all; all but one it has."""
+    of, id_n = problem("constants.metal")
+    tried: list[tuple[int, bool]] = []
+
+    def inside(trial: explanation.Trial, entries: Sequence[Finding], at_once: bool = False) -> bool:
+        tried.append((len(entries), at_once))
+        return False
+
+    monkeypatch.setattr(explanation, "SETS", 2)
+    monkeypatch.setattr(explanation.Trial, "_inside", inside)
+    listed, every = shown_by(of, "2025.7.22.4.0"), applicable(of)
+    snapshots = [{name: 2 * array for name, array in step.items()} for step in played(of, [])]
+    verdict = judged(of, id_n, "constants.metal", snapshots, "2025.7.22.4.0")
+    assert verdict.first is not None and not verdict.entries
+    assert tried == [(len(listed), True), (1, False), (1, False), (len(every), False)] + [
+        (len(listed) - 1, False)
+    ] * len(listed)
+
+
 def test_nothing_is_said_of_findings_that_are_not_there() -> None:
     of, id_n = problem("thermal.latent.2d")
     verdict = judged(of, id_n, "thermal.latent.2d", played(of, [], DoubledConductivity), NEW)

@@ -12,18 +12,28 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS, EOSTable
+from eos_ref.model.box import Box
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.interlude import Carried
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LawRecord, Predictions
+from lammps_cases.records.stages import taken
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
-from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.atoms import kernel_cut, seed
 from lammps_cases.verdict.judgement import evaluate
 from lammps_cases.verdict.model_cases import problem_of
-from lammps_cases.verdict.outcome import blank_record, compare_carried, explain_ending, finish, sampled
+from lammps_cases.verdict.outcome import (
+    BY_IMAGES,
+    blank_record,
+    compare_carried,
+    explain_ending,
+    finish,
+    sampled,
+)
+from tests.support import made_answers
 from tests.support.roundings import rounded
 
 Write = Callable[..., Path]
@@ -202,6 +212,29 @@ def test_what_a_stretched_box_rounds_along_the_third_axis_of_two_is_nothing(
         assert field.record.verdict == verdict
 
 
+@pytest.mark.parametrize("name", ["sheared.fluid.leaning", "sheared-3d.open.leaning"])
+@pytest.mark.parametrize("at", [0, 1], ids=["upright yet", "leaning"])
+@pytest.mark.parametrize(("part", "verdict"), [(0.9, "pass"), (1.1, "differs")])
+def test_positions_in_a_box_that_leans_go_to_fractions_and_back(name: str, at: int, part: float, verdict: str) -> None:
+    """Inside the box they may lie as far apart as `Box.rounding` says, also while the tilt is 0."""
+    ready = prepared_case.prepare(casefile.select(casefile.load(), [name])[0])
+    scene, atoms = ready.case.scene, ready.atoms
+    assert scene.evolve is not None
+    stops = (scene.evolve.stops[0].model_copy(update={"at": at, "by": "run"}),)
+    scene = scene.model_copy(update={"evolve": scene.evolve.model_copy(update={"stops": stops})})
+    ready = replace(ready, case=replace(ready.case, scene=scene))
+    around = problem_of(scene, atoms, "", scene.snapshots).box_before(at)
+    assert any(around.tilt) == bool(at)
+    box = Box((*around.low_c, 0.0)[:3], (*around.high_c, 1.0)[:3], (True,) * 3, (*around.tilt, 0.0, 0.0)[:3])
+    x_nc = 0.5 * (np.array(box.low_c) + np.array(box.high_c)) * np.ones((len(atoms), 1))
+    d, spread_c = scene.dimension, box.rounding(kernel_cut(scene, atoms.spacing))
+    x_nc[:, d:] = 0.0
+    moved_nc = x_nc + part * spread_c * (np.arange(3) < d)
+    ((step, field),) = carried_over(ready, Carried({"x": x_nc}, {"x": moved_nc}))
+    assert (step, field.record.verdict) == (at, verdict)
+    assert field.record.derivation == f"the same doubles{BY_IMAGES}"
+
+
 @pytest.mark.parametrize("moves", [{"displace": {"x": 0.1}}, {"stretch": {"x": 1.1}}])
 def test_positions_are_not_compared_where_particles_are_moved(case_file: Write, moves: Any) -> None:
     fields = compared(case_file, {"at": 1, "by": "run"} | moves)
@@ -245,12 +278,13 @@ def test_a_case_without_runs_carries_nothing_over(case_file: Write) -> None:
 
 def test_of_very_many_atoms_a_sample_and_the_worst_of_each_field_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     n = 1000
-    zero_n, f_nc, rho_n = np.zeros(n), np.zeros((n, 2)), np.zeros(n)
+    zero_n, f_nc, rho_n = np.zeros(n), np.zeros((n, 2)), np.random.default_rng(1).permutation(n) / n
     f_nc[123, 1], rho_n[877] = 1.0, np.nan
     sides = {"f.lammps": f_nc, "f.reference": 0 * f_nc, "f.bound": 0 * f_nc + 2.0, "@1 lammps f": f_nc}
     sides |= {"rho.lammps": rho_n, "rho.reference": zero_n, "rho.bound": zero_n + 2.0}
     arrays = {"id": np.arange(1, n + 1), "box": np.zeros((2, 3)), "periodic": np.ones(3, bool), **sides}
     arrays["@pairs sum"] = np.zeros((2, 4))
+    monkeypatch.setattr("lammps_cases.verdict.outcome.ALL_KEPT", n)
     assert sampled(arrays) is arrays
     for name, number in (("ALL_KEPT", n - 1), ("SAMPLE", 10), ("WORST", 1)):
         monkeypatch.setattr(f"lammps_cases.verdict.outcome.{name}", number)
@@ -260,3 +294,26 @@ def test_of_very_many_atoms_a_sample_and_the_worst_of_each_field_are_kept(monkey
     assert {len(kept[name]) for name in sides} == {12}
     assert [kept[name].shape for name in ("box", "periodic", "@pairs sum")] == [(2, 3), (3,), (2, 4)]
     assert sampled({}) == {}
+
+
+def test_a_field_that_differs_is_kept_at_its_other_steps(case_file: Write) -> None:
+    """Beside its worst; one that agrees throughout is kept once."""
+    run = {"steps": 2, "timestep": 0.001, "compare_at": [0, 1, 2]}
+    ready = prepared(case_file(compare=["coordination", "f"], velocity={"random": 0.3}, evolve=run))
+    answer = made_answers.of_model(ready.case.scene, ready.atoms)
+    last = answer.snapshots[2] | {"f": answer.snapshots[2]["f"] + [[1.0, 0.0, 0.0]]}
+    answer = replace(answer, snapshots=(*answer.snapshots[:2], last))
+    _, arrays = evaluate(ready.case, ready.eos, ready.atoms, answer, ENGINE)
+    names = [name for name in arrays if name.startswith("@")]
+    assert names == [f"@{step} {side} f" for step in (0, 1) for side in ("lammps", "reference", "bound")]
+    np.testing.assert_array_equal(arrays["@1 lammps f"], answer.snapshots[1]["f"][:, :2])
+    np.testing.assert_array_equal(arrays["f.lammps"], last["f"][:, :2])
+    np.testing.assert_array_equal(arrays["mass"], ready.atoms.mass_n)
+    assert arrays["periodic"].tolist() == list(ready.atoms.periodic)
+
+
+def test_the_time_of_a_judgement_is_told_by_stage(case_file: Write) -> None:
+    ready = prepared(case_file(compare=["f"]))
+    taken()
+    evaluate(ready.case, ready.eos, ready.atoms, made_answers.of_model(ready.case.scene, ready.atoms), ENGINE)
+    assert set(taken()) == {"reference", "bounds", "variants", "digits", "mistakes", "rest"}

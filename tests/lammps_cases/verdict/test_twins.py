@@ -87,13 +87,16 @@ def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
     """In the frame and the units of the original: here a force is divided by 4^-1, that of another size."""
     ready = make("rescale")
     twin = twin_of(ready)
-    _, arrays = evaluate_twin(ready.case, twin, answers_of(ready), ENGINE)
+    ours, theirs = answers_of(ready)
+    record, arrays = evaluate_twin(ready.case, twin, [moved(ours, "f", 0.5, 6), theirs], ENGINE)
+    assert {field.worst_step for field in record.fields if field.field == "f"} == {2}
     bounds = []
     for name, (scene, atoms) in zip(("mine", "mine/twin"), ready.sides, strict=True):
         problem = problem_of(scene, atoms, "", twin.steps)
         bounds.append(Predictor().predict(problem, seed=seed(f"{name}/moved runs")).bounds)
     added = [ours["f"] + theirs["f"] / twin.scale.of("f") for ours, theirs in zip(*bounds, strict=True)]
-    assert any(np.array_equal(arrays["f.bound"], np.broadcast_to(bound_n, (20, 2))) for bound_n in added)
+    for at, name in ((1, "f.bound"), (0, "@0 bound f")):
+        np.testing.assert_array_equal(arrays[name], np.broadcast_to(added[at], (20, 2)))
 
 
 @pytest.mark.parametrize("kind", ["relabel", "boost", "newton"])
@@ -183,6 +186,12 @@ def test_a_run_without_an_answer_ends_the_comparison(
     assert (record.verdict, record.ended, record.only_twin) == (verdict, verdict, only_twin)
     assert (record.fields, arrays, record.engine_error) == ([], {}, f"{verdict}: words")
     assert record.seconds.lammps == made_answers.SECONDS * ends.count(None)
+
+
+def test_an_end_of_either_run_is_foretold_by_the_scene(make: Make) -> None:
+    ready = make("newton", compare=["stress/t"], evolve=None)
+    record = judged(ready, [Failure("crashed", "SIGSEGV"), Failure("crashed", "SIGSEGV")])
+    assert (record.verdict, record.explained_by) == ("explained", ["stress-without-pressure-segfault"])
 
 
 @pytest.mark.parametrize("side", [0, 1])

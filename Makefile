@@ -11,6 +11,7 @@ SOAK ?= 20000
 SOAKED ?= $(or $(TMPDIR),/tmp)/eos-ref-soak
 MACHINE ?= 200
 MACHINED ?= $(or $(TMPDIR),/tmp)/eos-ref-binary
+ANSWERING ?= env pypi:2025.7.22.1.0
 FUZZ ?= --seconds 600 --seed 1
 ENGINES ?= $(foreach v,0.1 0.2 1.0 2.0 4.0,pypi:2025.7.22.$(v))
 
@@ -103,9 +104,10 @@ power: $(READY) ## plant faults, measure what goes unseen, look for false alarms
 binary: $(READY) ## plant faults in LAMMPS' own machine code (x86-64), MACHINE='COUNT [ENGINE]' (a minute or more each)
 	$(BIN)/python -m tests.support.machine_code '$(MACHINED)' $(MACHINE)
 
-judge: $(READY) ## mutate the code that judges; its tests have to notice (long)
+judge: $(READY) ## mutate the code that judges; its tests, or answers of ANSWERING, have to notice (hours)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[judge]'
 	$(BIN)/mutmut run --max-children 2
+	$(BIN)/python -m tests.support.recorded_answers $(ANSWERING)
 	$(BIN)/python -m lammps_cases.studies.mutation.judge
 
 fuzz: $(READY) ## ten minutes of random scenes; FUZZ='--seconds 3600 --seed 2' for an hour of others

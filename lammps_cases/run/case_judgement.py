@@ -71,14 +71,14 @@ def judge(
     try:
         with stage("exercises"):
             exercises = exercised(ready.case, ready.atoms, predictor)
-        record, arrays = _evaluated(ready, outcomes, engine, predictor)
+        record, arrays = evaluated(ready, outcomes, engine, predictor)
     except Exception as error:
         record, arrays = blank_record(ready.case, ready.eos, ready.atoms, engine), {}
         faulty(record, HarnessError(exception=type(error).__name__, text=str(error)))
     compared = bool(arrays) and ready.case.scene.whole_model
     with contextlib.suppress(Exception):  # the verdict stands, whatever becomes of the search for its reason
         if compared and (looked := with_lists(site, ready, outcomes, record)):
-            record, arrays = _evaluated(ready, looked, engine, predictor)
+            record, arrays = evaluated(ready, looked, engine, predictor)
     with contextlib.suppress(Exception):
         searched = compared and record.verdict == "differs" and ready.twin is None
         if searched and (reason := first_step_outside(site, ready, engine.distribution, predictor)):
@@ -95,9 +95,10 @@ def judge(
     return record, sampled(arrays)
 
 
-def _evaluated(
+def evaluated(
     ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor
 ) -> tuple[CaseRecord, Arrays]:
+    """Judge the outcomes of a case, or of a twin and its original, without asking LAMMPS again."""
     from lammps_cases.verdict.judgement import evaluate
     from lammps_cases.verdict.twins import evaluate_twin
 

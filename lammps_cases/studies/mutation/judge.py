@@ -1,20 +1,25 @@
 """Mutants of the judge that its tests leave alive, and why no test can see them (``make judge``).
 
-mutmut changes one expression at a time in comparison, verdict and findings, and runs the tests that reach it. What it
-leaves alive is either argued in ``judge.yaml`` or a gap of the tests.
+mutmut changes one expression at a time in comparison, verdict and findings, and runs the tests that reach it, but for
+those that need LAMMPS. What it leaves alive judges recorded answers of LAMMPS (``tests/support/recorded_answers.py``),
+which variants of the reference have to reproduce. The rest is either argued in ``judge.yaml`` or a gap.
 """
 
 from __future__ import annotations
 
 import collections
+import json
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from lammps_cases.studies.mutation.record import arguments
 
+MUTANTS = Path("mutants")  # the copy of the project that mutmut makes
+ANSWERED = MUTANTS / "answered.json"  # what becomes of those left alive where they judge answers of LAMMPS
 ARGUED = Path(__file__).with_name("judge.yaml")
+BY_ANSWERS = "by answers"
 KILLED = ("killed", "timeout", "caught by type check", "segfault")
 
 
@@ -43,18 +48,34 @@ def unargued(survivors: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
     return [(f, what) for f, what in survivors if (f, what) not in argued and (f, "*") not in argued]
 
 
-def _mutmut(*words: str) -> str:
+def mutmut(*words: str) -> str:
+    """Return what mutmut prints."""
     command = [str(Path(sys.executable).with_name("mutmut")), *words]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
+def table(status_of: Mapping[str, str]) -> list[str]:
+    """Return lines of counts: mutants of every module by what became of them, and of all."""
+    rows = [(mutant.split(".")[1:3], status) for mutant, status in status_of.items()]
+    names = [f"{room}.{module}" for (room, module), _ in rows]
+    counts = {
+        name: collections.Counter(s for n, (_, s) in zip(names, rows, strict=True) if n == name) for name in names
+    }
+    total = collections.Counter(status_of.values())
+    return [
+        f"{name}: {each.total()} mutants, " + ", ".join(f"{n} {status}" for status, n in sorted(each.items()))
+        for name, each in (*sorted(counts.items()), ("all", total))
+    ]
+
+
 def main() -> int:
-    """Print how many mutants the tests kill, and those alive that are not argued; return 1 if there are any."""
-    status_of = statuses(_mutmut("results", "--all", "true"))
-    alive = [mutant for mutant, status in status_of.items() if status not in KILLED]
-    gaps = unargued((function_of(mutant), change(_mutmut("show", mutant))) for mutant in alive)
-    counts = collections.Counter(status_of.values())
-    print(f"{len(status_of)} mutants of the judge: " + ", ".join(f"{n} {name}" for name, n in sorted(counts.items())))
+    """Print what became of the mutants, and those alive that are not argued; return 1 if there are any."""
+    status_of = statuses(mutmut("results", "--all", "true"))
+    answered = json.loads(ANSWERED.read_text()) if ANSWERED.exists() else {}
+    status_of |= {mutant: f"{BY_ANSWERS} {now}" for mutant, now in answered.items() if now in KILLED}
+    alive = [mutant for mutant, status in status_of.items() if status.removeprefix(f"{BY_ANSWERS} ") not in KILLED]
+    gaps = unargued((function_of(mutant), change(mutmut("show", mutant))) for mutant in alive)
+    print("\n".join(table(status_of)))
     print(f"{len(alive)} not killed, {len(alive) - len(gaps)} of them argued in {ARGUED.name}")
     for function, what in gaps:
         print(f"  {function}: {what}")

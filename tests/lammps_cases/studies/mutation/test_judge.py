@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import pkgutil
 from pathlib import Path
 
@@ -36,6 +37,31 @@ def test_statuses_and_functions_are_read_from_the_results() -> None:
         "lammps_cases.verdict.outcome.judge_failure",
         "lammps_cases.findings.entry.Finding.predicts",
         "lammps_cases.verdict.law_mistakes._each_law",
+    ]
+
+
+def test_mutants_are_counted_by_module() -> None:
+    assert judge.table(judge.statuses(RESULTS)) == [
+        "findings.entry: 1 mutants, 1 no tests",
+        "verdict.law_mistakes: 1 mutants, 1 killed",
+        "verdict.outcome: 1 mutants, 1 survived",
+        "all: 3 mutants, 1 killed, 1 no tests, 1 survived",
+    ]
+
+
+def test_what_judges_an_answer_of_lammps_otherwise_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And what is alive, and not argued, is a gap."""
+    answered = tmp_path / "answered.json"
+    answered.write_text(json.dumps({"lammps_cases.findings.entry.xǁFindingǁpredicts__mutmut_2": "timeout"}))
+    monkeypatch.setattr(judge, "ANSWERED", answered)
+    monkeypatch.setattr(judge, "mutmut", lambda word, *_: RESULTS if word == "results" else DIFF)
+    assert judge.main() == 1
+    assert capsys.readouterr().out.splitlines()[3:] == [
+        "all: 3 mutants, 1 by answers timeout, 1 killed, 1 survived",
+        "1 not killed, 0 of them argued in judge.yaml",
+        f"  lammps_cases.verdict.outcome.judge_failure: {judge.change(DIFF)}",
     ]
 
 

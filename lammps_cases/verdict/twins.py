@@ -153,7 +153,8 @@ def _explain_twin(
     needed: list[Finding] = []
 
     def same(ours: Sequence[Snapshot], theirs: Sequence[Snapshot]) -> bool:
-        return first_outside(one.problem, _against(twin, one, other, ours, theirs), id_n) is None
+        left = first_outside(one.problem, _against(twin, one, other, ours, theirs), id_n)
+        return left is None or left.bound == math.inf  # what has no bound tells nothing apart
 
     if not same(one.prediction.fields, other.prediction.fields):
         record.not_same_problem = True

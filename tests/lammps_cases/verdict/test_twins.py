@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms
@@ -122,6 +123,24 @@ def test_runs_that_pose_different_problems_are_said_to(make: Make) -> None:
     ready = replace(ready, twin=replace(twin, other_atoms=elsewhere))
     record = judged(ready, answers_of(ready))
     assert (record.verdict, record.not_same_problem) == ("differs", True)
+
+
+def test_what_has_no_bound_does_not_make_two_problems(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A field that differs is looked into although the reference leaves another one open."""
+    predict = Predictor.predict
+
+    def leaving_open(self: Predictor, *arguments: Any, **options: Any) -> Prediction:
+        prediction = predict(self, *arguments, **options)
+        open_ = tuple(bound | {"coordination": np.full(20, np.inf)} for bound in prediction.bounds)
+        return replace(prediction, bounds=open_)
+
+    ready = make("translate")
+    answers = answers_of(ready)
+    answers[0] = moved(answers[0], "f", 0.5, 6)
+    monkeypatch.setattr(Predictor, "predict", leaving_open)
+    record = judged(ready, answers)
+    assert (record.verdict, record.not_same_problem) == ("differs", False)
+    assert record.blame is not None and (record.blame.field, record.blame.step) == ("f", 2)
 
 
 # --- findings

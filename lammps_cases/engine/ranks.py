@@ -224,7 +224,7 @@ def _joined_list(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
     """Join the lists of neighbours of all ranks, whose atoms count on from those of the rank before."""
     first_s = np.cumsum([0, *(len(part["id_s"]) for part in parts[:-1])])
     pairs = [part["pair_ps"] + first for part, first in zip(parts, first_s, strict=True)]
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in ("id_s", "x_sc", "own_s")}
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in ("id_s", "x_sc", "own_s", "low_rc")}
     rank_s = np.repeat(np.arange(len(parts)), [len(part["id_s"]) for part in parts])
     return parts[0] | joined | {"pair_ps": np.concatenate(pairs), "rank_s": rank_s}
 

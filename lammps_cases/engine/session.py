@@ -423,7 +423,8 @@ def read_list(lmp: Any) -> dict[str, Array]:
     dict
         ``id_s``, the id of each local or ghost atom; ``x_sc``, its position; ``own_s``, whether it is local;
         ``pair_ps``, the two atoms of every pair, counted likewise, in the order of the list; ``rank_s``, the process;
-        ``grid``, how many processes share each axis; ``newton``, the flags of pairs and bonds.
+        ``low_rc``, the lower corner of its part of the box, of a leaning one in fractions; ``newton``, the flags of
+        pairs and bonds.
     """
     natoms = lmp.extract_global("nlocal") + lmp.extract_global("nghost")
     id_s = lmp.numpy.extract_atom("id", nelem=natoms).ravel()
@@ -436,6 +437,6 @@ def read_list(lmp: Any) -> dict[str, Array]:
         "x_sc": lmp.numpy.extract_atom("x", nelem=natoms, dim=3).copy(),
         "pair_ps": pair_ps,
         "rank_s": np.zeros(natoms, int),
-        "grid": np.array(lmp.extract_global("procgrid")),
+        "low_rc": np.array([lmp.extract_global("sublo_lambda" if lmp.extract_setting("triclinic") else "sublo")]),
         "newton": np.array([lmp.extract_setting(f"newton_{of}") for of in ("pair", "bond")], bool),
     }

@@ -38,7 +38,7 @@ class NeighbourList:
     own_s : whether it is the particle itself, not an image or what another process has of it
     pair_ps : the two slots of every pair, that under which the pair is listed first
     rank_s : the process whose slot it is
-    grid : how many processes share each axis
+    low_rc : the lower corner of the part of the box that each process has
     newton : the flags of pairs and of bonds
     """
 
@@ -47,7 +47,7 @@ class NeighbourList:
     own_s: BoolArray
     pair_ps: IntArray
     rank_s: IntArray
-    grid: IntArray
+    low_rc: FloatArray
     newton: BoolArray
 
     @classmethod
@@ -59,22 +59,29 @@ class NeighbourList:
         """Return the slot that each image was copied from; -1 for particles.
 
         Images are made axis after axis, one process further each time, of all slots that there are by then; at the end
-        of the box it is one period further, too.
+        of the box it is one period further, too. Processes stand in a grid.
         """
         d, own = len(box.edge_c), np.flatnonzero(self.own_s)
         home_s = own[np.argsort(self.row_s[own])][self.row_s]  # the slot of the particle itself
         image_sc = box.periods(self.x_sc[:, :d] - self.x_sc[home_s, :d]).astype(np.int64)
-        grid_c = self.grid[:d]
-        place_sc = np.column_stack(np.unravel_index(self.rank_s, self.grid))[:, :d]
+        grid_c, place_rc = self._grid(d)
+        place_sc = place_rc[self.rank_s]
         apart_sc = image_sc * grid_c + place_sc[home_s] - place_sc  # processes between the slot and its particle
         slot_s, last_s = np.arange(len(home_s)), d - 1 - np.argmax(apart_sc[:, ::-1] != 0, axis=1)
         towards_s = np.sign(apart_sc[slot_s, last_s])
         place_sc[slot_s, last_s] += towards_s
         nearer_sc = image_sc - place_sc // grid_c
         here = np.column_stack([self.row_s, self.rank_s, image_sc])
-        ranks_s = np.ravel_multi_index((place_sc % grid_c).T, tuple(grid_c))
+        ranks_s = np.argsort(np.ravel_multi_index(place_rc.T, grid_c))[
+            np.ravel_multi_index((place_sc % grid_c).T, grid_c)
+        ]
         source_s = _places(np.column_stack([self.row_s, ranks_s, nearer_sc]), here)
         return np.where(apart_sc.any(axis=1), source_s, -1)
+
+    def _grid(self, d: int) -> tuple[IntArray, IntArray]:
+        """Return how many processes share each axis, and where each process stands among them."""
+        corners = [np.unique(low_r, return_inverse=True) for low_r in self.low_rc[:, :d].T]
+        return np.array([len(low) for low, _ in corners]), np.column_stack([at_r for _, at_r in corners])
 
     def left_to(
         self, new: NeighbourList, held_sc: FloatArray, own_nc: FloatArray, new_n: BoolArray | bool = False

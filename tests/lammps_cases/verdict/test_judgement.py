@@ -397,7 +397,7 @@ def test_snapshots_are_those_of_the_steps_asked_for_and_the_first_has_the_lists(
     np.testing.assert_array_equal(last[0]["f"], every[2]["f"])
     ids = answer.arrays | {"id": np.array([3, 5, 9])}
     lists = [
-        {"id_s": np.array([9, 3]), "x_sc": n, "own_s": [], "pair_ps": [], "rank_s": [], "grid": [], "newton": []}
+        {"id_s": np.array([9, 3]), "x_sc": n, "own_s": [], "pair_ps": [], "rank_s": [], "low_rc": [], "newton": []}
         for n in range(2)
     ]
     first, *others = read_snapshots(scene, replace(answer, arrays=ids, lists=tuple(lists)))

@@ -92,7 +92,8 @@ class PressureForceKept(Simulation):
     def minimize(self) -> None:
         """Keep the pressure forces of the minimisation."""
         if self.model.deform:  # else particles are where the evaluation had them
-            self.evaluator.follow(self.state.x_nc)
+            assert isinstance(self.evaluator, ArrayEvaluator)
+            ArrayEvaluator.follow(self.evaluator, self.state.x_nc)  # images are made anew: none is left behind
         pressure_n = where(self.evaluator.solid_n, super().force_pressure(), self.used_n)
         self.pressure_force_nc = self.evaluator.pair_terms(self.pair_input(pressure_n)).pressure_force_nc
 

@@ -346,6 +346,16 @@ def test_a_minimisation_evaluates_what_the_last_step_has_left(
     assert "positions, densities and energies that it finds" in ENTRIES[BEGIN].observed
 
 
+def test_a_minimisation_meets_images_where_they_are(lammps: Engine) -> None:
+    """Whatever the step before has left behind, in a box that grows."""
+    across = {"x": [[8.6, 4.0], [0.3, 4.0]], "low": [0, 0], "high": [9, 9], "periodic": [True, False]}
+    scene = beside_a_wall({"at": 1, "by": "minimize"}, positions=across, deform={"x": 300.0})
+    scene = replace(scene, steps=(0, 1))
+    first, last = lammps.fields(scene, every_step=True)
+    assert agree(last["rho"], scene.predicted(FORCES, PARTS, "images-left-behind", snapshot=first), "rho", 1)
+    assert not agree(last["rho"], scene.predicted(FORCES), "rho", 1)
+
+
 def test_created_with_forces_of_others(lammps: Engine) -> None:
     """The slot of the last particle, the first one, is filled by the one before it, whose slot it gets."""
     right, created, kept, none = said(

@@ -34,10 +34,10 @@ def announce_first_use(loop: Any) -> None:
         logging.getLogger("eos_ref").warning("eos-ref: compiling the particle model, once on this machine (some 20 s)")
 
 
-def cached(*sources: str, signature: str | None = None) -> Any:
+def cached(*sources: str, signature: str | list[str] | None = None) -> Any:
     """Return a decorator of a compiled loop that is kept on disk until one of these files, or of `SOURCES`, changes.
 
-    With a signature it is compiled at once, for that alone.
+    With a signature, or some, it is compiled at once, for these alone.
     """
     folder = str(cache_directory((*SOURCES, *sources)))
 

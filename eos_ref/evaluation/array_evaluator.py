@@ -34,6 +34,7 @@ class ArrayEvaluator(Evaluator):
 
     by_rows = True  # whether what a particle collects depends on its neighbours' values alone
     candidates: Candidates | None = None  # of the last search
+    loops: Any = None  # what takes longest, compiled: `eos_ref.evaluation.pair_loops`, once it is imported
 
     # --- pairs, kernel values, coordination
 
@@ -43,7 +44,10 @@ class ArrayEvaluator(Evaluator):
             return directed_pairs(x_nc, self.box, cut)
         if self.candidates is None or not self.candidates.hold(x_nc, self.box, cut):
             self.candidates = candidates(x_nc, self.box, cut)
-        return self.candidates.closer(x_nc, cut)
+        near = self.candidates
+        if self.loops:
+            return self.loops.near(x_nc, near.i, near.j, near.shift_pc, cut)  # type: ignore[no-any-return]
+        return near.closer(x_nc, cut)
 
     def move(self, x_nc: Array) -> None:
         if not np.isfinite(value(x_nc).astype(float)).all():
@@ -60,6 +64,8 @@ class ArrayEvaluator(Evaluator):
 
     def kernel_values(self, x_nc: Array) -> None:
         """Set displacements and distances of the pairs, values and gradients of their kernel."""
+        if self.loops and self.loops.set_kernel_values(self, x_nc):
+            return
         model, kernel = self.model, self.model.kernel
         self.x = [self._apart(x_n, self.shift_pc[:, a]) for a, x_n in enumerate(axes(x_nc))]
         self.rr = dot(self.x, self.x)
@@ -106,7 +112,7 @@ class ArrayEvaluator(Evaluator):
         if isinstance(term_p, Rounded):
             return term_p.sum_by(self.i, self.n)
         if term_p.dtype == np.float64:
-            return np.bincount(self.i, term_p, self.n)
+            return (self.loops.total if self.loops else np.bincount)(self.i, term_p, self.n)
         total_n = np.zeros(self.n, term_p.dtype)
         np.add.at(total_n, self.i, term_p)
         return total_n

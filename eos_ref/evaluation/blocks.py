@@ -86,13 +86,14 @@ def in_blocks(stages: type[ArrayEvaluator], n: int) -> type[ArrayEvaluator]:
     if n <= ROWS or not stages.by_rows:
         return stages
     if n > COMPILED_ABOVE:
-        compile_rounded()
+        compile_loops()
     part = type("Part", (BlockStages, stages), {"__module__": __name__})
     return type("InBlocks", (InBlocks, stages), {"__module__": __name__, "part": part})
 
 
-def compile_rounded() -> None:
-    """Load compiled operations, which `Rounded` takes from here on."""
+def compile_loops() -> None:
+    """Load compiled loops, which `Rounded` and `ArrayEvaluator` take from here on."""
+    import eos_ref.evaluation.pair_loops
     import eos_ref.evaluation.rounded_loops  # noqa: F401
 
 
@@ -101,7 +102,7 @@ def count_rounded(n: int) -> None:
     global _rounded
     _rounded += n
     if _rounded > COMPILED_FROM:
-        compile_rounded()
+        compile_loops()
 
 
 class BlockStages(ArrayEvaluator):
@@ -118,21 +119,11 @@ class BlockStages(ArrayEvaluator):
         """Return the block's pairs closer than a cutoff."""
         b = self.block
         assert cut <= b.reach
-        if Rounded.loops:
-            from eos_ref.evaluation.pair_loops import near
-
-            return near(x_nc, b.i_p, b.j_p, b.shift_pc, cut)
+        if self.loops:
+            return self.loops.near(x_nc, b.i_p, b.j_p, b.shift_pc, cut)  # type: ignore[no-any-return]
         shift_pc = np.broadcast_to(b.shift_pc, (len(b.i_p), x_nc.shape[1]))
         inside = separations(x_nc, b.i_p, b.j_p, shift_pc) < cut
         return b.i_p[inside], b.j_p[inside], shift_pc[inside]
-
-    def kernel_values(self, x_nc: Array) -> None:
-        if Rounded.loops and isinstance(x_nc, np.ndarray) and x_nc.dtype == float:
-            from eos_ref.evaluation import pair_loops
-
-            if pair_loops.set_kernel_values(self, x_nc):
-                return
-        super().kernel_values(x_nc)
 
 
 class InBlocks(ArrayEvaluator):

@@ -1,10 +1,14 @@
-"""Distances and kernel values of listed pairs, compiled: the bits of arrays, without an array for each operation."""
+"""Distances, kernel values and sums of listed pairs, compiled: the bits of arrays, without an array for each operation.
+
+Once this module is imported `ArrayEvaluator` takes them, as `Rounded` does those of `rounded_loops`.
+"""
 
 # mypy: disable-error-code="untyped-decorator"
 
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -16,11 +20,11 @@ from eos_ref.jit import cached, inline
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import IntArray
 
-_PAIRS = "float64[:, ::1], int32[::1], int32[::1], float64[:, ::1]"
+_NEAR = "int64(float64[:, ::1], {0}[::1], {0}[::1], float64[:, ::1], float64, int64[::1], int64[::1], int64[::1])"
 _READ = "Array(float64, 2, 'A', True)"
 
 
-@cached(signature=f"int64({_PAIRS}, float64, int64[::1], int64[::1], int64[::1])")
+@cached(signature=[_NEAR.format(index) for index in ("int32", "int64")])
 def _near(x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, cut: float, near_i: Any, near_j: Any, near_p: Any) -> Any:
     count, one, flat = 0, len(shift_pc) == 1, x_nc.shape[1] == 2
     for p in range(i_p.size):
@@ -72,9 +76,9 @@ def _kernel_values(
 
 
 def set_kernel_values(of: ArrayEvaluator, x_nc: FloatArray) -> bool:
-    """See `ArrayEvaluator.kernel_values`, of positions in doubles; return whether its kernel has compiled loops."""
+    """See `ArrayEvaluator.kernel_values`; return whether there are loops for its kernel and numbers: doubles."""
     model = of.model
-    if model.kernel is not QUINTIC:
+    if model.kernel is not QUINTIC or not isinstance(x_nc, np.ndarray) or x_nc.dtype != np.float64:
         return False
     x_cp, gradw_cp = np.empty((2, model.dimension, len(of.i)))
     values_kp = np.empty((3, len(of.i)))
@@ -83,3 +87,27 @@ def set_kernel_values(of: ArrayEvaluator, x_nc: FloatArray) -> bool:
     of.x, of.gradw = list(x_cp), list(gradw_cp)
     of.rr, of.r, of.w = values_kp
     return True
+
+
+@cached(signature="void(Array(int64, 1, 'C', True), Array(float64, 1, 'C', True), float64[::1])")
+def _total(i_p: Any, term_p: Any, sum_n: Any) -> None:
+    if i_p.size == 0:
+        return
+    i, total = i_p[0], 0.0  # in a register as long as the pairs are those of one particle
+    for p in range(i_p.size):
+        if i_p[p] != i:
+            sum_n[i] = total
+            i = i_p[p]
+            total = sum_n[i]
+        total += term_p[p]
+    sum_n[i] = total
+
+
+def total(i_p: IntArray, term_p: FloatArray, n: int) -> FloatArray:
+    """Return the sums (n,) of the doubles with each row number, in their order."""
+    sum_n = np.zeros(n)
+    _total(i_p, np.ascontiguousarray(term_p), sum_n)
+    return sum_n
+
+
+ArrayEvaluator.loops = sys.modules[__name__]

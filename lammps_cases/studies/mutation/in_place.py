@@ -15,6 +15,7 @@ from functools import cache, cached_property
 from typing import Any
 
 from eos_ref.errors import InputError
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.studies.mutation import formula
 from lammps_cases.studies.mutation.edits import split_name
 from lammps_cases.studies.mutation.source import SourceFault
@@ -24,7 +25,7 @@ from lammps_cases.studies.mutation.source import SourceFault
 def made(fault: str) -> Iterator[None]:
     """Have the reference make a mistake of ``formula.yaml``, named with its family.
 
-    The compiled evaluator, whose machine code exists already, is not changed.
+    The compiled evaluator, whose machine code exists already, is not changed; arrays do without their compiled loops.
 
     Raises
     ------
@@ -33,10 +34,11 @@ def made(fault: str) -> Iterator[None]:
     """
     function, code = _changed(fault)
     right, function.__code__ = function.__code__, code
+    loops, ArrayEvaluator.loops = ArrayEvaluator.loops, None
     try:
         yield
     finally:
-        function.__code__ = right
+        function.__code__, ArrayEvaluator.loops = right, loops
 
 
 @cache

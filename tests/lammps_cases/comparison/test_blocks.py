@@ -77,7 +77,7 @@ def test_lists_of_lammps_are_followed_as_a_whole(tiny: None) -> None:
 
 def test_operations_are_compiled_once_many_particles_were_evaluated(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded: list[bool] = []
-    monkeypatch.setattr(blocks, "compile_rounded", lambda: loaded.append(True))
+    monkeypatch.setattr(blocks, "compile_loops", lambda: loaded.append(True))
     monkeypatch.setattr(blocks, "_rounded", 0)
     blocks.count_rounded(blocks.COMPILED_FROM - 1)
     assert not loaded

@@ -1,4 +1,4 @@
-"""Operations on large `Rounded` arrays, compiled: one pass over memory where arrays take a dozen.
+"""Operations on `Rounded` arrays, compiled: one pass over memory where arrays take a dozen.
 
 Every loop rounds as the operations in arrays do and in their order, so that the bits are the same. Once this module is
 imported `Rounded` takes them: loading them costs as much as the bounds of some thousand particles.
@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from eos_ref.jit import cached, inline
-from eos_ref.numbers.rounded import ROUNDING, TINY, Array, Rounded, value
+from eos_ref.numbers.rounded import ROUNDING, TINY, Array, Rounded
 
-LEAST = 1024  # elements; with fewer the calls take longer than what they save
 _READ, _OUT = "Array(float64, 1, 'C', True, aligned=True)", "float64[::1]"
 _ROWS = "Array(int64, 1, 'C', True, aligned=True)"
 _operation = cached("numbers/rounded.py", signature=f"void({', '.join([_READ] * 4 + [_OUT] * 2)})")
@@ -76,34 +75,33 @@ OPERATIONS = {"add": _add, "subtract": _subtract, "multiply": _multiply, "divide
 
 
 def operation(name: str, a: Any, b: Any) -> Rounded | None:
-    """Return the sum, difference, product or quotient of two, one of which is `Rounded`; None: the arrays are small."""
+    """Return the sum, difference, product or quotient of two, one of which is `Rounded`; None: of different shapes."""
     shape = a.shape if isinstance(a, Rounded) else b.shape
-    if math.prod(shape) < LEAST or any(np.shape(value(side)) not in ((), shape) for side in (a, b)):
+    one, other = _flat(a, shape), _flat(b, shape)
+    if one is None or other is None:
         return None
     x, dx = np.empty(shape), np.empty(shape)
-    OPERATIONS[name](*_flat(a, shape), *_flat(b, shape), x.reshape(-1), dx.reshape(-1))
+    OPERATIONS[name](*one, *other, x.ravel(), dx.ravel())
     return Rounded.known(x, dx)
 
 
+def _flat(side: Any, shape: tuple[int, ...]) -> tuple[Array, Array] | None:
+    """Return values and errors of one side of an operation as arrays of one axis; None: it has another shape."""
+    if isinstance(side, Rounded):
+        return (side.value.ravel(), side.error.ravel()) if side.shape == shape else None
+    values, size = np.asarray(side, float), math.prod(shape)
+    if values.shape == shape:
+        return values.ravel(), np.zeros(size)
+    return None if values.shape else (np.full(size, values), np.zeros(size))
+
+
 def sum_by(x: Rounded, row_p: Array, n: int) -> Rounded | None:
-    """See `Rounded.sum_by`; None: the array is small, or its errors are not those of one axis."""
-    if len(row_p) < LEAST or x.value.ndim != 1:
+    """See `Rounded.sum_by`; None: the array is not one of one axis."""
+    if x.value.ndim != 1:
         return None
     count_n, absolute_n, error_n, sum_n = np.zeros((4, n))
-    _sum_by(np.ascontiguousarray(row_p, np.int64), *_flat(x, x.shape), count_n, absolute_n, error_n, sum_n)
+    _sum_by(row_p.ravel(), x.value.ravel(), x.error.ravel(), count_n, absolute_n, error_n, sum_n)
     return Rounded(sum_n, error_n + count_n * (ROUNDING * absolute_n))
-
-
-def _flat(side: Any, shape: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return values and errors of one side of an operation, as arrays of one axis."""
-    bound = side.error if isinstance(side, Rounded) else 0.0
-    return _one_axis(value(side), shape), _one_axis(bound, shape)
-
-
-def _one_axis(array: Any, shape: tuple[int, ...]) -> Array:
-    if np.shape(array) == shape:
-        return np.ascontiguousarray(array, float).reshape(-1)
-    return np.full(math.prod(shape), array, float)
 
 
 Rounded.loops = sys.modules[__name__]

@@ -99,7 +99,7 @@ class Rounded:
     """Values with the largest difference that rounding makes between two correct evaluations."""
 
     __array_ufunc__ = None  # so that numpy leaves array * Rounded to us
-    loops: Any = None  # operations on large arrays, compiled: `eos_ref.evaluation.rounded_loops`, once it is imported
+    loops: Any = None  # operations, compiled: `eos_ref.evaluation.rounded_loops`, once it is imported
 
     def __init__(self, value: Any, error: Any = 0.0) -> None:
         self.value = np.asarray(value, float)
@@ -116,7 +116,7 @@ class Rounded:
         return made
 
     def _compiled(self, name: str, a: Any, b: Any) -> Rounded | None:
-        """Return an operation on large arrays, compiled; None: it is left to the arrays."""
+        """Return an operation on arrays, compiled; None: it is left to the arrays."""
         return self.loops.operation(name, a, b) if self.loops else None
 
     def _rounded(self, value: Array, error: Array, underflow: float = TINY) -> Rounded:

@@ -22,6 +22,9 @@ def by_type(
     e_n: Array | None,
 ) -> Array:
     """Return the `pressure` or `density` of every particle by the law of its type, (n,); ``e_n`` energy per mass."""
+    if len(table) == 1:  # as in most scenes: nothing is to be picked
+        part = law(table[1], argument_n, e_n)
+        return part if isinstance(part, Rounded) else value(part).astype(value(argument_n).dtype, copy=False)
     values, errors = np.empty(len(type_n), value(argument_n).dtype), np.zeros(len(type_n))
     for t, eos in enumerate(table, 1):
         at = type_n == t

@@ -8,22 +8,28 @@ their compiled counterparts.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 
 from eos_ref.numbers.number import Number
 
 N = TypeVar("N", bound=Number)
+PLAIN = np.ndarray, float, int, np.float64  # asked for by type: to look for a method takes as long as small arrays do
 
 
 def _is_ball(x: Number) -> bool:
     return type(x).__module__.startswith("flint")
 
 
+def _has(x: Any, name: str) -> TypeGuard[Any]:
+    """Return whether a number has a function of its own."""
+    return type(x) not in PLAIN and hasattr(x, name)
+
+
 def _unary(name: str, ufunc: Callable[[Any], Any]) -> Callable[[N], N]:
     def function(x: N) -> N:
-        return getattr(x, name)() if hasattr(x, name) else ufunc(x)  # type: ignore[no-any-return]
+        return getattr(x, name)() if _has(x, name) else ufunc(x)  # type: ignore[no-any-return]
 
     function.__name__ = name
     function.__doc__ = f"Return ``{name}(x)`` of an array, a scalar or an Arb ball."
@@ -42,7 +48,7 @@ sqrt = _unary("sqrt", np.sqrt)
 def maximum(a: N | float, b: N | float) -> N:
     """Return the larger of two numbers, element by element."""
     for x in (a, b):
-        if hasattr(x, "maximum"):
+        if _has(x, "maximum"):
             return x.maximum(b if x is a else a)  # type: ignore[no-any-return]
     return np.maximum(a, b)  # type: ignore[no-any-return, arg-type]
 
@@ -50,7 +56,7 @@ def maximum(a: N | float, b: N | float) -> N:
 def minimum(a: N | float, b: N | float) -> N:
     """Return the smaller of two numbers, element by element."""
     for x in (a, b):
-        if hasattr(x, "minimum"):
+        if _has(x, "minimum"):
             return x.minimum(b if x is a else a)  # type: ignore[no-any-return]
     return np.minimum(a, b)  # type: ignore[no-any-return, arg-type]
 
@@ -58,7 +64,7 @@ def minimum(a: N | float, b: N | float) -> N:
 def where(condition: Any, a: N | float, b: N | float) -> N:
     """Return ``a`` where the condition holds, else ``b``; both are evaluated."""
     for x in (condition, a, b):
-        if hasattr(x, "where"):
+        if _has(x, "where"):
             return x.where(condition, a, b)  # type: ignore[no-any-return]
     return np.where(condition, a, b)  # type: ignore[return-value, arg-type]
 

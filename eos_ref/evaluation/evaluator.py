@@ -97,6 +97,7 @@ class Evaluator(ABC):
     cs_n: FloatArray = field(init=False)
     coordination_n: Array = field(init=False)
     corrected_n: BoolArray = field(init=False)
+    _pressures: tuple[Any, Any, Any] | None = field(default=None, init=False)  # the last ones, with what they are of
 
     def __post_init__(self) -> None:
         self.type_n = np.asarray(self.type_n)
@@ -331,7 +332,10 @@ class Evaluator(ABC):
 
     def pressure(self, rho_n: Array, energy_n: Array | None = None) -> Array:
         """Return the pressures of some densities, all (n,); the energy is that of the particle."""
-        return self.eos_pressure(rho_n, None if energy_n is None else energy_n / self.mass_n)
+        if self._pressures is None or self._pressures[0] is not rho_n or self._pressures[1] is not energy_n:
+            e_n = None if energy_n is None else energy_n / self.mass_n
+            self._pressures = rho_n, energy_n, self.eos_pressure(rho_n, e_n)
+        return self._pressures[2]
 
     def sound_speed(self, energy_n: Array | None = None) -> Array:
         r"""Return the speeds of sound of pair terms: fix rheo's, :math:`\sqrt{(\gamma-1)e}` of an ideal gas."""

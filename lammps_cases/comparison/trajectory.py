@@ -31,6 +31,7 @@ from eos_ref.model.quantities import QUANTITIES, needed_to_step
 from eos_ref.model.state import Gradients, PairTerms, State
 from eos_ref.numbers.rounded import Rounded, error
 from lammps_cases.comparison.rounded_input import moved_input
+from lammps_cases.comparison.signs import Signs
 from lammps_cases.records.stages import stage
 
 Fields = dict[str, Any]
@@ -40,7 +41,6 @@ UPDATES = 3  # of a value in a step, at most: two halves, and the shift
 # Loading the compiled loops takes 0.456 s; from then on they save 7.92 us at every evaluation of a particle. Both are
 # rounded measurements of one machine, fixed here so that the size of a scene alone decides which bits it gets.
 COMPILED_ABOVE = int(0.456 / 7.92e-6)
-_SIGNS = np.array((-1.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -316,18 +316,13 @@ class Sizes(dict[str, FloatArray]):
 # --- many steps
 
 
-def signs(random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
-    """Return random signs: those of ``random.choice((-1.0, 1.0), shape)``, which takes twice as long for few."""
-    return _SIGNS[random.integers(0, 2, shape)]
-
-
-def moved(evaluator: type[Evaluator], sizes: Sizes, random: np.random.Generator) -> type[Evaluator]:
+def moved(evaluator: type[Evaluator], sizes: Sizes, signs: Signs) -> type[Evaluator]:
     """Return the stages of an evaluator with every result moved by its bound, up or down at random."""
 
     def move(quantity: Any, name: str) -> Any:
         if quantity is None or name not in sizes:
             return quantity
-        return quantity + signs(random, np.shape(quantity)) * sizes[name]
+        return quantity + signs(np.shape(quantity)) * sizes[name]
 
     class Moved(evaluator):  # type: ignore[misc, valid-type]
         def density_sum(self) -> Any:
@@ -367,7 +362,7 @@ class Shaken(Simulation):
     A step updates it twice: before its evaluation, and after it.
     """
 
-    random: np.random.Generator
+    signs: Signs
 
     def evaluate(self) -> Fields:
         """Evaluate a state that moves once more, unless it is the one given."""
@@ -411,21 +406,21 @@ class Shaken(Simulation):
             s.energy_n = s.energy_n * (1 + (EPS + relative) * self._signs(s.energy_n))
 
     def _signs(self, like: FloatArray) -> FloatArray:
-        return signs(self.random, like.shape)
+        return self.signs(like.shape)
 
 
-def shaken(stepping: type[Simulation], random: np.random.Generator) -> type[Simulation]:
+def shaken(stepping: type[Simulation], signs: Signs) -> type[Simulation]:
     """Return a stepping in which the state moves by one unit of the last place whenever a step has updated it."""
-    return type("ShakenSteps", (Shaken, stepping), {"random": random})
+    return type("ShakenSteps", (Shaken, stepping), {"signs": signs})
 
 
 def _moved_runs(
     problem: Problem, evaluator: type[Evaluator], stepping: type[Simulation], sizes: Sizes, seed: int
 ) -> Iterator[Simulation]:
     for k in range(moved_runs(problem)):
-        random = np.random.default_rng((seed, k))
-        steps = shaken(stepping, random)
-        stages = moved(evaluator, sizes, random)
+        signs = Signs(np.random.default_rng((seed, k)))
+        steps = shaken(stepping, signs)
+        stages = moved(evaluator, sizes, signs)
         yield steps(problem.model, problem.box, problem.state, wanted(problem), stages)
 
 

@@ -11,6 +11,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
+from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, shaken, visit, wanted
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
@@ -123,7 +124,7 @@ def test_moved_runs_move_the_box_that_grows_by_its_roundings(shear: tuple[float,
     by, begun_in = Deform((0.5, -0.2), shear=shear), replace(of.box, low_c=(-9.0, 1.0), tilt=(1.3,))
     plain = by.box(begun_in, 0.25)
     for seed in range(9):
-        steps = shaken(Simulation, np.random.default_rng(seed))
+        steps = shaken(Simulation, Signs(np.random.default_rng(seed)))
         sim = steps(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
         sim.begun = begun_in
         box = sim.grown(by, 0.25)
@@ -148,7 +149,7 @@ def test_moved_runs_move_positions_by_the_roundings_of_a_box_that_changes(tilt: 
     wider = Box((-3.0, 1.0), (7.0, 9.0), of.box.periodic, tilt)
     plain = begun(of)
     plain.remap(wider)
-    sim = shaken(Simulation, np.random.default_rng(1))(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
+    sim = shaken(Simulation, Signs(np.random.default_rng(1)))(of.model, of.box, of.state, wanted(of), ArrayEvaluator)
     sim.remap(wider)
     far_nc = sim.state.x_nc - plain.state.x_nc
     size_c = 6 * EPS * np.array([13.0, 9.0]) + wider.rounding(of.model.cut)

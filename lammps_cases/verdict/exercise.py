@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from lammps_cases.setup import reference_side
 from lammps_cases.verdict.model_cases import problem_of
 
 
-def counts(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
-    """Return how many particles or pairs of a case take each rule: the most of the steps compared; others have none.
+def counts(case: Case, atoms: Atoms, predictor: Predictor, names: Sequence[str] = tuple(RULES)) -> dict[str, int]:
+    """Return how many particles or pairs of a case take some rules: the most of the steps compared; others have none.
 
     A case that LAMMPS has to refuse takes none.
     """
@@ -33,27 +33,33 @@ def counts(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
         problem = Problem(model, box, given, 0.0, scene.compare, (0,))
     shared = scene.interacts and own_stages(problem) is ArrayEvaluator
     halts = predictor.halts(problem) if shared else None
-    return predictor.counts("rules", problem, lambda: counted(problem, scene.interacts, halts))
+    what = " ".join(("rules", *names))
+    return predictor.counts(what, problem, lambda: counted(problem, scene.interacts, halts, names))
 
 
 def exercised(case: Case, atoms: Atoms, predictor: Predictor) -> dict[str, int]:
     """Return the counts of the rules that a case says it exercises."""
     if not case.exercises:
         return {}
-    every = counts(case, atoms, predictor)
+    every = counts(case, atoms, predictor, case.exercises)
     return {name: every.get(name, 0) for name in case.exercises}
 
 
-def counted(problem: Problem, interacts: bool = True, halts: dict[int, Halt] | None = None) -> dict[str, int]:
-    """Return the largest count of every rule that a problem takes; without neighbours if nothing needs any.
+def counted(
+    problem: Problem,
+    interacts: bool = True,
+    halts: dict[int, Halt] | None = None,
+    names: Sequence[str] = tuple(RULES),
+) -> dict[str, int]:
+    """Return the largest count of the rules named that a problem takes; without neighbours if nothing needs any.
 
     ``halts`` takes the reference as it is at every step, of which a prediction can be made.
     """
     most: dict[str, int] = {}
     with np.errstate(all="ignore"):
         for evaluated in _visited(problem, interacts, halts):
-            for name, rule in RULES.items():
-                most[name] = max(most.get(name, 0), rule.count(evaluated))
+            for name in names:
+                most[name] = max(most.get(name, 0), RULES[name].count(evaluated))
     return {name: count for name, count in most.items() if count}
 
 

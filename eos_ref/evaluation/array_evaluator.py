@@ -174,7 +174,8 @@ class ArrayEvaluator(Evaluator):
         volume_p = self.volume_of_wall(rho_n)[self.j]
         h = basis(self.model.order, [x_p / self.model.cut for x_p in self.x])
         weight = volume_p * self.w
-        return h, [[self.total(weight * h[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
+        weighted = [weight * h_a for h_a in h]
+        return h, [[self.total(weighted[a] * h[b]) for b in range(a + 1)] for a in range(len(h))]
 
     # --- walls
 
@@ -238,8 +239,8 @@ class ArrayEvaluator(Evaluator):
         volume = self.mass_n[self.j] / rho_j
         gradients = Gradients()
         if "v" in want:
-            v = self.velocity_difference(state.v_nc, chi_n)
-            gradients.v_ncc = joined([[self.total(-(volume * v_a) * g_b) for g_b in self.g] for v_a in v])
+            v = [-(volume * v_a) for v_a in self.velocity_difference(state.v_nc, chi_n)]
+            gradients.v_ncc = joined([[self.total(v_a * g_b) for g_b in self.g] for v_a in v])
         if "rho" in want:
             gradients.rho_nc = self._gradient(volume, rho_j - rho_i)
         if "energy" in want:
@@ -247,7 +248,8 @@ class ArrayEvaluator(Evaluator):
         return gradients
 
     def _gradient(self, volume_p: Array, difference_p: Array) -> Array:
-        return joined([self.total(volume_p * difference_p * g_a) for g_a in self.g])
+        weight_p = volume_p * difference_p
+        return joined([self.total(weight_p * g_a) for g_a in self.g])
 
     # --- shifting, surfaces
 

@@ -20,12 +20,12 @@ from eos_ref.jit import cached, inline
 from eos_ref.kernels.quintic import QUINTIC
 from eos_ref.model.parameters import IntArray
 
-_NEAR = "int64(float64[:, ::1], {0}[::1], {0}[::1], float64[:, ::1], float64, int64[::1], int64[::1], int64[::1])"
+_NEAR = "int64(float64[:, ::1], {0}[::1], {0}[::1], float64[:, ::1], float64, int64[::1], int64[::1], float64[:, ::1])"
 _READ = "Array(float64, 2, 'A', True)"
 
 
 @cached(signature=[_NEAR.format(index) for index in ("int32", "int64")])
-def _near(x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, cut: float, near_i: Any, near_j: Any, near_p: Any) -> Any:
+def _near(x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, cut: float, near_i: Any, near_j: Any, near_pc: Any) -> Any:
     count, one, flat = 0, len(shift_pc) == 1, x_nc.shape[1] == 2
     for p in range(i_p.size):
         i, j, at = i_p[p], j_p[p], 0 if one else p
@@ -37,7 +37,10 @@ def _near(x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, cut: float, near_i: Any,
             apart = x_nc[i, 2] - (x_nc[j, 2] + shift_pc[at, 2])
             rr += apart * apart
         # No branch: a pair that is too far is overwritten by the next.
-        near_i[count], near_j[count], near_p[count] = i, j, p
+        near_i[count], near_j[count] = i, j
+        if not one:
+            for a in range(x_nc.shape[1]):
+                near_pc[count, a] = shift_pc[p, a]
         count += math.sqrt(rr) < cut
     return count
 
@@ -46,10 +49,10 @@ def near(
     x_nc: FloatArray, i_p: IntArray, j_p: IntArray, shift_pc: FloatArray, cut: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return those of some pairs with r < cut; of displacements there may be one row for all."""
-    near_3p = np.empty((3, len(i_p)), np.int64)
-    count = _near(np.ascontiguousarray(x_nc), i_p, j_p, shift_pc, cut, *near_3p)
-    i, j, p = near_3p[:, :count]
-    return i, j, np.broadcast_to(shift_pc, (count, x_nc.shape[1])) if len(shift_pc) == 1 else shift_pc[p]
+    near_2p, near_pc = np.empty((2, len(i_p)), np.int64), np.empty_like(shift_pc)
+    count = _near(np.ascontiguousarray(x_nc), i_p, j_p, shift_pc, cut, *near_2p, near_pc)
+    i, j = near_2p[:, :count]
+    return i, j, np.broadcast_to(shift_pc, (count, x_nc.shape[1])) if len(shift_pc) == 1 else near_pc[:count]
 
 
 _shape, _slope = inline(QUINTIC.shape), inline(QUINTIC.slope)

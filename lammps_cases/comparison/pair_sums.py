@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -111,7 +112,8 @@ def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: b
     adds = added(last) if last else None
     met: Any = last.evaluator if last and adds else evaluator  # whose pairs are listed
 
-    def particle(n: int) -> ParticleValues:
+    @cache
+    def particle(n: int) -> ParticleValues:  # most are neighbours of several
         return ParticleValues(
             n + 1,
             int(state.type_n[n]),

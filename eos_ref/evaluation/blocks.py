@@ -28,7 +28,7 @@ ROWS = 2048  # particles of a block: their pairs' numbers stay in the processor'
 SKIN = 0.1  # of the cutoff, by which pairs are listed beyond it
 KEPT = 2**22  # directed pairs whose values are kept between two stages; of the blocks beyond only who meets whom
 COMPILED_ABOVE = 2**13  # particles: loading compiled operations takes as long as they save. The bits are the same
-COMPILED_FROM = 2**14  # particles of all scenes of a process; in small ones calls take part of what is saved
+COMPILED_FROM = 2**13  # particles of all scenes of a process
 _rounded = 0  # of these so far
 FOUND = ("coordination_n", "corrected_n", "counted_n")  # of the particles, by `count`
 

@@ -16,11 +16,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
-from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.predictor import Made, Predictor
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
 from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, accepted_cases
@@ -34,9 +36,11 @@ from lammps_cases.studies.mutation import judge
 
 FOLDER, ALIVE, TRY = "answers", "alive.json", "--try"  # in mutmut's copy of the project
 ACTIVE = "MUTANT_UNDER_TEST"  # the mutant that mutmut's copy has switched on
+MOST = 40  # answers that a mutant judges: those with a finding of its module first, then the quickest
 EACH = 8  # answers that show a finding, of an engine
 TRIED = 20  # cases that may show it, of many files first
 
+T = TypeVar("T")
 Recorded = tuple[PreparedCase, Outcomes, EngineRecord, dict[str, Any]]
 
 
@@ -54,9 +58,9 @@ def told(record: CaseRecord) -> dict[str, Any]:
     }
 
 
-def judged(ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord) -> CaseRecord:
-    """A case judged anew."""
-    return evaluated(ready, outcomes, engine, Predictor())[0]
+def judged(ready: PreparedCase, outcomes: Outcomes, engine: EngineRecord, predictor: Predictor) -> CaseRecord:
+    """A case judged."""
+    return evaluated(ready, outcomes, engine, predictor)[0]
 
 
 # --- record
@@ -95,7 +99,7 @@ def record(name: str, folder: Path) -> None:
             limit = case.scene.engine.time_limit
             outcomes = answers(workers, ready, [workers.submit(job, limit) for job in ready.jobs])
             outcomes = workers.outcome(workers.call(with_its_lists, ready, outcomes, who, time_limit=JUDGING))
-            found = judged(ready, outcomes, who)
+            found = judged(ready, outcomes, who, Predictor())
             if any(shown[finding] < EACH for finding in found.findings):
                 shown.update(found.findings)
                 (folder / f"{who.distribution} {case.name}").write_bytes(
@@ -107,29 +111,88 @@ def record(name: str, folder: Path) -> None:
 # --- try
 
 
-def reached(recorded: Recorded) -> tuple[set[str], float]:
-    """The functions that judging an answer calls, by mutmut's names, and its seconds."""
-    from mutmut.mutation import trampoline
+class OfReference(Predictor):
+    """Computes what the reference predicts without a finding once: no mutant of a finding changes any of it."""
 
-    names: set[str] = set()
-    vars(trampoline)["record_trampoline_hit"] = lambda name, caller=None: names.add(name)
-    os.environ[ACTIVE] = "stats"
-    begin = time.perf_counter()
-    assert told(judged(*recorded[:3])) == recorded[3]
-    os.environ[ACTIVE] = ""
-    return names, time.perf_counter() - begin
+    def __init__(self) -> None:
+        super().__init__()
+        self.once: dict[tuple[object, ...], Any] = {}
+
+    def predict(self, problem: Problem, made: Made | None = None, seed: int = 0) -> Prediction:
+        """Return fields and bounds."""
+        if made is not None:
+            return super().predict(problem, made, seed)
+        return self._of("prediction", problem, seed, lambda: Predictor.predict(self, problem, seed=seed))
+
+    def precise(self, problem: Problem) -> Fields:
+        """Return the fields of the first evaluation in extended precision."""
+        return self._of("precise", problem, 0, lambda: Predictor.precise(self, problem))
+
+    def names(self, what: str, problem: Problem, compute: Callable[[], list[str]], seed: int) -> list[str]:
+        """Return names that follow from a scene."""
+        return self._of(what, problem, seed, compute)
+
+    def _of(self, what: str, problem: Problem, seed: int, compute: Callable[[], T]) -> T:
+        key = what, problem.steps, seed  # the problems of a case differ in these
+        if key not in self.once:
+            self.once[key] = compute()
+        made: T = self.once[key]
+        return made
+
+    def again(self) -> OfReference:
+        """Return a predictor that has the same of the reference, and nothing of findings."""
+        other = OfReference()
+        other.once = self.once
+        return other
 
 
-def tried(mutant: str, tests: Sequence[tuple[float, Recorded]]) -> str:
+@dataclass(frozen=True)
+class Test:
+    """An answer, the functions that judging it calls by mutmut's names, its findings' modules, and its seconds."""
+
+    recorded: Recorded
+    functions: frozenset[str]
+    modules: frozenset[str]
+    seconds: float
+    predictor: OfReference
+
+    @classmethod
+    def of(cls, recorded: Recorded) -> Self:
+        """Judge an answer as it was judged."""
+        from mutmut.mutation import trampoline
+
+        names: set[str] = set()
+        vars(trampoline)["record_trampoline_hit"] = lambda name, caller=None: names.add(name)
+        os.environ[ACTIVE] = "stats"
+        begin, predictor = time.perf_counter(), OfReference()
+        record = judged(*recorded[:3], predictor)
+        os.environ[ACTIVE] = ""
+        assert told(record) == recorded[3]
+        parts = [
+            part
+            for entry in LEDGER
+            if entry.id in record.findings
+            for part in vars(entry.model_variant or entry).values()
+        ]
+        modules = frozenset(getattr(part, "__module__", "") for part in parts)
+        return cls(recorded, frozenset(names), modules, time.perf_counter() - begin, predictor)
+
+    def same(self, of_finding: bool) -> bool:
+        """Return whether the same is told now."""
+        predictor = self.predictor.again() if of_finding else Predictor()
+        return told(judged(*self.recorded[:3], predictor)) == self.recorded[3]
+
+
+def tried(mutant: str, tests: Sequence[Test]) -> str:
     """What becomes of a mutant, in a process of its own."""
     child = os.fork()
     if not child:
         os.environ[ACTIVE] = mutant
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        for seconds, recorded in tests:
-            signal.alarm(30 + int(10 * seconds))
+        for test in tests:
+            signal.alarm(30 + int(10 * test.seconds))
             try:
-                same = told(judged(*recorded[:3])) == recorded[3]
+                same = test.same(".findings." in mutant)
             except BaseException:
                 same = False
             if not same:
@@ -141,15 +204,17 @@ def tried(mutant: str, tests: Sequence[tuple[float, Recorded]]) -> str:
 
 def alive() -> None:
     """Try the mutants that are alive, in mutmut's copy; write what becomes of them."""
-    recorded: list[Recorded] = [pickle.loads(file.read_bytes()) for file in sorted(Path(FOLDER).iterdir())]
-    reach = sorted(((*reached(one), one) for one in recorded), key=lambda each: each[1])
+    answered = [pickle.loads(file.read_bytes()) for file in sorted(Path(FOLDER).iterdir())]
+    tests = [Test.of(recorded) for recorded in answered]
     found: dict[str, str] = {}
     for mutant in json.loads(Path(ALIVE).read_text()):
         function = mutant.rpartition("__mutmut_")[0]
-        tests = [(seconds, one) for functions, seconds, one in reach if function in functions]
-        found[mutant] = tried(mutant, tests) if tests else "no tests"
+        module = function.rpartition(".")[0]
+        reach = [test for test in tests if function in test.functions]
+        reach.sort(key=lambda test: (module not in test.modules, test.seconds))
+        found[mutant] = tried(mutant, reach[:MOST]) if reach else "no tests"
         Path(judge.ANSWERED.name).write_text(json.dumps(found))  # also if it is ended before
-    print(f"{len(found)} mutants alive on {len(recorded)} answers: {dict(collections.Counter(found.values()))}")
+    print(f"{len(found)} mutants alive on {len(tests)} answers: {dict(collections.Counter(found.values()))}")
 
 
 def main(engines: Sequence[str]) -> int:

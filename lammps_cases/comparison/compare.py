@@ -82,8 +82,6 @@ def excess(lammps_n: FloatArray, reference_n: FloatArray, bound_n: FloatArray) -
 
 def worst_component(values_n: FloatArray, ratio_n: FloatArray) -> FloatArray:
     """Return the value of every particle's component of the largest ratio."""
-    if values_n.ndim == 1:
-        return values_n
     picked: FloatArray = components(values_n)[np.arange(len(values_n)), components(ratio_n).argmax(axis=1)]
     return picked
 
@@ -116,8 +114,7 @@ def compare_field(
     lammps_n, reference_n = np.asarray(lammps_n, float), np.asarray(reference_n, float)
     difference, ratio = excess(lammps_n, reference_n, bound_n)
     bound = worst_component(bound_n, ratio)
-    if difference.ndim > 1:
-        difference, ratio = (components(side).max(axis=1) for side in (difference, ratio))
+    difference, ratio = (components(side).max(axis=1) for side in (difference, ratio))
     outside = ~(ratio <= 1)
     verdict: Verdict = "pass"
     if outside.any() or not ratio.size:  # LAMMPS' order of operations explains no more than the bound allows

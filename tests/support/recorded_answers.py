@@ -36,7 +36,7 @@ from lammps_cases.studies.mutation import judge
 
 FOLDER, ALIVE, TRY = "answers", "alive.json", "--try"  # in mutmut's copy of the project
 ACTIVE = "MUTANT_UNDER_TEST"  # the mutant that mutmut's copy has switched on
-MOST = 40  # answers that a mutant judges: those with a finding of its module first, then the quickest
+MOST = 24  # answers that a mutant judges: those with a finding of its module first, then the quickest
 EACH = 8  # answers that show a finding, of an engine
 TRIED = 20  # cases that may show it, of many files first
 
@@ -52,8 +52,10 @@ def told(record: CaseRecord) -> dict[str, Any]:
 
     beyond = (record.beyond.findings, place(record.beyond.blame)) if record.beyond else ()
     return {
-        "verdict": (record.verdict, record.ended, record.explained_by, record.unseen),
-        "fields": [(field.field, field.verdict, field.outside, field.digest) for field in record.fields],
+        "verdict": (record.verdict, record.ended, record.findings, record.unseen),
+        "fields": [
+            (field.field, field.verdict, field.explained_by, field.outside, field.digest) for field in record.fields
+        ],
         "blame": (place(record.blame), beyond),
     }
 

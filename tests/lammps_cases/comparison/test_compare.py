@@ -84,7 +84,8 @@ def test_the_record_names_the_worst_atom_and_the_first_outside() -> None:
     assert (record.worst_id, record.first_id, record.outside) == (14, 12, 2)
     assert (record.max_abs, record.max_over_bound, record.bound) == (8.0, 2.0, 4.0)
     assert record.digest == digest(lammps_n)
-    assert comparison.lammps_n is lammps_n
+    assert comparison.lammps_n is lammps_n and comparison.bound_n is bound_n
+    np.testing.assert_array_equal(comparison.reference_n, np.zeros(4))
 
 
 def test_vectors_of_no_particles_differ() -> None:

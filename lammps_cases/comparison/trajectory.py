@@ -254,7 +254,7 @@ def reached(problem: Problem, sim: Simulation, halts: dict[int, Halt] | None = N
 
 def halted(problem: Problem, steps: Sequence[int]) -> dict[int, Simulation]:
     """Run a scene; return it as it is at some steps."""
-    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), ArrayEvaluator)
+    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem))
     return {step: Halt.of(sim).sim for step in visit(sim, steps, problem.timestep, problem.stops)}
 
 

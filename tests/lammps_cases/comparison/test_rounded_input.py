@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.rounded_input import ROUNDING, moved_input
-from lammps_cases.comparison.trajectory import Problem, predict
+from lammps_cases.comparison.trajectory import MOVED_RUNS, Problem, input_spread, predict
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
@@ -73,3 +75,13 @@ def test_bounds_of_converted_units_hold_it(case_file: Callable[..., Path]) -> No
         assert far.max() <= prediction.bounds[0][field].max()
         relative = [(p.bounds[0][field] / np.abs(p.fields[0][field]).max()).max() for p in (prediction, plain)]
         assert relative[0] > relative[1]
+
+
+def test_the_spread_of_moved_input_is_that_of_its_runs(case_file: Callable[..., Path]) -> None:
+    """The farthest of them from the run that is not moved; the same in every process."""
+    real = problem(case_file, "real")
+    (values,) = predict(real).fields
+    (spread,) = input_spread(real, ArrayEvaluator, Simulation, [values], seed=5)
+    runs = [predict(moved_input(real, np.random.default_rng((5, k, 1)))).fields[0] for k in range(MOVED_RUNS)]
+    for field in real.fields:
+        assert spread[field] == max(np.abs(run[field] - values[field]).max() for run in runs) > 0

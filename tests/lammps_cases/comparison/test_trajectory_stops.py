@@ -12,7 +12,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
 from lammps_cases.comparison.signs import Signs
-from lammps_cases.comparison.trajectory import Problem, ProblemStop, predict, shaken, visit, wanted
+from lammps_cases.comparison.trajectory import Problem, ProblemStop, halted, predict, shaken, visit, wanted
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of
@@ -104,6 +104,12 @@ def test_a_box_that_grows_is_known_at_every_step_and_before_stops() -> None:
     leaning = replace(of, model=replace(of.model, deform=Deform((0.5, 0.0), "v", (2.0,))), steps=(0, 1, 2))
     assert [leaning.box_of_images(step) for step in (0, 1, 2)] == [leaning.box_at(step) for step in (0, 0, 1)]
     assert [growing.box_of_images(step) for step in (1, 2)] == [growing.box_at(step) for step in (1, 2)]
+    sheared = replace(leaning, stops=(stop(of, 1),), steps=(0, 1, 2))
+    deform = sheared.model.deform
+    assert deform is not None and of.image_velocity(0) is None
+    for step, begins in ((0, 0), (1, 1), (2, 1)):
+        np.testing.assert_array_equal(sheared.image_velocity(step), deform.image_velocity(sheared.box_at(begins)))
+    assert not np.array_equal(sheared.image_velocity(0), sheared.image_velocity(1))
     wider = grows.box(of.box, 1.0)
     assert replace(growing, stops=(stop(of, 2, box=wider),)).box_before(2) == growing.box_before(2) != wider
 
@@ -172,3 +178,13 @@ def test_bounds_after_text_hold_half_a_unit_of_its_last_digit() -> None:
     largest = np.abs(of.state.x_nc).max()
     assert plain == 0 and 0 < exact < 4e-16 * max(of.box.high_c)
     assert 0.5e-7 * largest <= text <= 0.51e-7 * largest
+
+
+def test_a_run_that_is_halted_has_gone_through_its_stops() -> None:
+    of = problem(FLUID)
+    stopped = replace(of, stops=(stop(of, 2, timestep=DT / 2),))
+    for case, fields in ((stopped, visited(stopped)), (of, visited(of))):
+        halts = halted(case, case.steps)
+        for at, step in enumerate(case.steps):
+            np.testing.assert_array_equal(halts[step].output("f"), fields[at]["f"])
+    assert not np.array_equal(visited(stopped)[2]["f"], visited(of)[2]["f"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,6 +71,27 @@ def test_forces_of_fixes_are_told_beside_those_of_pairs() -> None:
     plain = replace(sim.model, forces=())
     of = halted(replace(problem, model=plain), (0,))[0]
     assert sums(of, (3,), forces=True)[0].force_with_fixes == ()
+
+
+def test_solids_are_told_from_fluids() -> None:
+    (case,) = casefile.select(casefile.load(), ["walls.stored.gravity"])
+    problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
+    of = sums(halted(problem, (0,))[0], range(len(problem.state.x_nc)))
+    assert [each.particle.solid for each in of] == problem.state.solid_n.tolist()
+    assert any(each.particle.solid for each in of) and not all(each.particle.solid for each in of)
+
+
+def test_without_viscosity_all_force_is_that_of_pressure(case_file: Callable[..., Path]) -> None:
+    """In units real, of a gas whose pressure is that of its energy."""
+    gas = {"pressure": [{"types": "*", "style": "ideal/gas", "gamma": 1.4}], "energy": {"range": [0.5, 2.5]}}
+    cube = {"dimension": 3, "positions": {"lattice": "sc", "spacing": 0.8, "cells": [4, 4, 4], "disorder": 0.2}}
+    (case,) = casefile.load_file(case_file(**gas, **cube, compare=["f", "pressure"], units="real"))
+    problem = problem_of(case.scene, prepare(case).atoms, "", (0,))
+    (values,) = predict(problem).fields
+    of = terms(problem, 0, 8, forces=True)
+    assert of.pairs and all(pair.force == pair.pressure_force and any(pair.force) for pair in of.pairs)
+    factor = halted(problem, (0,))[0].units.of("pressure")
+    assert of.particle.pressure == rounded(values["pressure"][7] * factor, 2)
 
 
 def test_particles_of_masses_of_their_own_weigh_so() -> None:

@@ -30,6 +30,7 @@ from lammps_cases.comparison.trajectory import (
     Prediction,
     Problem,
     halted,
+    input_spread,
     precise_setup,
     predict,
     visit,
@@ -109,6 +110,14 @@ class Predictor:
             return _rows("value", [{f: np.array(sim.output(f)) for f in problem.fields} for _ in visited])
 
         return _columns("value", problem, self._recall(("values", self._name(problem), made), compute))
+
+    def input_spread(self, problem: Problem, prediction: Prediction, seed: int) -> list[Fields]:
+        """Return how far the reference's fields lie from those of input that is moved, per step."""
+
+        def compute() -> Arrays:
+            return _rows("spread", input_spread(problem, ArrayEvaluator, Simulation, prediction.fields, seed))
+
+        return _columns("spread", problem, self._recall(("input spread", self._name(problem), seed), compute))
 
     def precise(self, problem: Problem) -> Fields:
         """Return the fields of the first evaluation in extended precision."""

@@ -13,7 +13,7 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, input_spread
+from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding
@@ -114,7 +114,7 @@ def _sides(case: Case, twin: Twin, answers: Sequence[Answer], predictor: Predict
         problem, random = problem_of(scene, atoms, case.where, twin.steps, predictor), seed(f"{name}/moved runs")
         prediction = predictor.predict(problem, seed=random)
         rounds = twin.rounds_input and not sides
-        spread = input_spread(problem, ArrayEvaluator, Simulation, prediction.fields, random) if rounds else ()
+        spread = predictor.input_spread(problem, prediction, random) if rounds else ()
         sides.append(_Side(problem, prediction, snapshots, random, tuple(spread)))
     return sides[0], sides[1]
 

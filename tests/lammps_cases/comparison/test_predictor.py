@@ -23,7 +23,7 @@ from lammps_cases.comparison import prediction_keys, store
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Prediction, Problem, predict
+from lammps_cases.comparison.trajectory import Prediction, Problem, input_spread, predict
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity
@@ -216,6 +216,18 @@ def test_what_is_found_has_the_bits_of_what_was_computed(problem: Problem, tmp_p
     assert first.computed == alone.computed == 5
     assert _bits(first.predict(problem, seed=6)) != _bits(first.predict(problem, seed=5))
     assert Predictor(replace(kept, context="another")).store != kept
+
+
+def test_what_moved_input_spreads_is_kept_with_its_bits(tmp_path: Path) -> None:
+    problem, kept = _scene("twins-units.heat.real"), Store(tmp_path / "store")
+    first, again = Predictor(kept), Predictor(kept)
+    spreads = [each.input_spread(problem, each.predict(problem, seed=3), 3) for each in (first, again)]
+    assert (first.computed, again.computed, again.stored) == (2, 0, 2)
+    plain = input_spread(problem, ArrayEvaluator, Simulation, predict(problem, seed=3).fields, 3)
+    for step, ours in enumerate(plain):
+        assert np.max(ours["v"]) > 0 or not step
+        for found in spreads:
+            assert all(np.array_equal(found[step][field], ours[field]) for field in problem.fields)
 
 
 @pytest.mark.parametrize("name", ["thermal.latent.2d", "walls.stored.damped"])

@@ -162,3 +162,13 @@ def test_the_first_step_of_an_answer_may_be_a_stop_that_spoils_the_state(ready: 
     assert beside is not None and beside.beyond is not None
     assert (beside.first.field, beside.beyond.findings) == ("f", [FORCE.id])
     assert beside.beyond.blame.field == "rho (data at 1)"
+
+
+@pytest.mark.parametrize(("version", "gone"), [("2025.7.22.1.0", True), ("2025.7.22.4.0", False)])
+def test_a_finding_that_is_gone_is_one_that_this_version_had(case_file: Write, version: str, gone: bool) -> None:
+    types = [{"mass": 1.31, "rho0": 1.2, "cs": 3.1, "conductivity": 0.7, "specific_heat": 1.5}]
+    path = case_file(types=types, energy={"range": [0.8, 1.9]}, compare=["heatflow"])
+    ready = prepared_case.prepare(casefile.load((path,))[0])
+    made = made_answers.of_model(ready.case.scene, ready.atoms)
+    record = evaluate(ready.case, ready.eos, ready.atoms, made, EngineRecord(distribution=version))[0]
+    assert ("heat-over-density" in record.unseen) == gone

@@ -209,7 +209,7 @@ def twin(scope: Scope, chance: Chance) -> Any:
     kinds: dict[str, Callable[[], Any]] = {
         "relabel": lambda: True,
         "newton": lambda: not own.get("newton", True),
-        "skin": lambda: rounded(own.get("skin", 0.3) * chance.number(1.3, 3.0)),
+        "skin": lambda: rounded(min(own.get("skin", 0.3) * chance.number(1.3, 3.0), _widest_skin(scope))),
         "rebuild": lambda: _rebuild(chance),
     }
     grows = "deform" in evolves
@@ -232,6 +232,11 @@ def twin(scope: Scope, chance: Chance) -> Any:
     kinds |= {"ranks": lambda: 2} if own.get("ranks", 1) == 1 else {}
     kind = chance.choice([*kinds, "rebuild", *["units"] * 3 * ("units" in kinds)])
     return {kind: kinds[kind]()}
+
+
+def _widest_skin(scope: Scope) -> float:
+    """Return the skin, in spacings, with which particles of a dense lattice list half of 2000, LAMMPS' limit."""
+    return np.inf if scope.planar else float(np.cbrt(1000 / (4 * 4.19)) - scope.cut)
 
 
 def _along_periodic(scope: Scope, chance: Chance) -> list[float]:

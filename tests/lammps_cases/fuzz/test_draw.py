@@ -218,3 +218,13 @@ def test_no_twin_of_a_box_that_leans_has_particles_that_lammps_cannot_tell_apart
     sides = [side for ready in leaning for side in ready.sides]
     assert sides and min(atoms.spacing for scene, atoms in sides if scene.units == "lj") > 0.1
     assert "lj" not in str(draw(404, 741).content.get("twin"))
+
+
+def test_the_skin_of_a_twin_leaves_lists_room() -> None:
+    """LAMMPS stopped at more than 2000 neighbours of a particle."""
+    ready = draw(604, 145).ready
+    twin, atoms = ready.case.scene.twin, ready.atoms
+    assert twin is not None and twin.skin is not None
+    reach = ready.case.scene.rheo.cut + twin.skin * atoms.spacing
+    density = len(atoms) / np.prod(atoms.high_c - atoms.low_c)
+    assert 4 / 3 * np.pi * reach**3 * density < 2000

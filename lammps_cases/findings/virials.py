@@ -20,7 +20,8 @@ class VirialsCancel(FollowingLists):
     """The virial of a pair has the sum of its two forces where it should have their difference.
 
     A pair across a boundary, which is listed for each of its particles if newton is off, has one force each time. With
-    newton off the virial of all is the sum of these.
+    newton off the virial of all is the sum of these. Listed so with newton on, it has both forces each time, at
+    opposite distances.
     """
 
     def virials(self, force: Axes) -> tuple[Array, Array]:
@@ -28,11 +29,12 @@ class VirialsCancel(FollowingLists):
         whole_ncc = super().virials(force)[1]
         forward_p, backward_p = self.forward_p >= 0, self.backward_p >= 0
         listed_twice_p = forward_p & backward_p
-        distance = [where(forward_p, x_a, -x_a) for x_a in self.x]
+        newton = bool(self.lists[self.at].newton[0])
+        distance = [where(listed_twice_p & newton, 0.0, where(forward_p, x_a, -x_a)) for x_a in self.x]
         alone_p = listed_twice_p | (self.reverse_p < 0)
         both = [f_b + where(alone_p, 0.0, f_b[self.reverse_p]) for f_b in force]
         virial = symmetric([[0.5 * self.total(x_a * f_b) for f_b in both] for x_a in distance])
-        if not self.lists[self.at].newton[0]:
+        if not newton:
             whole_ncc = joined([[summed(w_n) for w_n in row] for row in virial])
         return joined(virial), whole_ncc
 
@@ -45,10 +47,12 @@ class VirialOfPlaces(FollowingLists):
         super().move(x_nc)
         x, listed = value(x_nc).astype(float), self.lists[self.at]
         image_sc = self.box.periods(listed.x_sc[:, : x.shape[1]] - x[listed.row_s])
-        forward_p = self.forward_p >= 0
-        rows_p2 = listed.pair_ps[np.where(forward_p, self.forward_p, self.backward_p)]
-        slot_p = np.where(forward_p, rows_p2[:, 0], rows_p2[:, 1])
-        shift_pc = self.box.shift(image_sc[slot_p])
+        first_p = listed.pair_ps[self.forward_p, 0]  # the slot of i in the entry under i, and in that under j
+        second_p = listed.pair_ps[self.backward_p, 1]
+        forward_p, backward_p = self.forward_p >= 0, self.backward_p >= 0
+        shift_pc = self.box.shift(
+            0.5 * (image_sc[np.where(forward_p, first_p, second_p)] + image_sc[np.where(backward_p, second_p, first_p)])
+        )
         self.place = [x_n[self.i] + shift_pc[:, a] for a, x_n in enumerate(axes(x_nc))]
 
     def virials(self, force: Axes) -> tuple[Array, Array]:

@@ -137,10 +137,11 @@ def told(
         low,
         high,
         (*periodic, *(True,) * (3 - d)),
-        1.0,
+        made.positions.spacing,
         v_nc,
         rho_n,
         energy_n,
+        (*(made.positions.tilt or ()), 0.0, 0.0, 0.0)[:3],
     )
     return Told(made, atoms)
 

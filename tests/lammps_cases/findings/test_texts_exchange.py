@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.told import ENTRIES, Engine, Told, agree, quoted, said, told
+from eos_ref.eos.bounds import EPS
+from tests.support.told import ENTRIES, Engine, Told, agree, is_multiple, quoted, said, told
 
 pytestmark = pytest.mark.lammps
 
-TWICE, BEHIND = "boundary-pairs-twice", "images-left-behind"
+TWICE, BEHIND, ALIGNED = "boundary-pairs-twice", "images-left-behind", "aligned-pairs-twice"
 APART = {"newton": False, "newton_bond": True}  # newton off on
 
 
@@ -165,3 +166,69 @@ def test_coordination_numbers_are_counted_late_unless_something_has_counted(
     found = lammps.fields(scene, every_step=True)
     assert [list(at["coordination"]) for at in found] == [[0, 0], [1, 0] if late else [0, 0]]
     assert agree(found[1]["coordination"], scene.predicted(BEHIND, snapshot=found[0]), "coordination", 1)
+
+
+def aligned(distance: float, across: bool = True, off: float = 0.0, lean: float = 2.0, **options: Any) -> Told:
+    """Two particles, ``off`` from the same x, maybe with a boundary of a box between them that leans."""
+    apart, x = 8 * distance if across else 0.0, 2 * distance
+    second = [x + (lean * distance if across else 0.0) + off, 0.5 * distance - distance + apart]
+    first = [x, 0.5 * distance] if across else [x, 2.5 * distance]
+    second = second if across else [x + off, 1.5 * distance]
+    tilt = {"tilt": [lean * distance]} if lean else {}
+    inside = {"lattice": "sq", "spacing": distance, "cells": [1, 1], **tilt}
+    rheo = {"cut": 3 * distance} | options.pop("rheo", {"rho_sum": True})
+    mass = {"types": [{"mass": distance**2}]}
+    given: dict[str, Any] = mass | {"compare": ["rho"], "rho": None, "positions": inside} | options
+    return told([first, second], (8 * distance, 8 * distance), rheo=rheo, **given)
+
+
+def test_aligned_pairs_twice(lammps: Engine) -> None:
+    mass, distance, d, cut, middle, across, far = said(
+        ALIGNED,
+        "argument",
+        r"of mass # at distance # \(#D, cutoff #\) have summed densities of # in the middle .* and of # with a "
+        r"periodic .* ten times as long and a mass of # they",
+    )
+    for scale, number, own in ((1, across, mass), (10, middle, far)):
+        assert np.isclose(own, (scale * distance) ** 2, rtol=EPS, atol=0) and (d, cut) == (2, 3 * distance)
+        for place, shown in ((True, number), (False, middle)):
+            scene = aligned(scale * distance, place)
+            (snapshot,) = lammps.fields(scene, every_step=True)
+            assert all(map(shown.is_rounded, snapshot["rho"]))
+            assert agree(snapshot["rho"], scene.predicted(ALIGNED, snapshot=snapshot), "rho")
+            assert all(map(middle.is_rounded, scene.predicted().fields[0]["rho"]))
+
+
+@pytest.mark.parametrize(
+    ("scene", "twice"),
+    [
+        (aligned(0.0099), True),
+        (aligned(0.0101), False),
+        (aligned(0.00099, units="nano"), True),
+        (aligned(0.00101, units="nano"), False),
+        (aligned(0.008, off=1e-9), False),
+        (aligned(0.008, lean=0.0), False),
+        (aligned(0.008, engine={"newton": False}), False),
+        (aligned(0.008, engine={"newton": True, "newton_bond": False}), True),
+    ],
+)
+def test_which_pairs_are_close_and_aligned(lammps: Engine, scene: Told, twice: bool) -> None:
+    (snapshot,) = lammps.fields(scene, every_step=True)
+    assert agree(snapshot["rho"], scene.predicted(), "rho") == (not twice)
+    assert agree(snapshot["rho"], scene.predicted(ALIGNED, snapshot=snapshot), "rho")
+    variant = ENTRIES[ALIGNED].model_variant
+    assert variant and (variant.applies(scene.problem) or not twice)
+
+
+def test_what_counts_twice_of_aligned_pairs_and_what_once(lammps: Engine) -> None:
+    """Every quantity that the finding names; forces lack a volume besides."""
+    twice = ["grad/v", "shift/v", "f"]
+    fluid: dict[str, Any] = {"compare": ["coordination", *twice], "v": [[0.3, 0.1], [0.0, -0.2]], "rho": [1.0, 1.3]}
+    scene = aligned(0.008, rheo={"shift": True}, **fluid)
+    (snapshot,) = lammps.fields(scene, every_step=True)
+    right, lacking = scene.predicted(), scene.predicted("force-per-volume", snapshot=snapshot)
+    variant = scene.predicted("force-per-volume", ALIGNED, snapshot=snapshot)
+    for field in fluid["compare"]:
+        assert agree(snapshot[field], variant, field)
+        assert agree(snapshot[field], lacking, field) == (field == "coordination")
+    assert is_multiple(snapshot["grad/v"], 2.0, right, variant, "grad/v")

@@ -13,13 +13,26 @@ _SIGNS = np.array((-1.0, 1.0))
 
 
 class Signs:
-    """Random signs: those of ``random.choice((-1.0, 1.0), shape)``, of which many are drawn at a time."""
+    """Random signs: those of ``random.choice((-1.0, 1.0), shape)``, of which many are drawn at a time.
 
-    def __init__(self, random: np.random.Generator) -> None:
+    Parameters
+    ----------
+    kept : whether those of one name and shape stay the same, whenever they are asked for
+    """
+
+    def __init__(self, random: np.random.Generator, kept: bool = False) -> None:
         self._random, self._left = random, np.empty(0)
+        self._kept: dict[tuple[str, tuple[int, ...]], FloatArray] | None = {} if kept else None
 
-    def __call__(self, shape: tuple[int, ...]) -> FloatArray:
-        """Return the next ones."""
+    def __call__(self, name: str, shape: tuple[int, ...]) -> FloatArray:
+        """Return those by which a quantity is moved next."""
+        if self._kept is None:
+            return self._next(shape)
+        if (name, shape) not in self._kept:
+            self._kept[name, shape] = self._next(shape)
+        return self._kept[name, shape]
+
+    def _next(self, shape: tuple[int, ...]) -> FloatArray:
         size = math.prod(shape)
         if size > len(self._left):
             drawn = self._random.integers(0, 2, max(DRAWN, size))

@@ -127,8 +127,9 @@ def test_sums_that_always_round_one_way_stay_inside(case_file: Write) -> None:
     assert (apart > 0).all() and (apart <= right.bounds[1]["v"]).all()
 
 
-def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write) -> None:
-    """Densities of a pair, one of which was rounded in its last place: damping makes a rate of their difference."""
+@pytest.mark.parametrize("steps", [1, 60])
+def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write, steps: int) -> None:
+    """Densities of a pair, each rounded its own way at every step: damping makes a rate of their difference."""
 
     class RoundingOne(Simulation):
         def evaluate(self) -> Fields:
@@ -144,14 +145,14 @@ def test_few_particles_are_moved_apart_by_some_run_of_any_seed(case_file: Write)
         pair={"rho_damp": 1.0},
         rheo={"cut": 3.0},
     )
-    scene = replace(pair, fields=("drho",), steps=(0, 1), timestep=1e-9)
+    scene = replace(pair, fields=("drho",), steps=(0, steps), timestep=1e-9)
     rates = []
     for stepping in (Simulation, RoundingOne):
         sim = stepping(scene.model, scene.box, scene.state, wanted(scene), ArrayEvaluator)
-        assert list(visit(sim, scene.steps, scene.timestep)) == [0, 1]
+        assert list(visit(sim, scene.steps, scene.timestep)) == [0, steps]
         rates.append(sim.output("drho"))
     apart = np.abs(np.subtract(*rates))
-    bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["drho"] for seed in range(40)]
+    bounds = [predict(scene, ArrayEvaluator, seed=seed).bounds[1]["drho"] for seed in range(20)]
     assert (apart > 0).all() and (apart <= np.min(bounds, axis=0)).all()
 
 
@@ -204,4 +205,12 @@ def test_a_status_is_open_where_rounding_decides_the_class(case_file: Write) -> 
 def test_signs_are_those_of_a_choice(shape: tuple[int, ...]) -> None:
     ours, theirs = Signs(np.random.default_rng((3, 1))), np.random.default_rng((3, 1))
     for _ in range(5):
-        np.testing.assert_array_equal(ours(shape), theirs.choice((-1.0, 1.0), shape))
+        np.testing.assert_array_equal(ours("x", shape), theirs.choice((-1.0, 1.0), shape))
+
+
+def test_signs_that_are_kept_stay_those_of_a_quantity() -> None:
+    kept, drawn = (Signs(np.random.default_rng(1), kept) for kept in (True, False))
+    for name in ("x", "v"):
+        np.testing.assert_array_equal(kept(name, (40,)), drawn(name, (40,)))
+    assert kept("x", (40,)) is kept("x", (40,)) and not np.array_equal(kept("x", (40,)), kept("v", (40,)))
+    assert not np.array_equal(drawn("x", (40,)), drawn("x", (40,)))

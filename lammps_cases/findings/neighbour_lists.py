@@ -225,6 +225,13 @@ class CountingSteps(Simulation):
         self.at += 1
         super().step(dt)
 
+    def minimize(self) -> None:
+        """Find the pairs in the list of the minimisation."""
+        super().minimize()
+        self.at += 1
+        self.evaluator.at = self.at
+        ArrayEvaluator.follow(self.evaluator, self.state.x_nc)  # images are made anew: none is left behind
+
     def begin_again(self, new_n: BoolArray, read_back: bool = False) -> None:
         """Take the list of the next set-up."""
         self.at += 1

@@ -90,10 +90,11 @@ class PressureForceKept(Simulation):
         return self.used_n
 
     def minimize(self) -> None:
-        """Keep the pressure forces of the minimisation."""
+        """Keep the pressure forces of the minimisation, which has the images of its positions."""
+        super().minimize()
         if self.model.deform:  # else particles are where the evaluation had them
             assert isinstance(self.evaluator, ArrayEvaluator)
-            ArrayEvaluator.follow(self.evaluator, self.state.x_nc)  # images are made anew: none is left behind
+            ArrayEvaluator.follow(self.evaluator, self.state.x_nc)
         pressure_n = where(self.evaluator.solid_n, super().force_pressure(), self.used_n)
         self.pressure_force_nc = self.evaluator.pair_terms(self.pair_input(pressure_n)).pressure_force_nc
 
@@ -395,12 +396,12 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     gaps=(
         Gap(
             lambda scene: (
-                scene.rheo.kernel in ("RK1", "RK2")
-                and scene.rheo.interface_reconstruct
+                scene.rheo.interface_reconstruct
                 and scene.evolve is not None
                 and any(stop.by == "minimize" for stop in scene.evolve.stops)
             ),
-            "a minimisation has other gradients of a reproducing kernel than the evaluation before it",
+            "where the slots of images are others than in the step before, or the kernel is RK1 or RK2, a minimisation "
+            "keeps other forces for walls than those of its positions; which, is not known",
         ),
     ),
 )

@@ -135,7 +135,7 @@ def _route(stop: Stop, scene: Scene, lines: Lines, natoms: int) -> list[Interlud
         case "refused command":
             return [InterludeAction(command, "refused") for command in REFUSED]
         case "minimize":
-            return [InterludeAction("minimize 0.0 0.0 0 0")]
+            return [InterludeAction("minimize 0.0 0.0 0 0", evaluates=True)]
         case "replicated":
             return [InterludeAction("replicate 1 1 1")]
         case "set":

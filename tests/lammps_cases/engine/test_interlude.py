@@ -82,3 +82,11 @@ def test_the_state_is_read_before_and_after() -> None:
 def test_a_folder_for_files() -> None:
     with scratch() as one, scratch() as other:
         assert one != other
+
+
+def test_who_asks_is_told_of_every_evaluation() -> None:
+    told: list[int] = []
+    library = LibraryStub()
+    actions = InterludeAction("one"), InterludeAction("two", evaluates=True), InterludeAction("three")
+    perform(library, Interlude(actions), lambda: BEFORE, "", Exception, lambda: told.append(len(library.given)))
+    assert told == [2]

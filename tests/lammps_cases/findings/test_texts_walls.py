@@ -352,6 +352,7 @@ def test_a_minimisation_meets_images_where_they_are(lammps: Engine) -> None:
     scene = beside_a_wall({"at": 1, "by": "minimize"}, positions=across, deform={"x": 300.0})
     scene = replace(scene, steps=(0, 1))
     first, last = lammps.fields(scene, every_step=True)
+    assert len(first["lists"]) == 4, "of the set-up, the step, the minimisation and the next set-up"
     assert agree(last["rho"], scene.predicted(FORCES, PARTS, "images-left-behind", snapshot=first), "rho", 1)
     assert not agree(last["rho"], scene.predicted(FORCES), "rho", 1)
 

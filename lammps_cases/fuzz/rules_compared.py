@@ -214,13 +214,10 @@ def twin(scope: Scope, chance: Chance) -> Any:
     }
     grows = "deform" in evolves
     kinds |= {} if "tilt" in positions or grows else {"translate": lambda: _along_periodic(scope, chance)}
-    leans = "tilt" in positions or not {"xy", "xz", "yz"}.isdisjoint(evolves.get("deform", {}))
-    kinds |= {"rescale": lambda: _scale(scope, chance)} if _can_be_rescaled(scope) and not leans else {}
-    if _can_be_rescaled(
-        scope
-    ):  # to lj, too, lengths may become too short for images in a box that leans: see `leaning`
+    if _can_be_rescaled(scope):
+        kinds["rescale"] = lambda: _scale(scope, chance)
         possible = [name for name in UNITS if UNITS[name].consistent or not scope.planar]
-        possible = [name for name in possible if name != content.get("units", "lj") and not (leans and name == "lj")]
+        possible = [name for name in possible if name != content.get("units", "lj")]
         kinds["units"] = lambda: chance.choice(possible)
     if not shifts and not grows and "press" not in content.get("compare", ()):
         kinds["boost"] = lambda: chance.vector(scope.d, 3 * scope.speed)

@@ -82,13 +82,7 @@ def positions(scope: Scope, chance: Chance) -> Content:
 
 
 def leaning(scope: Scope, periodic: list[bool] | None) -> list[bool]:
-    """Return which edges may lean: those of periodic axes, along periodic axes.
-
-    None between particles so close together that LAMMPS no longer tells their images apart in a box that leans: of two
-    that are aligned along y, across a boundary, the pair counts once at 0.0117 and twice at 0.0059 (units lj, 2D).
-    """
-    if scope.spacing < 0.1:
-        return []
+    """Return which edges may lean: those of periodic axes, along periodic axes."""
     around = periodic or [True] * scope.d
     return [around[one] and around[other] for one, other in TILTED if max(one, other) < scope.d]
 

@@ -22,9 +22,10 @@ from eos_ref.model.parameters import IntArray
 
 _NEAR = "int64(float64[:, ::1], {0}[::1], {0}[::1], float64[:, ::1], float64, int64[::1], int64[::1], float64[:, ::1])"
 _READ = "Array(float64, 2, 'A', True)"
+_INDICES = "int32", "int64"  # of pairs in blocks that are made again, and of all others
 
 
-@cached(signature=[_NEAR.format(index) for index in ("int32", "int64")])
+@cached(signature=[_NEAR.format(index) for index in _INDICES])
 def _near(x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, cut: float, near_i: Any, near_j: Any, near_pc: Any) -> Any:
     count, one, flat = 0, len(shift_pc) == 1, x_nc.shape[1] == 2
     for p in range(i_p.size):
@@ -60,7 +61,10 @@ _shape, _slope = inline(QUINTIC.shape), inline(QUINTIC.slope)
 
 @cached(
     *("kernels/kernel.py", "kernels/quintic.py"),
-    signature=f"void({_READ}, int64[:], int64[:], {_READ}, float64, float64, {', '.join(['float64[:, ::1]'] * 3)})",
+    signature=[
+        f"void({_READ}, {index}[:], {index}[:], {_READ}, float64, float64, {', '.join(['float64[:, ::1]'] * 3)})"
+        for index in _INDICES
+    ],
 )
 def _kernel_values(
     x_nc: Any, i_p: Any, j_p: Any, shift_pc: Any, h: float, sigma: float, x_cp: Any, gradw_cp: Any, values_kp: Any
@@ -92,7 +96,9 @@ def set_kernel_values(of: ArrayEvaluator, x_nc: FloatArray) -> bool:
     return True
 
 
-@cached(signature="void(Array(int64, 1, 'C', True), Array(float64, 1, 'C', True), float64[::1])")
+@cached(
+    signature=[f"void(Array({index}, 1, 'C', True), Array(float64, 1, 'C', True), float64[::1])" for index in _INDICES]
+)
 def _total(i_p: Any, term_p: Any, sum_n: Any) -> None:
     if i_p.size == 0:
         return

@@ -18,7 +18,7 @@ from eos_ref.jit import cached, inline
 from eos_ref.numbers.rounded import ROUNDING, TINY, Array, Rounded
 
 _READ, _OUT = "Array(float64, 1, 'C', True, aligned=True)", "float64[::1]"
-_ROWS = "Array(int64, 1, 'C', True, aligned=True)"
+_ROWS = [f"Array({index}, 1, 'C', True, aligned=True)" for index in ("int32", "int64")]  # int32: of blocks made again
 _operation = cached("numbers/rounded.py", signature=f"void({', '.join([_READ] * 4 + [_OUT] * 2)})")
 
 
@@ -61,7 +61,7 @@ def _divide(a: Any, da: Any, b: Any, db: Any, x: Any, dx: Any) -> None:
         dx[k] = 0.0 if none else _known(error + ROUNDING * abs(x[k]) + TINY)
 
 
-@cached("numbers/rounded.py", signature=f"void({', '.join([_ROWS, *[_READ] * 2, *[_OUT] * 4])})")
+@cached("numbers/rounded.py", signature=[f"void({', '.join([rows, *[_READ] * 2, *[_OUT] * 4])})" for rows in _ROWS])
 def _sum_by(row_p: Any, x: Any, dx: Any, count_n: Any, absolute_n: Any, error_n: Any, sum_n: Any) -> None:
     for p in range(row_p.size):
         n = row_p[p]

@@ -40,7 +40,7 @@ JUDGING = 300.0  # seconds that judging a scene may take
 # How LAMMPS ends where numbers are none, or particles nowhere in the box.
 LOST = re.compile(
     "Lost atoms|Non-numeric atom coords|Domain too large for neighbor bins|instead of '-?nan'"
-    "|Replicate did not assign all atoms"
+    "|Replicate did not assign all atoms|Too many atom sorting bins"
 )
 SHRINKING = 60.0  # seconds for making one scene small
 

@@ -114,7 +114,11 @@ def _refused(scope: Scope) -> set[str]:
     given = [each for each in scope.content.get("forces", ()) if each["style"] == "setforce"]
     kept = scope.content["rheo"].get("interface_reconstruct", False)
     pushed = any(any(each["vector"]) for each in given)
-    refused = {route for route, refuses in (("replicated", kept), ("minimize", pushed)) if refuses}
+    # After clear, fix enforce2d leaves one particle less than no degrees of freedom.
+    places = scope.content["positions"]
+    alone = scope.planar and (len(places["x"]) if "x" in places else math.prod(places["cells"])) == 1
+    possible = {"replicated": kept, "minimize": pushed, "restart": alone, "other scene": alone}
+    refused = {route for route, refuses in possible.items() if refuses}
     return refused | (set(LOSES_MASSES) if "mass" in scope.content else set())
 
 

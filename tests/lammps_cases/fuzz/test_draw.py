@@ -204,22 +204,6 @@ def test_no_box_shrinks_to_nothing() -> None:
     assert "s" not in scene.engine.boundary
 
 
-def test_no_box_leans_between_particles_that_lammps_cannot_tell_apart() -> None:
-    """At 0.00969, where a pair aligned with an edge counts twice (in units lj, whatever the length of the box)."""
-    content = draw(305, 952).content
-    assert content["positions"]["spacing"] < 0.01
-    assert "tilt" not in content["positions"] and not {"xy", "xz", "yz"} & set(content["evolve"].get("deform", {}))
-
-
-@pytest.mark.slow
-def test_no_twin_of_a_box_that_leans_has_particles_that_lammps_cannot_tell_apart(drawn: list[DrawnScene]) -> None:
-    """Scene 741 of seed 404: its twin in units lj had the numbers of meters, some 1e-7."""
-    leaning = [one.ready for one in drawn if one.ready.twin and any(one.ready.sides[1][1].tilt)]
-    sides = [side for ready in leaning for side in ready.sides]
-    assert sides and min(atoms.spacing for scene, atoms in sides if scene.units == "lj") > 0.1
-    assert "lj" not in str(draw(404, 741).content.get("twin"))
-
-
 def test_the_skin_of_a_twin_leaves_lists_room() -> None:
     """LAMMPS stopped at more than 2000 neighbours of a particle."""
     ready = draw(604, 145).ready
@@ -228,3 +212,10 @@ def test_the_skin_of_a_twin_leaves_lists_room() -> None:
     reach = ready.case.scene.rheo.cut + twin.skin * atoms.spacing
     density = len(atoms) / np.prod(atoms.high_c - atoms.low_c)
     assert 4 / 3 * np.pi * reach**3 * density < 2000
+
+
+def test_one_particle_in_a_plane_goes_through_no_clear() -> None:
+    """Whose temperature LAMMPS refuses afterwards."""
+    content = draw(701, 89).content
+    assert len(content["positions"]["x"]) == 1 and content["dimension"] == 2 and len(content["evolve"]["stops"]) == 2
+    assert not {"restart", "other scene"} & {stop.get("by") for stop in content["evolve"]["stops"]}

@@ -104,7 +104,7 @@ def _by_hand(given: Sum) -> Iterable[str]:
 
 
 def _row(one: ParticleValues) -> tuple[object, ...]:
-    numbers = (one.mass, one.rho, one.mass / one.rho, one.pressure)
+    numbers = (one.mass, one.rho, one.volume, one.pressure)
     phase = f"{one.type}{' (solid)' * one.solid}"
     return one.id, phase, _vector(one.x), _vector(one.v), *map(_number, numbers)
 

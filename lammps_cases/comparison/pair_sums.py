@@ -13,19 +13,20 @@ import numpy.typing as npt
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from eos_ref.model.parameters import Model
-from eos_ref.model.state import PairTerms, State
+from eos_ref.model.state import PairTerms
 from lammps_cases.comparison.trajectory import Problem, halted
 
 MOST_PAIRS = 12  # that are printed; the nearest ones
+ARE = {"rhoeq": "rho", "cs": "cs", "kappa": "conductivity", "cv": "cv", "E": "energy"}  # quantities with units
 LARGEST = 20_000  # particles of a scene whose pairs are listed beside its verdict
 
 
 @dataclass(frozen=True)
 class ParticleValues:
-    """A particle as the reference has it at the step of the number.
+    """A particle as the reference has it at the step of the number, in LAMMPS' units.
 
-    ``constants`` are those of its type (rhoeq, cs, and of one that carries energy kappa and cv) and its energy E.
+    ``volume`` is mass over density, in the cube of the unit of length. ``constants`` are those of its type (rhoeq, cs,
+    and of one that carries energy kappa and cv) and its energy E.
     """
 
     id: int
@@ -35,6 +36,7 @@ class ParticleValues:
     v: tuple[float, ...]
     mass: float
     rho: float
+    volume: float
     pressure: float
     constants: dict[str, float]
 
@@ -111,6 +113,7 @@ def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: b
     last = sim.again() if forces else None
     adds = added(last) if last else None
     met: Any = last.evaluator if last and adds else evaluator  # whose pairs are listed
+    unit = sim.units.of
 
     @cache
     def particle(n: int) -> ParticleValues:  # most are neighbours of several
@@ -121,9 +124,10 @@ def sums(sim: Simulation, rows: Sequence[int], most: int = MOST_PAIRS, forces: b
             tuple(map(float, state.x_nc[n])),
             tuple(map(float, state.v_nc[n])),
             float(evaluator.mass_n[n]),
-            float(state.rho_n[n]),
-            float(pressure_n[n]),
-            _constants(sim.model, int(state.type_n[n])) | _energy(state, n),
+            float(state.rho_n[n] / unit("rho")),
+            float(evaluator.mass_n[n] / state.rho_n[n]),
+            float(pressure_n[n] / unit("pressure")),
+            {name: number / unit(ARE[name]) for name, number in _constants(sim, n).items()},
         )
 
     def pair(p: int) -> PairContribution:
@@ -208,14 +212,12 @@ def _added(adds: PairTerms | None, p: int) -> tuple[Any, ...]:
     return *vectors, *(None if of is None else float(of[p]) for of in (adds.drho_n, adds.heat_n))
 
 
-def _constants(model: Model, of_type: int) -> dict[str, float]:
-    law = model.eos.laws[of_type - 1]
+def _constants(sim: Simulation, n: int) -> dict[str, float]:
+    """Return the constants of a particle's type, and its energy, in consistent units."""
+    model, state, of_type = sim.model, sim.state, int(sim.state.type_n[n]) - 1
+    law = model.eos.laws[of_type]
     constants = {"rhoeq": law.rho0, "cs": law.cs}
     if model.thermal is not None:
-        thermal = model.thermal[of_type - 1]
+        thermal = model.thermal[of_type]
         constants |= {"kappa": thermal.conductivity, "cv": thermal.specific_heat}
-    return constants
-
-
-def _energy(state: State, n: int) -> dict[str, float]:
-    return {} if state.energy_n is None else {"E": float(state.energy_n[n])}
+    return constants if state.energy_n is None else constants | {"E": float(state.energy_n[n])}

@@ -11,21 +11,24 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction
+from lammps_cases.comparison.trajectory import Prediction, Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
-from lammps_cases.records.run_record import CaseRecord, EngineRecord, LostAtoms
+from lammps_cases.findings.variants import Snapshot, combined
+from lammps_cases.records.run_record import Blame, CaseRecord, EngineRecord, LostAtoms
 from lammps_cases.run import prepared_case
 from lammps_cases.run.prepared_case import PreparedCase
 from lammps_cases.scene import casefile
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import in_step_order
 from lammps_cases.setup.twins import Twin
+from lammps_cases.verdict import twins
+from lammps_cases.verdict.explanation import Explanation, Trial
 from lammps_cases.verdict.model_cases import problem_of
 from lammps_cases.verdict.model_fields import derived
 from lammps_cases.verdict.twins import evaluate_twin
 from tests.support import made_answers
-from tests.support.twin_kinds import PLAIN
+from tests.support.twin_kinds import KINDS, PLAIN
 
 ENGINE = EngineRecord(name="pypi:2025.7.22.4.0", distribution="2025.7.22.4.0")
 SCENE: dict[str, Any] = {
@@ -41,7 +44,7 @@ def make(case_file: Callable[..., Path]) -> Make:
     """A small case with a twin."""
 
     def ready(kind: str, **changes: Any) -> PreparedCase:
-        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: PLAIN[kind]}),))[0])
+        return prepared_case.prepare(casefile.load((case_file(**SCENE | changes, twin={kind: KINDS[kind]}),))[0])
 
     return ready
 
@@ -98,6 +101,25 @@ def test_the_bounds_of_both_runs_are_added(make: Make) -> None:
     added = [ours["f"] + theirs["f"] / twin.scale.of("f") for ours, theirs in zip(*bounds, strict=True)]
     for at, name in ((1, "f.bound"), (0, "@0 bound f")):
         np.testing.assert_array_equal(arrays[name], np.broadcast_to(added[at], (20, 2)))
+
+
+@pytest.mark.parametrize(("kind", "field"), [("translate", "x"), ("boost", "v"), ("units", "f")])
+def test_what_the_way_back_and_other_units_round_is_added_too(make: Make, kind: str, field: str) -> None:
+    ready = make(kind)
+    twin = twin_of(ready)
+    record, arrays = evaluate_twin(ready.case, twin, answers_of(ready), ENGINE)
+    (worst,) = (each.worst_step for each in record.fields if each.field == field)
+    assert worst is not None
+    at = twin.steps.index(worst)
+    problems = [problem_of(scene, atoms, "", twin.steps) for scene, atoms in ready.sides]
+    seeds = [seed(f"{name}/moved runs") for name in ("mine", "mine/twin")]
+    ours, theirs = (Predictor().predict(problem, seed=s) for problem, s in zip(problems, seeds, strict=True))
+    added = ours.bounds[at][field] + twin.in_place(theirs.bounds[at])[field]
+    if kind == "units":
+        added = added + Predictor().input_spread(problems[0], ours, seeds[0])[at][field]
+    else:
+        added = added + twin.rounding({field: arrays[f"{field}.reference"]}, worst)[field]
+    np.testing.assert_array_equal(arrays[f"{field}.bound"], np.broadcast_to(added, (20, 2)))
 
 
 @pytest.mark.parametrize("kind", ["relabel", "boost", "newton"])
@@ -171,6 +193,37 @@ def test_findings_that_reproduce_both_runs_explain_their_difference(
     assert ("f" in [field.field for field in red]) == (not same)
     assert (record.blame is None) == same
     assert (record.beyond is not None) == (also is not None), "what no finding explains of one run is said"
+
+
+def test_each_run_is_explained_as_its_engine_and_its_processes_are(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From its own first difference."""
+    explain, asked = Trial.explain, []
+
+    def noted(trial: Trial, engine: str, first: Blame) -> Explanation:
+        asked.append((trial.problem.ranks, engine, first.field, first.step))
+        return explain(trial, engine, first)
+
+    monkeypatch.setattr(Trial, "explain", noted)
+    ready = make("ranks")
+    ours, theirs = answers_of(ready, "force-per-volume")
+    record = judged(ready, [ours, moved(theirs, "f", 0.5, 6)])
+    assert asked == [(ranks, ENGINE.distribution, "f", 0) for ranks in (1, 2)]
+    assert record.beyond is not None and record.beyond.findings == ["force-per-volume"]
+
+
+def test_findings_are_made_for_each_run_with_its_own_numbers(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+
+    def noted(variants: Any, problem: Problem, snapshot: Snapshot) -> Any:
+        made.append((problem.box.edge_c[0], snapshot["f"][6, 0]))
+        return combined(variants, problem, snapshot)
+
+    monkeypatch.setattr(twins, "combined", noted)
+    ready = make("rescale")
+    answers = answers_of(ready, "force-per-volume")
+    assert judged(ready, answers).verdict == "explained"
+    edges = [atoms.high_c[0] - atoms.low_c[0] for _, atoms in ready.sides]
+    assert made == [(edge, answer.snapshots[0]["f"][6, 0]) for edge, answer in zip(edges, answers, strict=True)]
 
 
 def test_only_findings_that_tell_the_runs_apart_are_named(make: Make) -> None:

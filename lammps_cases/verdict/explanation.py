@@ -111,7 +111,7 @@ class Trial:
             if left is not None:
                 self._left[tuple(entry.id for entry in entries)] = left
                 if left.bound != math.inf:  # else later steps may leave bounds
-                    break
+                    return False
         return left is None
 
     def _first_left(self, entries: Sequence[Finding], problem: Problem) -> Blame | None:

@@ -21,12 +21,13 @@ from lammps_cases.findings import KNOWN, LEDGER, NEWEST, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
 from lammps_cases.records.run_record import Beyond, DigitsLost
 from lammps_cases.scene.atoms import seed
+from lammps_cases.scene.fields import FIELDS
 from lammps_cases.verdict import particle_model
 from lammps_cases.verdict.particle_model import ModelVerdict, Reason
 from tests.support import made_findings
 
 NAN, INF = float("nan"), float("inf")
-ID = np.array([3, 5, 8])
+ID = np.array([8, 5, 3])
 FIXED = SimpleNamespace(deform=None)  # all that is asked of a model: whether its box grows
 PROBLEM = Problem(FIXED, None, None, 0.0, ("f", "coordination"), (0, 2, 5))  # coordination comes first in a step
 REFERENCE = 10.0
@@ -77,6 +78,7 @@ class Played(Predictor):
             yield replace(whole, bounds=tuple({f: part * bound[f] for f in bound} for bound in whole.bounds))
 
     def values(self, problem: Problem, made: Made) -> list[Fields]:
+        assert made, "what cannot be fitted has none"
         return list(self.predict(problem, made, SEED).fields)
 
     def precise(self, problem: Problem) -> Fields:
@@ -195,6 +197,11 @@ def test_most_sets_fail_at_the_first_step(judge: Any) -> None:
     """The other steps of a run are not predicted for them."""
     _, predictor = judge("a", {"a": FORCE, "b": COUNT}, (0, "f", 4.0))
     assert {steps for names, steps in predictor.asked if "+" in names} == {(0,)}
+
+
+def test_what_the_engine_is_known_to_have_is_tried_at_all_steps_at_once(judge: Any) -> None:
+    _, predictor = judge("A+B", {"A": FORCE, "B": COUNT})
+    assert {steps for names, steps in predictor.asked if names == "A+B"} == {PROBLEM.steps}
 
 
 @pytest.mark.parametrize(("off", "explanation"), [(1.0, ["a"]), (1.5, [])])
@@ -349,16 +356,28 @@ def test_a_variant_may_leave_values_without_a_bound(
 
 
 @pytest.mark.parametrize(
-    ("of_variant", "blamed"), [((INF, 1.0, 1.0), (8, 1.0, 1)), ((INF,) * 3, (3, INF, 3)), ((1.0,) * 3, (8, 1.0, 1))]
+    ("of_variant", "off", "blamed"),
+    [
+        ((INF, 1.0, 1.0), 1.5, (3, 1.0, 1)),
+        ((INF, 1.0, 1.0), 1.0, (8, INF, 1)),  # what is at its bound is inside
+        ((INF,) * 3, 1.5, (3, INF, 3)),
+        ((1.0,) * 3, 1.5, (3, 1.0, 1)),
+    ],
 )
 def test_what_has_a_bound_is_blamed_before_what_has_none(
-    judge: Any, of_variant: Bounds, blamed: tuple[int, float, int]
+    judge: Any, of_variant: Bounds, off: float, blamed: tuple[int, float, int]
 ) -> None:
-    settings, bounds = {"A": {"undefined": True}}, {"A": of_variant}
+    settings, bounds = {"A": {"undefined": off > 1}}, {"A": of_variant}
     of = replace(PROBLEM, fields=("f",))
-    verdict, _ = judge("A", {"A": FORCE}, (2, "f", 1.5, 2), settings=settings, bounds=bounds, of=of)
+    verdict, _ = judge("A", {"A": FORCE}, (2, "f", off, 2), settings=settings, bounds=bounds, of=of)
     blame = verdict.beyond.blame
     assert (blame.atom, blame.bound, blame.outside) == blamed
+
+
+def test_a_blame_is_of_the_lowest_id_outside_with_both_sides(judge: Any) -> None:
+    blame = judge("", {}, (2, "f", 1.0, 2), (2, "f", 4.0, 1), (2, "f", 3.0, 0))[0].first
+    assert (blame.atom, blame.lammps, blame.reference, blame.bound) == (5, REFERENCE + 4.0, REFERENCE, 1.0)
+    assert (blame.field, blame.stage, blame.outside, blame.of) == ("f", FIELDS["f"].stage, 2, 3)
 
 
 @pytest.mark.parametrize(("lists", "explanation"), [(True, ["A"]), (False, [])])
@@ -382,16 +401,17 @@ def test_findings_that_follow_neighbour_lists_need_them(
 @pytest.mark.parametrize(
     ("has", "also", "names"),
     [
-        ("", (), ["A", "B"]),  # all findings known of the engine are gone
-        ("A", (), ["B"]),
-        ("A+B", (), []),
-        ("a", (), ["A", "B"]),
+        ("", (), ["A", "B", "E"]),  # all findings known of the engine are gone
+        ("A", (), ["B", "E"]),
+        ("A+B+E", (), []),
+        ("a", (), ["A", "B", "E"]),
         ("", ((2, "coordination", 4.0),), []),  # of a difference without an explanation nothing is said
     ],
 )
 def test_known_findings_that_would_show_are_named(judge: Any, has: str, also: Any, names: list[str]) -> None:
-    """Not one whose effect is inside the bound, nor one that runs away or cannot be fitted."""
-    effects = {"A": FORCE, "B": COUNT, "C": (2, "f", 0.5), "a": (0, "f", 4.0), "RUNAWAY": FORCE, "D": FORCE}
+    """Not one whose effect is at the bound, nor one that runs away or cannot be fitted."""
+    effects = {"A": FORCE, "B": COUNT, "C": (2, "f", 1.0), "a": (0, "f", 4.0), "RUNAWAY": FORCE, "D": FORCE}
+    effects["E"] = (5, "f", 1.5)
     verdict, _ = judge(has, effects, *also, settings={"D": {"fit": lambda *given: None}})
     assert unseen(verdict) == names
 

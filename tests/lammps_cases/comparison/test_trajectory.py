@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +16,11 @@ from eos_ref.compiled.evaluator import CompiledEvaluator
 from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
+from lammps_cases.comparison import trajectory
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
+    MOVED_PARTICLES,
     MOVED_RUNS,
     UPDATES,
     Fields,
@@ -25,6 +28,7 @@ from lammps_cases.comparison.trajectory import (
     Problem,
     Shaken,
     evaluations,
+    moved_runs,
     own_stages,
     predict,
     visit,
@@ -100,6 +104,18 @@ def test_a_moved_run_that_cannot_go_on_bounds_nothing_from_there_on(case_file: W
     assert np.isfinite(found.fields[2]["f"]).all()
 
 
+def test_a_moved_run_that_cannot_begin_bounds_nothing(case_file: Write) -> None:
+    class Ending(Simulation):
+        def setup(self) -> None:
+            """Refuse a moved run."""
+            if isinstance(self, Shaken):
+                raise InputError("positions", "must be finite", np.inf)
+            super().setup()
+
+    found = predict(replace(problem(case_file), steps=(0, 1, 3), timestep=0.001), ArrayEvaluator, Ending)
+    assert all(np.isinf(bounds["f"]).all() for bounds in found.bounds)
+
+
 def test_the_spread_of_moved_runs_bounds_all_particles_alike(case_file: Write) -> None:
     """What steps integrate has no bound before the first step; then the spread, and what its roundings sum up to."""
     scene = replace(problem(case_file), fields=("v", "x"))
@@ -125,6 +141,34 @@ def test_sums_that_always_round_one_way_stay_inside(case_file: Write) -> None:
     right, other = (predict(scene, ArrayEvaluator, stepping) for stepping in (Simulation, RoundingUp))
     apart = np.abs(right.fields[1]["v"] - other.fields[1]["v"])
     assert (apart > 0).all() and (apart <= right.bounds[1]["v"]).all()
+
+
+def test_the_stages_of_runs_are_moved_and_in_one_of_three_the_same_way_at_every_step(
+    case_file: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, kept = [], []
+
+    class Noted(Simulation):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            given.append(arguments[4].__name__)
+
+    def noted(random: np.random.Generator, **options: bool) -> Signs:
+        kept.append(options["kept"])
+        return Signs(random, **options)
+
+    monkeypatch.setattr(trajectory, "Signs", noted)
+    monkeypatch.setattr(trajectory, "MOVED_PARTICLES", 80)  # of 20 for four runs
+    scene = replace(problem(case_file), steps=(0, 1), timestep=1e-3)
+    predict(scene, ArrayEvaluator, Noted)
+    assert kept == [True, False, False, True]
+    assert given == ["ArrayEvaluator", *["Moved"] * len(kept)]
+
+
+def test_so_many_runs_are_moved_that_few_particles_have_as_many_signs(case_file: Write) -> None:
+    scene = problem(case_file)
+    runs = [moved_runs(of_size(scene, n)) for n in (0, 1, 2, MOVED_PARTICLES // MOVED_RUNS)]
+    assert runs == [MOVED_PARTICLES, MOVED_PARTICLES, math.ceil(MOVED_PARTICLES / 2), MOVED_RUNS]
 
 
 @pytest.mark.parametrize("steps", [1, 60])

@@ -18,7 +18,7 @@ from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import model_mistakes
 from lammps_cases.verdict.model_cases import problem_of
-from lammps_cases.verdict.model_mistakes import MUTANTS, shown, unseen_in_model
+from lammps_cases.verdict.model_mistakes import MUTANTS, ModelMutant, shown, unseen_in_model
 
 # A scene that shows each mistake.
 SHOWN = {
@@ -67,6 +67,48 @@ def test_a_scene_shows_the_mistake(mistake: str) -> None:
     changed = [f for f in problem.fields if not np.array_equal(right.output(f), wrong.output(f), equal_nan=True)]
     assert changed
     assert mistake not in blind(SHOWN[mistake])
+
+
+def test_the_volume_of_the_other_particle_is_that_of_its_own() -> None:
+    problem = first_evaluation("forces.all.quintic.2d")
+    mutant = MUTANTS["V_i for V_j"]
+    sim = Simulation(problem.model, problem.box, problem.state, wanted(problem), mutant.stages)
+    sim.setup()
+    stages: Any = sim.evaluator
+    rho_i, rho_j = stages.density_pair(problem.state.rho_n)
+    mass_i, mass_j = stages.mass_n[stages.i], stages.mass_n[stages.j]
+    assert np.any(mass_i != mass_j) and np.any(mass_i != 1)
+    np.testing.assert_allclose(mass_j / rho_j, mass_i / rho_i, rtol=1e-15)
+
+
+@pytest.mark.parametrize("harmonic", [True, False])
+def test_the_other_mean_is_not_the_one_given(harmonic: bool) -> None:
+    problem = first_evaluation("forces.all.quintic.2d")
+    model = replace(problem.model, pair=replace(problem.model.pair, harmonic_means=harmonic))
+    mutant = MUTANTS["arithmetic for harmonic mean, or the reverse"]
+    sim = Simulation(model, problem.box, problem.state, wanted(problem), mutant.stages)
+    sim.setup()
+    assert sim.evaluator.model.pair.harmonic_means == (not harmonic)
+
+
+def test_one_conductivity_is_the_largest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ArrayEvaluator, "conduction", lambda self: np.array([0.0, 2.0, 1.0]))
+    stages = MUTANTS["one conductivity for all types"].stages
+    np.testing.assert_array_equal(stages.__new__(stages).conduction(), 2.0)
+
+
+def test_a_mistake_may_leave_what_numbers_can_tell() -> None:
+    """Without a word of it."""
+
+    class Divides(ArrayEvaluator):
+        def density_pair(self, rho_n: Any) -> Any:
+            rho_i, rho_j = super().density_pair(rho_n)
+            return rho_i, rho_j / (0 * rho_j)
+
+    problem = first_evaluation("fluids.unit")
+    with np.errstate(all="raise"):
+        prediction = Predictor().predict(problem)
+        assert not model_mistakes.blind(problem, prediction, ModelMutant(Divides, ("f",)))
 
 
 def test_units_of_one_hide_what_they_multiply() -> None:

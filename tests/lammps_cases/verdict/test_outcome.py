@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from eos_ref import EOS, EOSTable
+from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from lammps_cases.comparison.predictor import Predictor
 from lammps_cases.engine.interlude import Carried
@@ -167,6 +168,7 @@ def test_what_text_carries_has_its_digits(case_file: Write) -> None:
     ]
 
 
+PLANE = (0.0, 0.0), (1.0, 2.0), (True, True), (0.25,)
 EDGE = 4.0  # of the box, from 0, along x
 
 
@@ -186,6 +188,25 @@ def test_a_particle_outside_the_box_may_come_back_as_its_image(
     back[3, 0] += units * np.spacing(back[3, 0])
     fields = {field: of for field, of, *_ in compared(case_file, {"at": 1, "by": by}, after={"x": back})}
     assert fields[f"x ({by} at 1)"] == verdict
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_image_rounds_by_the_size_of_edges_along_its_axis(case_file: Write, axis: int) -> None:
+    """Of all edges: here of one of 1, and one that leans over it by 0.25."""
+    ready = prepared(
+        case_file(compare=["f"], evolve={"steps": 3, "timestep": 0.001, "stops": [{"at": 1, "by": "replicated"}]})
+    )
+    box = Box((0.0, 0.0, 0.0), (1.0, 2.0, 1.0), (True, True, False), (0.25, 0.0, 0.0))
+    before = np.full((20, 3), [0.5, 1.0, 0.0]) + box.cell_cc[axis] * (np.arange(20) == 3)[:, None]
+    after = np.full((20, 3), [0.5, 1.0, 0.0])
+    of = replace(problem_of(ready.case.scene, ready.atoms, "", ready.case.scene.snapshots), box=Box(*PLANE))
+    carried = Carried({"x": before}, {"x": after})
+    ((_, field),) = compare_carried(ready.case, ready.atoms, Answer({}, 0.0, carried=(carried,)), 16, of)
+    assert field.record.verdict == "exact"
+    reach_nc = np.zeros((20, 2))
+    reach_nc[3, axis] = before[3, axis] + (1.25, 2.0)[axis]
+    rounding_c = box.rounding(kernel_cut(ready.case.scene, ready.atoms.spacing))[:2]
+    np.testing.assert_array_equal(field.bound_n, EPS * reach_nc + rounding_c)
 
 
 def test_a_particle_inside_the_box_stays_where_it_is(case_file: Write) -> None:

@@ -47,7 +47,7 @@ def first_pressure(
     with tempfile.TemporaryDirectory(prefix="eos-ref-first-") as folder:
         begun = Path(folder) / "in.first"
         begun.write_text(_begun(deck.read_text(), newton))
-        program = [sys.executable, "-m", __name__, site or "", str(begun)]
+        program = [sys.executable, "-P", "-m", __name__, site or "", str(begun)]
         try:
             outcome = subprocess.run(
                 [*command, *program], cwd=deck.parent, stdin=subprocess.DEVNULL, capture_output=True, text=True,

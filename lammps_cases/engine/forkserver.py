@@ -6,6 +6,7 @@ what they need. It loads while this process imports its own modules.
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections.abc import Iterator
@@ -72,10 +73,22 @@ class _SecondContext(ForkServerContext):
     Process = _SecondProcess
 
 
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Keep the current folder off the path of processes that are started: its files may have any name."""
+    before = os.environ.get("PYTHONSAFEPATH", "")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        os.environ["PYTHONSAFEPATH"] = before  # "" is the same as none
+
+
 def second_context(*modules: str) -> ForkServerContext:
     """Return the context of a second server, which has imported the modules named, whatever the first one has."""
     _second.set_forkserver_preload([*modules])
-    _second.ensure_running()
+    with _safe_path():
+        _second.ensure_running()
     return _SecondContext()
 
 
@@ -85,7 +98,8 @@ def context(*modules: str) -> ForkServerContext:
     Workers begin with the modules named, which the server imports once for all of them.
     """
     forkserver.set_forkserver_preload([OF_WORKERS, *modules])
-    forkserver.ensure_running()
+    with _safe_path():
+        forkserver.ensure_running()
     return _Context()
 
 

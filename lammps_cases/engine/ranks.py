@@ -75,7 +75,15 @@ class Ranks:
         self._path = Path(self._folder.name)
         # This package may lie beside the current folder, as in a checkout.
         paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-        program = [sys.executable, "-m", "lammps_cases.engine.ranks", self._folder.name, site or "", str(os.getpid())]
+        program = [
+            sys.executable,
+            "-P",
+            "-m",
+            "lammps_cases.engine.ranks",
+            self._folder.name,
+            site or "",
+            str(os.getpid()),
+        ]
         with (self._path / "output").open("wb") as output:
             self._process = subprocess.Popen(
                 [*command, *program],

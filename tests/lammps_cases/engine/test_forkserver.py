@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -22,3 +23,13 @@ for context in (forkserver.context(), forkserver.second_context("json"), forkser
 def test_processes_of_the_second_server_begin_with_no_more_than_is_asked_for() -> None:
     printed = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout
     assert printed.split() == ["True", "False", "True"]
+
+
+@pytest.mark.lammps
+def test_modules_in_the_current_folder_are_not_those_of_processes(tmp_path: Path) -> None:
+    for name in ("lammps_cases", "lammps", "yaml", "numbers"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not this one')\n")
+    cases = "units.si.linear", "newton.bonds-two-ranks.thermal-3d"
+    command = [sys.executable, Path(sys.executable).with_name("eos-ref"), "run", *cases, "--out", "out"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0 and "2 cases: 1 exact" in run.stdout, run.stdout + run.stderr

@@ -96,6 +96,8 @@ def test_shipped_scenes_of_the_model_tell_formulas_apart(
         "runs-images.narrow": {floor},
         "runs-images.ranks-narrow": {floor},
         "runs-walls.heat.ranks": {floor},
+        "tilted-close.summed": {"V_i for V_j"},
+        "tilted-close.walls": {floor, lone},
         "tilted.small.walls": {floor},
         "virials.rest.newton": at_rest,
         "virials.rest.no-newton": at_rest,

@@ -72,7 +72,7 @@ def read_back(atoms: ase.Atoms, path: Path) -> ase.Atoms:
 
 @pytest.mark.parametrize(
     ("case", "periodic"),
-    [("boundaries.fixed.drop", [False, False, True]), ("tilted.little.fluid", [True] * 3)],
+    [("boundaries.fixed.drop", [False, False, True]), ("tilted.little.surface", [True] * 3)],
 )
 def test_atoms_of_a_run_are_whole(case: str, periodic: list[bool], tmp_path: Path) -> None:
     """Box, axes, velocities and all fields reach a file that other programs read."""

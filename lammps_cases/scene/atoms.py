@@ -238,8 +238,11 @@ def _sites(lattice: Lattice, dimension: int) -> tuple[FloatArray, FloatArray]:
         cell_c[1] = np.sqrt(3.0)
     axes = np.meshgrid(*(np.arange(k) for k in lattice.cells), indexing="ij")
     corner_nc = np.stack([axis.ravel() for axis in axes], axis=1)
+    with np.errstate(over="ignore"):
+        high_c = np.array(lattice.cells) * cell_c * lattice.spacing
+    if not np.isfinite(high_c).all():
+        raise InputError("spacing", "must leave the box finite", lattice.spacing, key="positions")
     x_nc = ((corner_nc[:, None, :] + basis_bc[None, :, :] + 0.25) * cell_c * lattice.spacing).reshape(-1, dimension)
-    high_c = np.array(lattice.cells) * cell_c * lattice.spacing
     padding = np.zeros((len(x_nc), 3 - dimension))
     return np.hstack([x_nc, padding]), np.concatenate([high_c, np.zeros(3 - dimension)])
 

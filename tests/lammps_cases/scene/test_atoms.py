@@ -121,6 +121,7 @@ def test_the_seed_is_of_the_name_alone() -> None:
             {"positions": {**ORDERED, "regions": [{"type": None, "low": [0, 0], "high": [1, 1]}]}},
             "positions: the scene is empty",
         ),
+        ({"positions": {**ORDERED, "spacing": 1e308}}, "spacing: must leave the box finite, found 1e+308"),
     ],
 )
 def test_scenes_without_meaning_are_refused(case_file: Write, changes: dict[str, Any], text: str) -> None:

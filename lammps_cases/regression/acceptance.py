@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -152,14 +153,19 @@ def _reason(
     entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "reason": reason,
-        "command": command,
-        "run": run.command,
+        "command": portable(command),
+        "run": portable(run.command),
         "run_date": run.date,
         "cases": len(run.cases),
         "changes": None if changes is None else dict(changes.counts),
         "dropped": list(dropped),
     }
     write_atomically(partial / REASONS, earlier + json.dumps(entry, ensure_ascii=False) + "\n")
+
+
+def portable(command: str) -> str:
+    """Return a command as it may be kept for others: of absolute paths the last part."""
+    return re.sub(r"(?<![\w.~/])(?:/[^/\s']+)*/([^/\s']+)", r"\1", command)
 
 
 def _same(partial: Path, target: Path) -> bool:

@@ -18,7 +18,7 @@ from lammps_cases.records import files, folders
 from lammps_cases.records.documents import SCHEMAS
 from lammps_cases.records.run_record import EngineRecord, read_run
 from lammps_cases.regression import acceptance, baseline, pairs
-from lammps_cases.regression.acceptance import Accepted
+from lammps_cases.regression.acceptance import Accepted, portable
 from lammps_cases.regression.changes import Changes
 from tests.support.edited_runs import NAMES, of_field
 from tests.support.outcome import Outcome
@@ -431,3 +431,16 @@ def test_lines_of_a_check_say_what_to_do(changed_run: Change, accepted: Path) ->
     assert any("unexplained in this run only: f in 1 case" in line for line in said)
     assert any("images.quintic.two f from step 0 (explained by force-per-volume, now differs)" in line for line in said)
     assert "eos-ref accept reports/latest --reason" in said[-1]
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("eos-ref accept /home/me/runs/now --reason 'of a/b'", "eos-ref accept now --reason 'of a/b'"),
+        ("eos-ref run --engine path:/opt/lammps/build --out /tmp/now", "eos-ref run --engine path:build --out now"),
+        ("eos-ref run --engine 'path:~/lammps/build' --out reports/latest", None),
+        ("eos-ref run --launcher '/usr/bin/mpirun -n {n}' ../mine", "eos-ref run --launcher 'mpirun -n {n}' ../mine"),
+    ],
+)
+def test_baselines_keep_no_folder_of_a_machine(given: str, kept: str | None) -> None:
+    assert portable(given) == (kept or given)

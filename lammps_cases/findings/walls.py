@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from lammps_cases.comparison.trajectory import Problem
 from lammps_cases.findings.entry import AlarmDifference, Finding, Gap
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, after_deletion, lists_of_neighbours
 from lammps_cases.findings.variants import Variant
+
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
 
 
 class WallVelocityLost(ArrayEvaluator):
@@ -108,6 +111,16 @@ def begins_again_with_walls(problem: Problem) -> bool:
     """Return whether a run with reconstructed walls ends and another begins, of the same fixes."""
     kept = any(stop.step <= problem.steps[-1] and not stop.new_n.all() for stop in problem.stops)
     return kept and bool(walls(problem).any())
+
+
+def minimises_beside_walls(scene: Scene) -> bool:
+    """Return whether a minimisation may keep other forces for walls: it corrects the kernel, or slots are of images."""
+    stops = scene.evolve.stops if scene.evolve else ()
+    if not (scene.rheo.interface_reconstruct and any(stop.by == "minimize" for stop in stops)):
+        return False
+    periodic = getattr(scene.positions, "periodic", None)  # None: all axes; of files it may not be known
+    has_images = periodic is None or any(periodic) or scene.engine.ranks > 1
+    return has_images or scene.rheo.kernel in ("RK1", "RK2")
 
 
 class AccelerationsOfOldImages(FollowingLists):
@@ -395,11 +408,7 @@ WALLS_BEGIN_WITH_PRESSURE = Finding(
     model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept),
     gaps=(
         Gap(
-            lambda scene: (
-                scene.rheo.interface_reconstruct
-                and scene.evolve is not None
-                and any(stop.by == "minimize" for stop in scene.evolve.stops)
-            ),
+            minimises_beside_walls,
             "where the slots of images are others than in the step before, or the kernel is RK1 or RK2, a minimisation "
             "keeps other forces for walls than those of its positions; which, is not known",
         ),

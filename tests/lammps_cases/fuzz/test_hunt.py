@@ -22,6 +22,7 @@ from lammps_cases.records.run_record import Beyond, Blame, CaseRecord
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from tests.support.outcome import Outcome
+from tests.support.told import told
 
 Run = Callable[..., Outcome]
 SEED, SCENES = 31, 8
@@ -75,6 +76,31 @@ def test_gaps_are_of_findings_that_the_engine_has(monkeypatch: pytest.MonkeyPatc
     assert known_gap(record, scene, "2026.7.4") == ""
     plain = scene.model_copy(update={"rheo": scene.rheo.model_copy(update={"zmin": 0})})
     assert known_gap(record, plain, "2025.7.22.4.0") == ""
+
+
+QUINTIC, RK1 = {"kernel": "quintic", "interface_reconstruct": True}, {"kernel": "RK1", "interface_reconstruct": True}
+CLOSED = {"lattice": "sq", "spacing": 1.0, "cells": [8, 8], "periodic": [False, False]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "by", "known"),
+    [
+        ({"rheo": QUINTIC}, "minimize", True),
+        ({"rheo": QUINTIC, "positions": CLOSED | {"periodic": [True, False]}}, "minimize", True),
+        ({"rheo": QUINTIC, "positions": CLOSED}, "minimize", False),
+        ({"rheo": QUINTIC, "positions": CLOSED, "engine": {"ranks": 2}}, "minimize", True),
+        ({"rheo": RK1, "positions": CLOSED}, "minimize", True),
+        ({"rheo": {"kernel": "RK1"}, "positions": CLOSED}, "minimize", False),
+        ({"rheo": RK1}, "set", False),
+    ],
+)
+def test_a_gap_speaks_of_what_its_reason_says(changed: dict[str, Any], by: str, known: bool) -> None:
+    """A minimisation beside reconstructed walls, with images or a corrected kernel."""
+    (entry,) = (entry for entry in LEDGER if entry.id == "walls-begin-with-pressure")
+    scene = told(
+        [[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed
+    )
+    assert any(gap.applies(scene.scene) for gap in entry.gaps) == known
 
 
 @pytest.mark.parametrize(

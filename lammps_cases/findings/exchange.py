@@ -251,13 +251,13 @@ ALIGNED_PAIRS_TWICE = Finding(
     title="In a leaning box close pairs of the same x across a boundary count twice",
     severity="medium",
     effect="Forces and densities at the boundaries of a leaning box are wrong where distances are small numbers",
-    documented="newton: the flag must not matter but for rounding; Howto triclinic: particles interact with the "
-    "periodic images of others in a box that leans as in any other.",
+    documented="newton: the flags for pairs and for bonds may differ, and results must not depend on them but for "
+    "rounding.",
     observed="With newton on for pairs, a pair across a boundary of a leaning box, or one between processes, is listed "
     "for each of its particles if the two have the same x and are closer than 0.01 in every other direction (0.01 "
-    "Angstrom in units that measure lengths), and counts twice in densities, gradients, same-phase fractions, shifts, "
-    "forces and their pressures; once in coordination numbers and in the moments of RK1 and RK2. With newton off, in "
-    "an upright box or at larger distances it counts once.",
+    "Angstrom in units nano, micro, cgs and si), and counts twice in summed densities, gradients, same-phase fractions "
+    "and densities of walls, divergences and normals of surfaces, shifts and forces; once in coordination numbers and "
+    "in the moments of RK1 and RK2. With newton off, in an upright box or at larger distances it counts once.",
     argument="Two particles of mass 6.4e-5 at distance 0.008 (2D, cutoff 0.024) have summed densities of 0.4289 in the "
     "middle of a box that leans, and of 0.5501 with a periodic boundary between them; with all lengths ten times as "
     "long and a mass of 6.4e-3 they have 0.4289 at both places. Neither where the box is cut nor the unit of length "

@@ -121,8 +121,9 @@ def told(
     def three(values: Any, fill: float = 0.0) -> Floats:
         return np.column_stack([np.broadcast_to(values, (n, d)), np.full((n, 3 - d), fill)]).astype(float)
 
-    low, high = np.zeros(3), np.array([*box, *[0.5] * (3 - d)], float)
-    low[d:] = -0.5
+    half = 0.5 * made.positions.spacing
+    low, high = np.zeros(3), np.array([*box, *[half] * (3 - d)], float)
+    low[d:] = -half
     periodic = made.positions.periodic or (True,) * d
     of_type_n = np.array([t.mass for t in made.types])[type_n - 1]
     mass_n = of_type_n if own is None else np.broadcast_to(own, n).astype(float)

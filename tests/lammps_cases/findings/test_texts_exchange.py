@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -199,13 +200,28 @@ def test_aligned_pairs_twice(lammps: Engine) -> None:
             assert all(map(middle.is_rounded, scene.predicted().fields[0]["rho"]))
 
 
+def beside(limit: float, side: int) -> float:
+    """The next distance below or above a limit of which a few multiples are exact: of six bits."""
+    fraction, exponent = math.frexp(limit)
+    return math.ldexp((math.floor(fraction * 64) if side < 0 else math.ceil(fraction * 64)) / 64, exponent)
+
+
 @pytest.mark.parametrize(
     ("scene", "twice"),
     [
-        (aligned(0.0099), True),
-        (aligned(0.0101), False),
-        (aligned(0.00099, units="nano"), True),
-        (aligned(0.00101, units="nano"), False),
+        *[
+            (aligned(beside(limit, side), units=units), side < 0)
+            for units, limit in (
+                ("lj", 0.01),
+                ("real", 0.01),
+                ("metal", 0.01),
+                ("nano", 1e-3),
+                ("micro", 1e-6),
+                ("cgs", 1e-10),
+                ("si", 1e-12),
+            )
+            for side in (-1, 1)
+        ],
         (aligned(0.008, off=1e-9), False),
         (aligned(0.008, lean=0.0), False),
         (aligned(0.008, engine={"newton": False}), False),

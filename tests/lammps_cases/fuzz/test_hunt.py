@@ -97,9 +97,7 @@ CLOSED = {"lattice": "sq", "spacing": 1.0, "cells": [8, 8], "periodic": [False, 
 def test_a_gap_speaks_of_what_its_reason_says(changed: dict[str, Any], by: str, known: bool) -> None:
     """A minimisation beside reconstructed walls, with images or a corrected kernel."""
     (entry,) = (entry for entry in LEDGER if entry.id == "walls-begin-with-pressure")
-    scene = told(
-        [[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed
-    )
+    scene = told([[1.0, 1.0]], (8, 8), evolve={"steps": 2, "timestep": 1e-3, "stops": [{"at": 1, "by": by}]}, **changed)
     assert any(gap.applies(scene.scene) for gap in entry.gaps) == known
 
 

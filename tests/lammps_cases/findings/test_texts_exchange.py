@@ -213,8 +213,6 @@ def beside(limit: float, side: int) -> float:
             (aligned(beside(limit, side), units=units), side < 0)
             for units, limit in (
                 ("lj", 0.01),
-                ("real", 0.01),
-                ("metal", 0.01),
                 ("nano", 1e-3),
                 ("micro", 1e-6),
                 ("cgs", 1e-10),

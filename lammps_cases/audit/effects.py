@@ -15,7 +15,7 @@ from eos_ref.eos.table import FloatArray
 from eos_ref.model.quantities import needed_to_step
 from eos_ref.numbers.rounded import error, value
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.records.audit_record import EffectRecord
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import combined
 

@@ -17,7 +17,8 @@ from eos_ref.model.quantities import needed_to_step
 from eos_ref.model.state import State
 from lammps_cases.audit.effects import effects, touching
 from lammps_cases.audit.evaluation import ParticleSample
-from lammps_cases.comparison.trajectory import Problem, own_stages
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import own_stages
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import combined
 from lammps_cases.records.audit_record import EffectRecord, OutlookRecord

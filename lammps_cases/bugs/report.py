@@ -23,7 +23,7 @@ from lammps_cases.bugs.hand import Line
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.pair_sums import Sum
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.installations import Engine
 from lammps_cases.engine.session import Job
 from lammps_cases.engine.workers import Workers

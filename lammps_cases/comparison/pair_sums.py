@@ -14,7 +14,8 @@ import numpy.typing as npt
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.state import PairTerms
-from lammps_cases.comparison.trajectory import Problem, halted
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import halted
 
 MOST_PAIRS = 12  # that are printed; the nearest ones
 ARE = {"rhoeq": "rho", "cs": "cs", "kappa": "conductivity", "cv": "cv", "E": "energy"}  # quantities with units

@@ -23,18 +23,17 @@ from eos_ref.evaluation.pairs import Candidates, sharing
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
+from lammps_cases.comparison.problem import Problem, wanted
 from lammps_cases.comparison.store import Store
 from lammps_cases.comparison.trajectory import (
     Fields,
     Halt,
     Prediction,
-    Problem,
     halted,
     input_spread,
     precise_setup,
     predict,
     visit,
-    wanted,
     widening,
 )
 

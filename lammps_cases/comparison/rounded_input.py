@@ -8,14 +8,12 @@ product with the ratio and with the number: 17.
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from eos_ref.syntax.fixes import Shift
-
-if TYPE_CHECKING:
-    from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 
 ROUNDING = 17 * 2.0**-53
 # The cutoff stands twice in a model, and must be one number; positions move against it. The others are pure numbers, of

@@ -17,7 +17,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import excess
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem, predict, visit, wanted
+from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.trajectory import Fields, Prediction, predict, visit
 from lammps_cases.diagnosis.changes import Change, Watched
 from lammps_cases.diagnosis.grammar import changes
 from lammps_cases.findings.variants import Snapshot

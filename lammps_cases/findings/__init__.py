@@ -18,7 +18,7 @@ import numpy as np
 
 from eos_ref import EOSTable
 from lammps_cases.comparison.compare import Comparison, EosState, excess
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import (
     exchange,
     forces,

@@ -18,7 +18,7 @@ from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList, lists_of_neighbours
 from lammps_cases.findings.variants import Variant

@@ -12,7 +12,7 @@ from eos_ref.model.state import masses
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding, Gap, MapDifference
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant

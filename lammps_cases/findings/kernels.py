@@ -19,7 +19,7 @@ from eos_ref.numbers.columns import Axes
 from eos_ref.numbers.elementary import maximum
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Decision, Rounded, error, value
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding, Gap, MapDifference
 from lammps_cases.findings.neighbour_lists import (
     UNDEFINED,

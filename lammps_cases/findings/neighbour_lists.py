@@ -21,7 +21,7 @@ from eos_ref.model.box import BoolArray, Box
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import Rounded, value
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.variants import Snapshot
 
 UNDEFINED = np.inf  # bound of what no reference can predict

@@ -15,7 +15,7 @@ from eos_ref.numbers.columns import Axes, axes, dot, joined
 from eos_ref.numbers.elementary import sqrt, where
 from eos_ref.numbers.number import Array
 from eos_ref.numbers.rounded import error, value
-from lammps_cases.comparison.trajectory import Problem, wanted
+from lammps_cases.comparison.problem import Problem, wanted
 from lammps_cases.findings.entry import AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours, unbounded
 from lammps_cases.findings.variants import Snapshot, Variant

@@ -10,7 +10,7 @@ from eos_ref.evaluation.time_step import BULK, LAYER
 from eos_ref.model.box import BoolArray
 from eos_ref.numbers.elementary import where
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import AlarmDifference, Finding
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, lists_of_neighbours
 from lammps_cases.findings.variants import Variant

@@ -9,7 +9,7 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.parameters import IntArray
 from eos_ref.numbers.number import Array
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding, Gap
 from lammps_cases.findings.variants import Variant
 

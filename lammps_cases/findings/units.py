@@ -8,7 +8,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.state import Gradients
 from eos_ref.model.units import UNITS, Units
 from eos_ref.numbers.number import Array
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings.entry import Finding
 from lammps_cases.findings.variants import Variant
 from lammps_cases.findings.virials import OVERALL

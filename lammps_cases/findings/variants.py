@@ -13,7 +13,7 @@ from typing import Any
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 
 # LAMMPS' fields at one step, by the names of `eos_ref.model.quantities`; the first one may hold `lists`, of all steps.
 Snapshot = dict[str, Any]

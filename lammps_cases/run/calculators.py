@@ -22,7 +22,7 @@ from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import TILTED
 from eos_ref.model.parameters import Model
 from eos_ref.numbers.rounded import error
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Failure, Workers
 from lammps_cases.findings import LEDGER

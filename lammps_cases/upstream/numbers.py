@@ -20,7 +20,8 @@ from eos_ref import InputError
 from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem, ProblemStop
+from lammps_cases.comparison.problem import Problem, ProblemStop
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.scene.atoms import seed
 from lammps_cases.scene.fields import FIELDS
 from lammps_cases.upstream.form import ForceTest, Program

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine import session
 from lammps_cases.engine.session import Array, Compute
 from lammps_cases.findings.neighbour_lists import NeighbourList

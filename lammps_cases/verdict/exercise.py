@@ -9,7 +9,8 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Halt, Problem, own_stages, reached, wanted
+from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.trajectory import Halt, own_stages, reached
 from lammps_cases.rules import RULES, Evaluated
 from lammps_cases.scene.atoms import Atoms
 from lammps_cases.scene.casefile import Case

@@ -21,7 +21,8 @@ from eos_ref import InputError
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import compare_field, excess
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.findings import Finding, applicable
 from lammps_cases.findings.variants import Snapshot, combined
 from lammps_cases.records.run_record import Beyond, Blame

@@ -9,7 +9,7 @@ import numpy as np
 
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem, ProblemStop
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.engine.session import Answer
 from lammps_cases.findings import applicable
 from lammps_cases.findings.neighbour_lists import NeighbourList

@@ -12,7 +12,8 @@ import numpy as np
 from eos_ref.eos.table import FloatArray
 from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import Comparison, compare_field, excess, worst_component
-from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import Blame, StepRecord, Verdict, digest, worst
 from lammps_cases.scene.fields import FIELDS, in_step_order

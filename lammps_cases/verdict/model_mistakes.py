@@ -18,7 +18,8 @@ from eos_ref.evaluation.blocks import in_blocks
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.number import Array
 from lammps_cases.comparison.compare import excess
-from lammps_cases.comparison.trajectory import Prediction, Problem, wanted
+from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.thermal import HeatOverDensity, TemperatureWithoutMass
 from lammps_cases.findings.walls import WallVelocityLost

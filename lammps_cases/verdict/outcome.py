@@ -14,7 +14,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.model.box import Box
 from lammps_cases.comparison.compare import Comparison, compare_field, components, excess
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import explain_outcome

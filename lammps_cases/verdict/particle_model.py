@@ -16,7 +16,8 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.eos.table import FloatArray
 from lammps_cases.comparison.compare import Comparison, components
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Fields, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Fields
 from lammps_cases.findings import Finding
 from lammps_cases.findings.variants import Snapshot
 from lammps_cases.records.run_record import Beyond, Blame

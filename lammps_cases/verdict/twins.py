@@ -13,7 +13,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import Comparison
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import Finding

@@ -10,7 +10,8 @@ import numpy as np
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import visit, wanted
+from lammps_cases.comparison.problem import wanted
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.diagnosis import answers
 from lammps_cases.diagnosis.triage import triage
 from lammps_cases.records.files import write_arrays

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.engine import installations
 from lammps_cases.engine.workers import Workers
 from lammps_cases.findings import LEDGER, accepted_cases

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from eos_ref.eos.bounds import EPS
-from lammps_cases.comparison.trajectory import Prediction, Problem, predict
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Prediction, predict
 from lammps_cases.engine import installations
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.engine.workers import Workers

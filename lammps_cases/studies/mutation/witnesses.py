@@ -20,8 +20,9 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.compare import EosState, evaluate, excess
 from lammps_cases.comparison.predictor import Made, Predictor
+from lammps_cases.comparison.problem import Problem, wanted
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Problem, visit, wanted
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine import forkserver
 from lammps_cases.findings import NEWEST, shown_by
 from lammps_cases.findings.variants import combined

@@ -11,7 +11,8 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import pair_sums
-from lammps_cases.comparison.trajectory import visit, wanted
+from lammps_cases.comparison.problem import wanted
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of

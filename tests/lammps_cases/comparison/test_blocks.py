@@ -11,7 +11,8 @@ from eos_ref.evaluation import blocks, rounded_loops
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.box import Box
 from eos_ref.numbers.rounded import Rounded
-from lammps_cases.comparison.trajectory import Prediction, Problem, precise_setup, predict
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Prediction, precise_setup, predict
 from lammps_cases.findings.forces import ForcePerVolume, MassOfFirst
 from lammps_cases.run.prepared_case import prepare
 from lammps_cases.scene import casefile

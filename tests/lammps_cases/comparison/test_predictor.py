@@ -22,8 +22,9 @@ from eos_ref.model.box import Box
 from lammps_cases.comparison import prediction_keys, store
 from lammps_cases.comparison.prediction_keys import Unnamed, fingerprint
 from lammps_cases.comparison.predictor import Predictor
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.comparison.store import Store
-from lammps_cases.comparison.trajectory import Prediction, Problem, input_spread, predict
+from lammps_cases.comparison.trajectory import Prediction, input_spread, predict
 from lammps_cases.findings.forces import ForcePerVolume
 from lammps_cases.findings.shifting import NormalOfLastPair
 from lammps_cases.findings.thermal import HeatOverDensity

@@ -17,6 +17,7 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison import trajectory
+from lammps_cases.comparison.problem import Problem, wanted
 from lammps_cases.comparison.signs import Signs
 from lammps_cases.comparison.trajectory import (
     COMPILED_ABOVE,
@@ -25,14 +26,12 @@ from lammps_cases.comparison.trajectory import (
     UPDATES,
     Fields,
     Prediction,
-    Problem,
     Shaken,
     evaluations,
     moved_runs,
     own_stages,
     predict,
     visit,
-    wanted,
 )
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile

@@ -11,8 +11,9 @@ from eos_ref.eos.bounds import EPS
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.model.box import Box, Deform
+from lammps_cases.comparison.problem import Problem, ProblemStop, wanted
 from lammps_cases.comparison.signs import Signs
-from lammps_cases.comparison.trajectory import Problem, ProblemStop, halted, predict, shaken, visit, wanted
+from lammps_cases.comparison.trajectory import halted, predict, shaken, visit
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict.model_cases import problem_of

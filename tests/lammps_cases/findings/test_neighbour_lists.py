@@ -15,7 +15,8 @@ import yaml
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem, visit, wanted
+from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.engine.session import Answer, Job
 from lammps_cases.findings import shown_by
 from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, NeighbourList

@@ -13,7 +13,7 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from eos_ref.numbers.rounded import value
-from lammps_cases.comparison.trajectory import Problem, ProblemStop
+from lammps_cases.comparison.problem import Problem, ProblemStop
 from lammps_cases.findings import variants
 from lammps_cases.findings.forces import ForcePerVolume, has_forces
 from lammps_cases.findings.thermal import HeatOverDensity

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from eos_ref.model.box import TILTED
-from lammps_cases.comparison.trajectory import visit, wanted
+from lammps_cases.comparison.problem import wanted
+from lammps_cases.comparison.trajectory import visit
 from lammps_cases.findings.units import UnitsUnconverted
 from lammps_cases.fuzz import rules, schema
 from lammps_cases.fuzz.chance import Chance, rounded

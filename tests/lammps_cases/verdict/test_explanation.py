@@ -14,7 +14,7 @@ import pytest
 
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Problem
+from lammps_cases.comparison.problem import Problem
 from lammps_cases.findings import LEDGER, Finding, applicable, shown_by
 from lammps_cases.findings.variants import Snapshot, Variant, combined
 from lammps_cases.records import wording

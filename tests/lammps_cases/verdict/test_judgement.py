@@ -16,7 +16,8 @@ from lammps_cases import findings
 from lammps_cases.comparison import compare
 from lammps_cases.comparison.compare import EosState, compare_field
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings import LEDGER

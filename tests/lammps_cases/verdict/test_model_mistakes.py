@@ -13,7 +13,8 @@ import pytest
 from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.evaluation.time_step import Simulation
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem, wanted
+from lammps_cases.comparison.problem import Problem, wanted
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.run import prepared_case
 from lammps_cases.scene import casefile
 from lammps_cases.verdict import model_mistakes

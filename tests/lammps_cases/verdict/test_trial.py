@@ -16,7 +16,8 @@ from eos_ref.evaluation.array_evaluator import ArrayEvaluator
 from eos_ref.model.box import Box
 from lammps_cases import findings
 from lammps_cases.comparison.predictor import Made, Predictor
-from lammps_cases.comparison.trajectory import Fields, Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Fields, Prediction
 from lammps_cases.findings import KNOWN, LEDGER, NEWEST, Finding
 from lammps_cases.findings.variants import Snapshot, Variant
 from lammps_cases.records.run_record import Beyond, DigitsLost

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from lammps_cases.comparison.predictor import Predictor
-from lammps_cases.comparison.trajectory import Prediction, Problem
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.comparison.trajectory import Prediction
 from lammps_cases.engine.session import Answer
 from lammps_cases.engine.workers import Failure
 from lammps_cases.findings.variants import Snapshot, combined

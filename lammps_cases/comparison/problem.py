@@ -1,0 +1,94 @@
+"""A scene as the reference takes it: what there is, when a run ends and another begins, which fields are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.model.box import BoolArray, Box
+from eos_ref.model.parameters import Model
+from eos_ref.model.quantities import needed_to_step
+from eos_ref.model.state import State
+
+
+@dataclass(frozen=True)
+class ProblemStop:
+    """A step at which a run ends and another begins.
+
+    Attributes
+    ----------
+    timestep : from here on; None: as before
+    by_nc : displacement of every particle, (n, d); None: none
+    read_back : whether the state is read from a file
+    digits : significant digits that the state goes through a text file with; None: all
+    new_n : particles that LAMMPS' fixes have nothing kept of, (n,): all if the fixes are defined anew
+    box : the box from here on, with which the positions change; None: as before
+    minimized : whether a minimisation moves nothing, but evaluates forces
+    """
+
+    step: int
+    new_n: BoolArray
+    timestep: float | None = None
+    by_nc: FloatArray | None = None
+    read_back: bool = False
+    digits: int | None = None
+    box: Box | None = None
+    minimized: bool = False
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene as the reference takes it: what it is, the fields compared and the steps at which they are."""
+
+    model: Model
+    box: Box
+    state: State
+    timestep: float
+    fields: tuple[str, ...]
+    steps: tuple[int, ...]
+    stops: tuple[ProblemStop, ...] = ()
+    ranks: int = 1  # that LAMMPS has: of no use to the reference
+
+    @property
+    def has_images(self) -> bool:
+        """Return whether particles may meet periodic images, or what a process has of the particles of another one."""
+        return any(self.box.periodic) or self.ranks > 1
+
+    @property
+    def goes_on(self) -> bool:
+        """Return whether anything comes after the first evaluation: a step, or a run that begins again."""
+        return bool(self.steps[-1] or self.stops)
+
+    def box_at(self, step: int) -> Box:
+        """Return the box at a step, after a stop there."""
+        box, begun, dt = self.box, 0, self.timestep
+        for stop in self.stops:
+            if stop.step <= step:
+                box, begun = stop.box or self._grown(box, (stop.step - begun) * dt), stop.step
+                dt = stop.timestep or dt
+        return self._grown(box, (step - begun) * dt)
+
+    def box_before(self, step: int) -> Box:
+        """Return the box at a step, before a stop there."""
+        return replace(self, stops=tuple(stop for stop in self.stops if stop.step < step)).box_at(step)
+
+    def box_of_images(self, step: int) -> Box:
+        """Return the box that tells where the images of the positions at a step are.
+
+        That of the last forces where images move as particles do (fix deform, remap v), not the one that follows.
+        """
+        moving = self.model.deform is not None and self.model.deform.remap == "v"
+        return self.box_at(max(step - 1, 0) if moving else step)
+
+    def image_velocity(self, step: int) -> FloatArray | None:
+        """Return how fast images move at a step that are one edge away, (d, d), by rows; None: not at all."""
+        begun = max((stop.step for stop in self.stops if stop.step <= step), default=0)
+        return self.model.deform.image_velocity(self.box_at(begun)) if self.model.deform else None
+
+    def _grown(self, box: Box, time: float) -> Box:
+        return self.model.deform.box(box, time) if self.model.deform else box
+
+
+def wanted(problem: Problem) -> tuple[str, ...]:
+    """Return the fields compared, and what steps need if there are any: a run that ends leaves forces to the next."""
+    return tuple(dict.fromkeys((*problem.fields, *(needed_to_step(problem.model) if problem.goes_on else ()))))

@@ -1,0 +1,227 @@
+"""Findings about solids where a run ends and another begins: what is left of the forces before."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eos_ref.eos.table import FloatArray
+from eos_ref.evaluation.array_evaluator import ArrayEvaluator
+from eos_ref.evaluation.time_step import Simulation
+from eos_ref.model.box import BoolArray
+from eos_ref.model.state import PairTerms
+from eos_ref.numbers.elementary import where
+from eos_ref.numbers.number import Array
+from eos_ref.numbers.rounded import value
+from lammps_cases.comparison.problem import Problem
+from lammps_cases.findings.entry import Finding, Gap
+from lammps_cases.findings.neighbour_lists import CountingSteps, FollowingLists, after_deletion, lists_of_neighbours
+from lammps_cases.findings.variants import Variant
+from lammps_cases.findings.walls import AccelerationsOfOldImages, walls
+
+if TYPE_CHECKING:
+    from lammps_cases.scene import Scene
+
+
+class PressureForceKept(Simulation):
+    """A run that is not the first begins with the pressure forces of the evaluation before, taken for accelerations.
+
+    A minimisation evaluates them with the positions and densities that it finds, and with the pressures of the
+    evaluation before but for solids, whose pressures follow from the energies that it finds.
+    """
+
+    used_n: Array
+
+    def force_pressure(self) -> Array:
+        """Return the pressure that forces take, and keep it."""
+        self.used_n = super().force_pressure()
+        return self.used_n
+
+    def minimize(self) -> None:
+        """Keep the pressure forces of the minimisation, which has the images of its positions."""
+        super().minimize()
+        if self.model.deform:  # else particles are where the evaluation had them
+            assert isinstance(self.evaluator, ArrayEvaluator)
+            ArrayEvaluator.follow(self.evaluator, self.state.x_nc)
+        pressure_n = where(self.evaluator.solid_n, super().force_pressure(), self.used_n)
+        self.pressure_force_nc = self.evaluator.pair_terms(self.pair_input(pressure_n)).pressure_force_nc
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the pressure force on every particle that is not new."""
+        assert self.pressure_force_nc is not None
+        return where(new_n[:, None], 0.0, self.pressure_force_nc)
+
+
+def begins_again_with_walls(problem: Problem) -> bool:
+    """Return whether a run with reconstructed walls ends and another begins, of the same fixes."""
+    kept = any(stop.step <= problem.steps[-1] and not stop.new_n.all() for stop in problem.stops)
+    return kept and bool(walls(problem).any())
+
+
+def minimises_beside_walls(scene: Scene) -> bool:
+    """Return whether a minimisation may keep other forces for walls: it corrects the kernel, or slots are of images."""
+    stops = scene.evolve.stops if scene.evolve else ()
+    if not (scene.rheo.interface_reconstruct and any(stop.by == "minimize" for stop in stops)):
+        return False
+    periodic = getattr(scene.positions, "periodic", None)  # None: all axes; of files it may not be known
+    has_images = periodic is None or any(periodic) or scene.engine.ranks > 1
+    return has_images or scene.rheo.kernel in ("RK1", "RK2")
+
+
+class PartsInSlots(AccelerationsOfOldImages):
+    """When a run begins, slots of images hold the pressure forces of the pairs that list them second, not the sums.
+
+    An image of which further images were made has what these gathered too.
+
+    Attributes
+    ----------
+    parts_pc : pressure force on the first of every pair of the last evaluation, by axes
+    """
+
+    parts_pc: tuple[FloatArray, ...] = ()
+    recording: bool = False
+
+    def pair_terms(self, *fields: Any, **options: Any) -> PairTerms:
+        """Return all terms, of which the first sums, those of pressure, are kept pair by pair."""
+        self.recording, self.parts_pc = True, ()
+        terms = super().pair_terms(*fields, **options)
+        self.recording = False
+        return terms
+
+    def total(self, term_p: Any) -> Any:
+        """Return the sum of a term of the pairs."""
+        if self.recording and len(self.parts_pc) < self.model.dimension:
+            self.parts_pc = (*self.parts_pc, np.asarray(value(term_p), float))
+        return super().total(term_p)
+
+    def parts(self) -> FloatArray:
+        """Return the sum, in every slot of the last list used, over the pairs that list it second."""
+        listed = self.lists[self.at]
+        second_p = self.backward_p >= 0
+        sum_sc = np.zeros((len(listed.row_s), self.model.dimension))
+        np.add.at(sum_sc, listed.pair_ps[self.backward_p[second_p], 1], np.column_stack(self.parts_pc)[second_p])
+        source_s = listed.sources(self.box)
+        for slot in np.flatnonzero(source_s >= 0)[::-1]:  # sums come back the way that places went out
+            sum_sc[source_s[slot]] += sum_sc[slot]
+        return sum_sc
+
+
+class BeginningWithParts(PressureForceKept, CountingSteps):
+    """Steps whose runs begin with pressure forces, of images with parts of them."""
+
+    evaluator: PartsInSlots
+
+    def slots_at_stop(self, new_n: BoolArray, read_back: bool) -> FloatArray:
+        """Return the pressure force on every particle, and in the slots of images what pairs have added there."""
+        old, new = self.evaluator.lists[self.at - 1 : self.at + 1]
+        slots_sc = self.evaluator.parts()
+        if read_back or new_n.all() or not old.newton[0]:
+            slots_sc[:] = 0.0
+        own_nc = np.asarray(value(self.kept_at_stop(new_n)), float)
+        slots_sc[old.own_s] = own_nc[old.row_s[old.own_s]]
+        return old.left_to(new, slots_sc, own_nc, new_n)
+
+
+class LeftInMemory(PressureForceKept, CountingSteps):
+    """Particles created anew begin a run with what the memory that they get has held: forces of other particles."""
+
+    def kept_at_stop(self, new_n: BoolArray) -> Array:
+        """Return the pressure forces kept, of new particles those of the particles that had their slots."""
+        kept_nc = super().kept_at_stop(new_n)
+        if new_n.all() or not new_n.any() or not self.evaluator.lists:
+            return kept_nc
+        old = self.evaluator.lists[self.at - 1]
+        old_s = old.row_s[old.own_s]
+        left_nc = value(kept_nc).copy()
+        left_nc[new_n] = value(self.pressure_force_nc)[after_deletion(old_s, new_n)[-new_n.sum() :]]
+        return left_nc
+
+
+def creates_beside_walls(problem: Problem) -> bool:
+    """Return whether some particles are created anew before a run that is not the first of its fixes."""
+    some = any(stop.new_n.any() and not stop.new_n.all() for stop in problem.stops if stop.step <= problem.steps[-1])
+    return some and begins_again_with_walls(problem)
+
+
+def begins_again_with_images(problem: Problem) -> bool:
+    """Return whether a run with reconstructed walls ends and another begins, among images."""
+    return problem.has_images and begins_again_with_walls(problem)
+
+
+WALLS_BEGIN_WITH_PRESSURE = Finding(
+    id="walls-begin-with-pressure",
+    number=33,
+    title="Every run but the first begins with wrong densities of walls",
+    severity="high",
+    effect="The second run of a script, or one after read_restart, begins with wrong forces at walls",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
+    "fluid (Adami et al. 2012), the acceleration being the one not due to pressure; fix rheo: no information about "
+    "the fix is written to restart files.",
+    observed="In the set-up of a run that is not the first of its fix rheo, the extrapolation to solids takes for "
+    "the accelerations without pressure of all particles, walls included, the pressure forces of the evaluation "
+    "before, neither taken out of the force nor divided by the mass. After minimize they are those that it evaluates, "
+    "from the positions, densities and energies that it finds and, of the fluid, from pressures of the evaluation "
+    "before. They are kept in restart files too, so that a run after read_restart begins with them, and displace_atoms "
+    "and change_box are refused there. Densities of solids are wrong until the first step recomputes them, and with "
+    "them the forces that this step begins with.",
+    argument="Between two runs of 0 steps nothing happens, and yet the forces differ. A fluid particle at distance 1 "
+    "of a solid (2D, cutoff 3, linear, both of mass, rho0, c and density 1, background -0.3, the solid held by "
+    "setforce): after 'run 0' the solid has the density 1, after a second 'run 0' 1.280 = 1 + 2 * 0.3 * 2 * 0.2331, "
+    "the sum of the pressure forces on either times the distance.",
+    workaround="Continue with 'run N pre no'; or take all RHEO fixes away (unfix) and define them anew before the "
+    "run, after read_restart too (define and take away fix rheo once); data files written with 'nofix' do no harm.",
+    scene="a fluid particle beside a solid one, run 0 twice",
+    model_variant=Variant(begins_again_with_walls, stepping=PressureForceKept),
+    gaps=(
+        Gap(
+            minimises_beside_walls,
+            "where the slots of images are others than in the step before, or the kernel is RK1 or RK2, a minimisation "
+            "keeps other forces for walls than those of its positions; which, is not known",
+        ),
+    ),
+)
+
+WALLS_BEGIN_WITH_PARTS = Finding(
+    id="walls-begin-with-parts",
+    number=35,
+    title="Runs begin with other forces on periodic images of particles beside walls than on the particles",
+    severity="high",
+    effect="The second run of a script begins with wrong forces at walls beside a periodic boundary",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from the fluid's (Adami et al. "
+    "2012); newton: the flag must not change the physics; a periodic image is its particle.",
+    observed="In the set-up of a run that is not the first of its fix rheo, where particles have the pressure forces "
+    "of the evaluation before in place of accelerations, their periodic images have others: with newton on the sum "
+    "over the pairs that list the image, or an image made of it, as the second one, with newton off and after "
+    "read_restart 0. With 'newton off on', where the pair counts twice, it does so with the image of either particle. "
+    "If the set-up sorts particles, the first image has the force of one that was moved.",
+    argument="The scene of walls-begin-with-pressure, with the periodic boundary between its two particles: after a "
+    "second 'run 0' the solid has the density 1.280 with newton on, as inside the box, but 1.140 with newton off, "
+    "where only its own force is seen, and the same after read_restart. With more particles newton on differs too, as "
+    "an image has only part of the force.",
+    workaround="As for walls-begin-with-pressure: 'run N pre no', or the RHEO fixes defined anew before a run.",
+    scene="a fluid particle beside a solid one across a periodic boundary, newton off, run 0 twice",
+    model_variant=Variant(begins_again_with_images, PartsInSlots, BeginningWithParts, lists_of_neighbours, lists=True),
+)
+
+CREATED_WITH_FORCES_OF_OTHERS = Finding(
+    id="created-with-forces-of-others",
+    number=64,
+    title="Particles created between two runs begin with the forces of others, where there are walls",
+    severity="medium",
+    effect="After delete_atoms and create_atoms the next run begins with wrong forces at walls",
+    documented="fix rheo, interface/reconstruct: densities of solids follow from pressure and acceleration of the "
+    "fluid (Adami et al. 2012); create_atoms: new particles have the properties that the page lists, and no past.",
+    observed="Particles that create_atoms makes begin the next run, in place of accelerations without pressure, with "
+    "what is left in the memory that they get: the pressure forces of the particles that lay there before delete_atoms "
+    "moved the last ones into the places of those deleted.",
+    argument="The scene of walls-begin-with-pressure, with the solid at (4, 4) and fluid particles at (4, 5) and "
+    "(3, 4), the last of which is deleted and created where it was between two 'run 0': the solid should have the "
+    "density 1, and has 1.210, as the new particle has the force of the other one; it has 1.335 if nothing is created, "
+    "and would have 1.238 if the new particle had no force.",
+    workaround="Take the RHEO fixes away (unfix) and define them anew after create_atoms.",
+    scene="two fluid particles beside a solid one, one of them created anew between run 0 and run 0",
+    model_variant=Variant(creates_beside_walls, FollowingLists, LeftInMemory, lists_of_neighbours, lists=True),
+)
+
+ENTRIES = (WALLS_BEGIN_WITH_PRESSURE, WALLS_BEGIN_WITH_PARTS, CREATED_WITH_FORCES_OF_OTHERS)

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import functools
 import json
-import math
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,20 +20,18 @@ import pytest
 from click.testing import CliRunner
 
 from eos_ref import EOSTable, InputError
-from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, scratch, supervise, text
+from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, scratch, supervise
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import AuditTask, CommandPlace
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.progress import Progress
-from lammps_cases.records.run_record import CaseRecord
+from tests.support.audited_decks import DECKS, FIXES, MELT, case_of, run_plain, write_deck, written
 from tests.support.progress import Steps
 
 pytestmark = pytest.mark.lammps
 
-DECKS = Path(__file__).parents[2] / "decks"
 OF_PRESSURE = AuditOptions(fields=PRESSURE)
 HEALTHY = ["plain", "loop", "include", "systems", "gas", "deposit"]
-PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 
 
 @functools.cache
@@ -48,29 +43,6 @@ def audited(name: str, folder: Path) -> AuditResult:
 @pytest.fixture(scope="session")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return functools.cache(lambda name: tmp_path_factory.mktemp(name))
-
-
-def case_of(result: AuditResult) -> CaseRecord:
-    return result.record.cases[0]
-
-
-def write_deck(folder: Path, commands: str) -> Path:
-    shutil.copy(DECKS / "fluid.inc", folder)
-    deck = folder / "in.deck"
-    deck.write_text("variable style string rheo\ninclude fluid.inc\n" + commands)
-    return deck
-
-
-MELT = """lattice fcc 0.8
-region cell block 0 3 0 3 0 3
-create_box 1 cell
-create_atoms 1 box
-mass 1 1.0
-pair_style lj/cut 2.5
-pair_coeff 1 1 1.0 1.0
-run 5
-"""
-FIXES = "fix 1 all rheo 3.0 quintic 0\nfix 2 all rheo/viscosity * constant 0.1\n"
 
 
 # --- healthy decks ---
@@ -157,14 +129,10 @@ def test_arrays_of_the_last_look(kept: Callable[[str], Path]) -> None:
 # --- the audit changes nothing ---
 
 
-def written(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".dump", ".txt")}
-
-
 @pytest.mark.parametrize("name", [*HEALTHY, "flow"])
 def test_deck_does_the_same_as_without_audit(name: str, kept: Callable[[str], Path], tmp_path: Path) -> None:
     shutil.copytree(DECKS, tmp_path / "plain")
-    subprocess.run([sys.executable, "-c", PLAIN, f"in.{name}"], cwd=tmp_path / "plain", check=True)
+    run_plain(f"in.{name}", tmp_path / "plain")
     expected = written(tmp_path / "plain")
     assert len(expected) >= (1 if name == "flow" else 2)
     if name == "flow":
@@ -345,123 +313,6 @@ def test_every() -> None:
     assert [check.step for check in case.checks if check.type == 1] == [0, 7, 14, 21, 28, 35, 42]
 
 
-# --- decks that are not run ---
-
-
-def test_shell_is_refused_before_anything_runs(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"command shell: may not be run .*in\.shell:2"):
-        audit_deck(DECKS / "in.shell", AuditOptions(keep=tmp_path, trust=False))
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_shell_made_of_variables_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its text, whatever contains the process."""
-    monkeypatch.setattr(supervise, "confined", lambda options: "none")
-    with pytest.raises(InputError, match=r"'shell touch touched' \(in\.hidden_shell:6\)"):
-        audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=False))
-    assert not (tmp_path / "touched").exists()
-
-
-def test_shell_is_run_if_allowed(tmp_path: Path) -> None:
-    case = case_of(audit_deck(DECKS / "in.hidden_shell", AuditOptions(keep=tmp_path, trust=True, fields=PRESSURE)))
-    assert case.verdict == "refused"  # by LAMMPS, for want of fix rheo
-    assert (tmp_path / "touched").exists()
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        "shell rm -rf .",
-        "python f here 'x = 1'",
-        "plugin load evil.so",
-        "variable x python f",
-        "fix 1 all python/invoke 10 end_of_step f",
-        "pair_style hybrid/overlay rheo 3.0 python 2.5",
-        "if '1 > 0' then 'print a' else \"shell ls\"",
-        "run 100 every 10 'shell ls'",
-        "partition yes 1 shell ls",
-        "log /elsewhere/log.lammps",
-        "dump 1 all atom 10 ../out.dump",
-        "write_data sub/../../x.data",
-        "print 'x' file /elsewhere/x",
-        "write_dump all atom 'a;touch b;.gz'",
-        "dump 1 all custom 10 out.*.gz id x",
-        "dump 1 all movie 10 m.mp4 type type",
-        "   'shell' ls # quoted",
-    ],
-)
-def test_commands_that_reach_outside(command: str) -> None:
-    with pytest.raises(InputError):
-        guard.check(text.words(text.without_comment(command)), "here")
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        "# shell ls",
-        "print 'shell ls'",
-        "print '/elsewhere'",
-        "variable a equal 1 / 2",
-        "read_data ../common/fluid.data",
-        "include ../settings.inc",
-        "dump 1 all atom/gz 10 out.*.gz",
-        "dump 1 all custom 10 sub/../out.dump id x",
-        "label shell",
-        "thermo_style custom step temp",
-        "fix 3 all rheo/pressure * linear",
-        "group python type 1",
-        "if '1 > 0' then 'print shell'",
-    ],
-)
-def test_commands_that_do_not(command: str) -> None:
-    guard.check(text.words(text.without_comment(command)), "here")
-
-
-def test_includes_are_judged(tmp_path: Path) -> None:
-    deck = tmp_path / "in.deck"
-    deck.write_text("if '0 > 1' then 'include a.inc'\n")
-    (tmp_path / "a.inc").write_text("jump b.inc\njump SELF\n")
-    (tmp_path / "b.inc").write_text("\nprint &\n  x\nshell ls\ninclude a.inc\n")
-    with pytest.raises(InputError, match=r"shell.*b\.inc:4"):
-        audit_deck(deck, AuditOptions(trust=False))
-
-
-@pytest.mark.parametrize(
-    ("commands", "rule"),
-    [
-        (FIXES, "must reach a run command"),
-        (f"{FIXES}fix 3 all rheo/pressure * linear\nrun 9 every 3 'unfix 3'\n", "may not hold a command"),
-        (f"{FIXES}variable c string fix\nrun 9 every 3 '${{c}} 3 all x'\n", "may not hold a command"),
-        (f"{FIXES}variable c string log\npartition yes 1 clear\n", "may not hold a command"),
-    ],
-)
-def test_decks_that_cannot_be_checked(commands: str, rule: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=rule):
-        audit_deck(write_deck(tmp_path, commands))
-
-
-def test_deck_without_rheo(tmp_path: Path) -> None:
-    (tmp_path / "in.melt").write_text(MELT)
-    with pytest.raises(InputError, match="must define fix rheo and fix rheo/pressure before a run"):
-        audit_deck(tmp_path / "in.melt")
-
-
-def test_missing_deck_and_bad_options(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="deck: must be a readable file"):
-        audit_deck(tmp_path / "in.none")
-    wrongs: list[dict[str, Any]] = [{"every": 0}, {"steps": 0}, {"timeout": 0.0}, {"timeout": math.nan}]
-    for wrong in wrongs:
-        with pytest.raises(InputError, match="must be"):
-            AuditOptions(**wrong)
-
-
-@pytest.mark.parametrize("command", ["include no.inc", "jump no.inc", "jump SELF nowhere", "if '1 >", "next z"])
-def test_errors_of_the_flow_are_refused(command: str, tmp_path: Path) -> None:
-    case = case_of(audit_deck(write_deck(tmp_path, command + "\n")))
-    assert case.verdict == "refused" and case.message.startswith("ERROR") and "in.deck:" in case.message
-
-
 # --- warnings ---
 
 
@@ -492,28 +343,7 @@ def test_run_without_pressure_is_said(tmp_path: Path) -> None:
     assert {check.run for check in case.checks} == {2}
 
 
-# --- syntax, copy, command line ---
-
-
-@pytest.mark.parametrize(
-    ("script", "lines"),
-    [
-        ("a b # c", ["a b"]),
-        ("# a &\nb\nc", ["", "c"]),
-        ("a & # b\nc", ["a &", "c"]),
-        ("a &  \n b\nc\r\n", ["a  b", "c", ""]),
-        ('a """b\n# c""" # d\ne', ['a """b\n# c"""', "e"]),
-        ("a 'b # c' \"# d\" # e", ["a 'b # c' \"# d\""]),
-    ],
-)
-def test_logical_lines(script: str, lines: list[str]) -> None:
-    assert [text.without_comment(line.text) for line in text.logical_lines(script)] == lines
-
-
-def test_words() -> None:
-    found = text.words('if "a b" \'c "d"\' """e \'f\' """ g"h')
-    assert [word.value for word in found] == ["if", "a b", 'c "d"', "e 'f' ", 'g"h']
-    assert [word.raw for word in found][1:3] == ['"a b"', "'c \"d\"'"]
+# --- copy, command line ---
 
 
 def test_copy_is_bounded_and_writable(tmp_path: Path) -> None:

@@ -19,17 +19,16 @@ from typing import Any
 import pytest
 
 from eos_ref import InputError
-from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, guard, supervise
+from lammps_cases.audit import AuditOptions, audit_deck, guard, supervise
 from lammps_cases.audit.fields import PRESSURE
 from lammps_cases.audit.options import TRUST, AuditTask, CommandPlace
 from lammps_cases.engine import containment, mpi
 from lammps_cases.engine.session import package_directory
-from lammps_cases.records.run_record import CaseRecord
+from tests.support.audited_decks import DECKS, case_of
 from tests.support.outcome import Outcome
 
 pytestmark = pytest.mark.lammps
 
-DECKS = Path(__file__).parents[2] / "decks"
 SECRET = "correct-horse-battery-staple"
 BOX = (
     "region b block 0 4 0 4 0 4; lattice sc 1.0; create_box 1 b; create_atoms 1 box; mass 1 1; "
@@ -43,10 +42,6 @@ def answers(monkeypatch: pytest.MonkeyPatch, deck: Path, entry: Callable[..., An
     with pytest.raises(InputError) as told:
         pytest.fail(case_of(audit_deck(deck, AuditOptions(trust=False, keep=keep))).message)
     return json.loads(str(told.value.found))
-
-
-def case_of(result: AuditResult) -> CaseRecord:
-    return result.record.cases[0]
 
 
 def _answered(entry: Callable[[Any], Any], task: AuditTask, connection: Connection) -> None:

@@ -25,12 +25,10 @@ from lammps_cases.audit import AuditOptions, AuditResult, audit_deck, deck, fiel
 from lammps_cases.audit.evaluation import ParticleSample, SampleEvaluation
 from lammps_cases.audit.options import AuditTask
 from lammps_cases.pages.packed import unpacked
-from lammps_cases.records.run_record import CaseRecord
+from tests.support.audited_decks import DECKS, case_of, run_plain, written
 
 pytestmark = pytest.mark.lammps
 
-DECKS = Path(__file__).parents[2] / "decks"
-PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 SURFACE = {"surface", "surface/r", "surface/n", "surface/divr"}
 STRESS = {"grad/v", "viscosity", "stress/v", "stress/t"}
 HEAT = {"conductivity", "cv", "temperature"}
@@ -67,10 +65,6 @@ def audited(name: str, folder: Path) -> AuditResult:
 @pytest.fixture(scope="session")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return functools.cache(lambda name: tmp_path_factory.mktemp(name))
-
-
-def case_of(result: AuditResult) -> CaseRecord:
-    return result.record.cases[0]
 
 
 # --- every field that can be checked is
@@ -130,14 +124,10 @@ def test_atoms_off_the_plane(kept: Callable[[str], Path]) -> None:
 # --- the audit changes nothing
 
 
-def written(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".dump", ".txt")}
-
-
 @pytest.mark.parametrize("name", [*FOUND, "deposit", "loop", "systems"])
 def test_deck_does_the_same_as_without_audit(name: str, kept: Callable[[str], Path], tmp_path: Path) -> None:
     shutil.copytree(DECKS, tmp_path / "plain")
-    subprocess.run([sys.executable, "-c", PLAIN, f"in.{name}"], cwd=tmp_path / "plain", check=True)
+    run_plain(f"in.{name}", tmp_path / "plain")
     audited(name, kept(name))
     expected = written(tmp_path / "plain")
     assert len(expected) >= 2 and written(kept(name)) == expected

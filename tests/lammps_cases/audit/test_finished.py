@@ -8,8 +8,6 @@ import gzip
 import random
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -22,11 +20,10 @@ from lammps_cases.audit.options import DeckSetups
 from lammps_cases.audit.printed import number
 from lammps_cases.audit.verdict import Findings
 from lammps_cases.records.run_record import CaseRecord
+from tests.support.audited_decks import DECKS, run_plain
 
 pytestmark = pytest.mark.lammps
 
-DECKS = Path(__file__).parents[2] / "decks"
-PLAIN = "import sys; from lammps_cases.engine.session import open_lammps; open_lammps().file(sys.argv[1])"
 SURFACE = "surface surface/n/* surface/r surface/divr"
 HEAT = "temperature energy heatflow cv conductivity"
 STATE = "phase rho pressure coordination grad/v/* viscosity stress/v/* stress/t/*"
@@ -74,7 +71,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     def run(name: str) -> Path:
         folder = tmp_path_factory.mktemp(name)
         (folder / "in.deck").write_text(with_dumps(name))
-        subprocess.run([sys.executable, "-c", PLAIN, "in.deck"], cwd=folder, check=True, capture_output=True)
+        run_plain("in.deck", folder)
         return folder
 
     return run

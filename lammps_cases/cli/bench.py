@@ -114,6 +114,7 @@ def _measured(part: str, states: int, repeats: int, pysph: str | None) -> Iterat
 
     if part == "laws":
         yield from bench.laws_against_copy(states, repeats)
+        yield bench.power_without_memory(states, repeats)
         yield bench.table_against_copy(states, repeats)
     elif part == "model":
         yield from bench_model.against_lammps((2, 3), repeats)

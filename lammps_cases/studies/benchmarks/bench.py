@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pickle
+import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -15,11 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from eos_ref import EOS, EOSTable
+from eos_ref import EOS, EOSTable, InputError
 from eos_ref.eos import bounds
 from eos_ref.eos.table import examples
 from lammps_cases.studies.benchmarks.measure import Call, ConfidenceInterval, Timing, in_turns
 
+IN_CACHES = 2**14  # densities, which lie with their pressures in the second-level cache
 EOS_REF = (sys.executable, "-m", "lammps_cases.cli.main")
 # By style; the time of a power depends on its exponent.
 LAWS = {law.style + (f" {law.parameter:g}" if law.law.uses_powm1 else ""): law for law in examples(rho0=1.2, cs=3.4)}
@@ -84,6 +87,54 @@ def laws_against_copy(n: int, repeats: int) -> list[Ratio]:
 
         ratios.append(against(f"{name}, {n:,} states", "memory copy", ours, peer, repeats, n))
     return ratios
+
+
+def power_without_memory(n: int, repeats: int) -> Ratio:
+    """Time the law with a power on as many densities, but the same few again and again, which caches hold.
+
+    No order of reading and writing makes the law faster than this: it is what arithmetic takes.
+    """
+    from eos_ref.eos import compiled
+
+    few = min(n, IN_CACHES)
+    name, law = next((name, law) for name, law in LAWS.items() if law.law.uses_powm1)
+    rho_n, p_n, all_n, copy_n = np.random.default_rng(1).uniform(0.6, 1.8, few), np.empty(few), np.ones(n), np.empty(n)
+
+    def ours() -> None:
+        for _ in range(n // few):
+            compiled.pressure_of_one_type(rho_n, np.empty(0), *law.settings, p_n)
+
+    scene = f"{name}, {few:,} states {n // few:,} times"
+    return against(scene, "memory copy", ours, partial(np.copyto, copy_n, all_n), repeats, n // few * few, peer_per=n)
+
+
+def power_operations() -> tuple[int, int]:
+    """Return the vector operations on doubles that the law with a power takes as compiled here, and their lanes.
+
+    Divisions, which take several cycles each, count as one; moves between registers and memory, comparisons of bits and
+    operations on whole numbers do not count.
+
+    Raises
+    ------
+    InputError
+        A processor without the vector registers of x86-64.
+    """
+    import numba
+
+    from eos_ref.eos import compiled
+
+    law = next(law for law in LAWS.values() if law.law.uses_powm1)
+    anew = numba.njit(error_model="numpy")(compiled.pressure_of_one_type.py_func)  # code of a cache is not shown
+    anew(np.ones(8), np.empty(0), *law.settings, np.empty(8))
+    code = "".join(anew.inspect_asm().values())
+    with_division = [block for block in re.split(r"^\.L\w+:", code, flags=re.M) if "vdivpd" in block]
+    if not with_division:
+        raise InputError("machine code", "must have the vector registers of x86-64", platform.machine())
+    loop = max(with_division, key=lambda block: block.count("pd\t"))
+    counted = re.findall(r"\tv(?:add|sub|mul|div|max|min|f\w*(?:add|sub)\d+)pd\t.*%([yz])mm", loop)
+    lanes = 8 if "z" in counted else 4
+    stores = len(re.findall(r"\tvmovupd\t%[yz]mm\d+, \S*\(", loop))
+    return len(counted) // stores, lanes
 
 
 def table_against_copy(n: int, repeats: int) -> Ratio:

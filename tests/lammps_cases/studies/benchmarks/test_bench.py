@@ -78,6 +78,16 @@ def test_a_ratio_is_per_particle_and_of_rounds() -> None:
     assert found.ours_ns.median > 0
 
 
+def test_the_power_is_timed_without_memory_and_its_operations_are_counted() -> None:
+    found = bench.power_without_memory(50_000, 2)
+    assert found.scene == "tait/general 1.4, 16,384 states 3 times"
+    assert found.ratio.median > 0
+    operations, lanes = bench.power_operations()
+    # Written out, the law has 27 fused multiply-adds and one division, and some twenty sums, products and limits.
+    assert lanes in (4, 8)
+    assert 40 <= operations <= 60
+
+
 def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path: Path) -> None:
     assert [r.scene.split(",")[0] for r in laws_against_copy(1000, 2)] == [
         "linear",
@@ -93,7 +103,7 @@ def test_every_law_is_measured_and_a_run_is_kept(eos_ref_command: Run, tmp_path:
         assert done.code == 0
         assert {"scene", "peer", "ours_ns", "peer_ns", "ratio"} <= set(json.loads(done.out)["ratios"][0])
     done = eos_ref_command("bench", "--compare", "a", "b", "--history", history, "--json")
-    assert len(json.loads(done.out)["changes"]) == 6
+    assert len(json.loads(done.out)["changes"]) == 7
     wrong = eos_ref_command("bench", "--compare", "a", "c", "--history", history)
     assert wrong.code == 2
     assert "must be a label" in wrong.err
